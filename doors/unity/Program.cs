@@ -1,5 +1,5 @@
 // A console program that steps an organ from C#, and checks what it gets:
-//     mcs -out:sample.exe doors/unity/Sinew.cs doors/unity/Program.cs && LD_LIBRARY_PATH=target/binding mono sample.exe demos/meshes/liver.msh
+//     mcs -out:sample.exe doors/unity/{Native,Sinew,Program}.cs && LD_LIBRARY_PATH=target/binding mono sample.exe demos/meshes/liver.msh
 using System;
 using System.Runtime.InteropServices;
 using Sinew;
@@ -51,10 +51,16 @@ static class Program
                 simulation.Step(2);
                 simulation.Remove(pull);
             }
-            var ball = simulation.AddBall("finger", new Vec3(x, y, high + 0.05), 0.01, 0.1);
+            var ball = simulation.AddBall("finger", new Vec3(x, y, high + 0.05), 0.01, 0.1, ToolFlags.ErrorBar);
             simulation.MoveTool(ball, new Vec3(x, y, high + 0.005));
             simulation.Step(1);
-            Demand(simulation.Feel(ball).Depth >= 0.0, "the depth");
+            simulation.MoveTool(ball, new Vec3(x, y, high + 0.004));
+            simulation.Step(1);
+            var felt = simulation.ToolReport(ball);
+            Demand(felt.Depth >= 0.0 && felt.Energy >= 0.0 && felt.DrawnIn >= 0.0, "what the ball feels");
+            // 1 mm in a step of 10 ms
+            Demand(Math.Abs(felt.Velocity.Z + 0.1) < 1e-9 && felt.AngularVelocity.Length == 0.0, "the velocity of the ball");
+            Demand(felt.Force.Length == 0.0 || felt.OtherPoints.Length > 0.0, "the error bar");
             // back by bytes and before a cut, and the same cut again
             var before = simulation.SurfaceRevision(liver);
             using (var start = simulation.Snapshot())

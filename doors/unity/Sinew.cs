@@ -1,4 +1,5 @@
-// Sinew for C#: the functions of sinew.h that games need, behind two classes. C# 7.3, no package, no generated code.
+// Sinew for C#: the functions of sinew.h that games need, behind two classes. C# 7.3, no package. Native.cs, which is written
+// from the sources of the library, holds all of them.
 //
 // Put the library beside it: Assets/Plugins/x86_64/libsinew.so, sinew.dll or libsinew.dylib; on iOS the static library.
 // Coordinates here are those of Sinew: metres, right-handed. SinewBody.cs turns them into those of Unity.
@@ -8,23 +9,6 @@ using System.Text;
 
 namespace Sinew
 {
-    /// <summary>Kinds of errors, as in sinew.h.</summary>
-    public enum Code
-    {
-        Ok = 0, Argument = 1, Mesh = 2, Material = 3, Scene = 4, Step = 5, Backend = 6, Io = 7, Snapshot = 8, Handle = 9,
-        Busy = 10, Panic = 99
-    }
-
-    /// <summary>Kinds of things that a handle may stand for.</summary>
-    public enum Kind : uint { Body = 1, Constraint, Load, Pressure, Tool, Pull, Contact }
-
-    /// <summary>What can be read of a body.</summary>
-    public enum Quantity : uint
-    {
-        Positions, Displacements, Velocities, ElasticForces, ExternalForces, ContactForces, ContactPressures, Masses,
-        VolumeRatios, AreaRatios
-    }
-
     /// <summary>An error of the library, with its text to the letter.</summary>
     public sealed class SinewException : Exception
     {
@@ -43,124 +27,13 @@ namespace Sinew
         public double Length { get { return Math.Sqrt(X * X + Y * Y + Z * Z); } }
     }
 
-    [StructLayout(LayoutKind.Sequential)]
-    internal struct NativeOptions
+    public partial struct Pick
     {
-        internal uint StructSize, Precision, Threads, Backend;
-        internal double Dt;
-        internal Vec3 Gravity;
-    }
-
-    [StructLayout(LayoutKind.Sequential)]
-    internal struct NativeArrays
-    {
-        internal uint StructSize, Reserved;
-        internal IntPtr Points; internal UIntPtr PointCount;
-        internal IntPtr Tetrahedra; internal UIntPtr TetrahedronCount;
-        internal IntPtr Hexahedra; internal UIntPtr HexahedronCount;
-        internal IntPtr Triangles; internal UIntPtr TriangleCount;
-        internal IntPtr Quads; internal UIntPtr QuadCount;
-        internal IntPtr Groups; internal UIntPtr GroupCount;
-    }
-
-    [StructLayout(LayoutKind.Sequential)]
-    internal struct NativeMaterial
-    {
-        internal uint StructSize, Reserved;
-        internal IntPtr Preset;
-        internal double YoungModulus, PoissonRatio, Density;
-        internal IntPtr YoungModuli, PoissonRatios, Densities;
-        internal UIntPtr ElementCount;
-    }
-
-    [StructLayout(LayoutKind.Sequential)]
-    internal struct NativeBody
-    {
-        internal uint StructSize, Reserved;
-        internal IntPtr Name, Material, Model, Evaluation, Springs;
-        internal double SpringConstant;
-        internal IntPtr Masses, Membrane, Fibres;
-        internal UIntPtr FibreCount;
-        internal double VolumeModulus;
-    }
-
-    [StructLayout(LayoutKind.Sequential)]
-    internal struct NativePart
-    {
-        internal uint StructSize, Shape;
-        internal IntPtr Mesh;
-        internal double Spacing, Radius, HalfLength;
-        internal Vec3 Half;
-        internal double Rounding;
-        internal Vec3 At;
-        internal double Qx, Qy, Qz, Qw, Jaw;
-    }
-
-    [StructLayout(LayoutKind.Sequential)]
-    internal struct NativeTool
-    {
-        internal uint StructSize, Flags;
-        internal IntPtr Name, Parts;
-        internal UIntPtr PartCount;
-        internal Vec3 HingePoint, HingeAxis, Position;
-        internal double Qx, Qy, Qz, Qw, Opening, Friction, Stiffness;
-        internal uint Points, Reserved;
-        internal ulong OnBody;
-        internal IntPtr OnTriangles;
-        internal UIntPtr OnTriangleCount;
-    }
-
-    /// <summary>What a tool felt in the last step.</summary>
-    [StructLayout(LayoutKind.Sequential)]
-    public struct ToolReport
-    {
-        internal uint StructSize;
-        public uint Parts;
-        public Vec3 Position;
-        public double Qx, Qy, Qz, Qw, Opening;
-        public Vec3 Force, Torque, Normal, Friction;
-        public double Work, Dissipation, Area, Depth, Pressure;
-        public Vec3 Centre;
-        public double Lag;
-        public Vec3 StiffnessX, StiffnessY, StiffnessZ;
-        public uint Sticking, Slipping;
-    }
-
-    [StructLayout(LayoutKind.Sequential)]
-    internal struct NativePull
-    {
-        internal uint StructSize, Reserved;
-        internal IntPtr Name, Vertices;
-        internal UIntPtr VertexCount;
-        internal IntPtr Weights;
-        internal double Stiffness, Damping;
-    }
-
-    /// <summary>What a ray met.</summary>
-    [StructLayout(LayoutKind.Sequential)]
-    public struct Pick
-    {
-        internal uint StructSize, HitFlag;
-        public ulong Body;
-        public uint Vertex0, Vertex1, Vertex2;
-        internal uint Reserved;
-        public Vec3 Weights, Position;
-        public double Distance;
-
+        /// <summary>Whether it met anything.</summary>
         public bool Hit { get { return HitFlag != 0; } }
     }
 
-    [StructLayout(LayoutKind.Sequential)]
-    internal struct NativeRegion
-    {
-        internal uint StructSize, Kind, Element, KeepMass;
-        internal IntPtr List;
-        internal UIntPtr ListCount;
-        internal Vec3 From, To;
-        internal double Radius, Above;
-    }
-
-    internal static class Native
+    internal static partial class Native
     {
 #if UNITY_IOS && !UNITY_EDITOR
         const string Library = "__Internal";
@@ -168,81 +41,6 @@ namespace Sinew
         const string Library = "sinew";
 #endif
         const CallingConvention C = CallingConvention.Cdecl;
-
-        [DllImport(Library, CallingConvention = C)] internal static extern uint sinew_abi_version();
-        [DllImport(Library, CallingConvention = C)] internal static extern IntPtr sinew_last_error();
-        [DllImport(Library, CallingConvention = C)]
-        internal static extern int sinew_simulation_new(ref NativeOptions options, out IntPtr simulation);
-        [DllImport(Library, CallingConvention = C)]
-        internal static extern int sinew_simulation_from_scene(byte[] path, uint threads, out IntPtr simulation);
-        [DllImport(Library, CallingConvention = C)] internal static extern void sinew_simulation_free(IntPtr simulation);
-        [DllImport(Library, CallingConvention = C)]
-        internal static extern int sinew_mesh_from_arrays(ref NativeArrays arrays, out IntPtr mesh);
-        [DllImport(Library, CallingConvention = C)]
-        internal static extern int sinew_mesh_from_file(byte[] path, out IntPtr mesh);
-        [DllImport(Library, CallingConvention = C)] internal static extern void sinew_mesh_free(IntPtr mesh);
-        [DllImport(Library, CallingConvention = C)]
-        internal static extern int sinew_body_add(SimulationHandle s, IntPtr mesh, ref NativeBody body, out ulong handle);
-        [DllImport(Library, CallingConvention = C)]
-        internal static extern int sinew_find(SimulationHandle s, uint kind, byte[] name, out ulong handle);
-        [DllImport(Library, CallingConvention = C)] internal static extern int sinew_remove(SimulationHandle s, ulong handle);
-        [DllImport(Library, CallingConvention = C)]
-        internal static extern int sinew_vertex_count(SimulationHandle s, ulong body, out UIntPtr count);
-        [DllImport(Library, CallingConvention = C)]
-        internal static extern int sinew_group_vertices(SimulationHandle s, ulong body, byte[] group, uint[] vertices,
-            UIntPtr capacity, out UIntPtr needed);
-        [DllImport(Library, CallingConvention = C)]
-        internal static extern int sinew_hold(SimulationHandle s, ulong body, byte[] name, uint[] vertices, UIntPtr count,
-            out ulong handle);
-        [DllImport(Library, CallingConvention = C)]
-        internal static extern int sinew_constraint_pose(SimulationHandle s, ulong constraint, ref Vec3 position,
-            double[] quaternion, double[] centre);
-        [DllImport(Library, CallingConvention = C)]
-        internal static extern int sinew_reaction(SimulationHandle s, ulong constraint, ref Vec3 about, out Vec3 force,
-            out Vec3 torque);
-        [DllImport(Library, CallingConvention = C)]
-        internal static extern int sinew_tool_add(SimulationHandle s, ref NativeTool tool, out ulong handle);
-        [DllImport(Library, CallingConvention = C)]
-        internal static extern int sinew_tool_move(SimulationHandle s, ulong tool, ref Vec3 position, double[] quaternion,
-            double opening, uint atOnce);
-        [DllImport(Library, CallingConvention = C)]
-        internal static extern int sinew_tool_feel(SimulationHandle s, ulong tool, ref ToolReport report);
-        [DllImport(Library, CallingConvention = C)]
-        internal static extern int sinew_pull_add(SimulationHandle s, ulong body, ref NativePull pull, out ulong handle);
-        [DllImport(Library, CallingConvention = C)]
-        internal static extern int sinew_pull_move(SimulationHandle s, ulong pull, ref Vec3 position, double[] quaternion,
-            double[] centre);
-        [DllImport(Library, CallingConvention = C)]
-        internal static extern int sinew_pick(SimulationHandle s, ref Vec3 origin, ref Vec3 direction, ref Pick result);
-        [DllImport(Library, CallingConvention = C)]
-        internal static extern int sinew_remove_elements(SimulationHandle s, ulong body, ref NativeRegion region,
-            out UIntPtr removed);
-        [DllImport(Library, CallingConvention = C)] internal static extern int sinew_step(SimulationHandle s, uint n);
-        [DllImport(Library, CallingConvention = C)] internal static extern int sinew_time(SimulationHandle s, out double seconds);
-        [DllImport(Library, CallingConvention = C)] internal static extern int sinew_set_dt(SimulationHandle s, double dt);
-        [DllImport(Library, CallingConvention = C)]
-        internal static extern int sinew_set_solver(SimulationHandle s, byte[] settings);
-        [DllImport(Library, CallingConvention = C)]
-        internal static extern int sinew_read(SimulationHandle s, ulong body, uint quantity, double[] values,
-            UIntPtr capacity, out UIntPtr needed);
-        [DllImport(Library, CallingConvention = C)]
-        internal static extern int sinew_positions_f32(SimulationHandle s, ulong body, IntPtr xyz, UIntPtr vertices,
-            UIntPtr strideBytes);
-        [DllImport(Library, CallingConvention = C)]
-        internal static extern int sinew_surface(SimulationHandle s, ulong body, int[] triangles, UIntPtr capacity,
-            out UIntPtr needed, out ulong revision);
-        [DllImport(Library, CallingConvention = C)] internal static extern int sinew_hash(SimulationHandle s, out ulong hash);
-
-        [DllImport(Library, CallingConvention = C)]
-        internal static extern int sinew_snapshot_take(SimulationHandle s, out IntPtr snapshot);
-        [DllImport(Library, CallingConvention = C)]
-        internal static extern int sinew_snapshot_restore(SimulationHandle s, SnapshotHandle snapshot);
-        [DllImport(Library, CallingConvention = C)]
-        internal static extern int sinew_snapshot_to_bytes(SnapshotHandle snapshot, byte[] data, UIntPtr capacity,
-            out UIntPtr needed);
-        [DllImport(Library, CallingConvention = C)]
-        internal static extern int sinew_snapshot_from_bytes(byte[] bytes, UIntPtr size, out IntPtr snapshot);
-        [DllImport(Library, CallingConvention = C)] internal static extern void sinew_snapshot_free(IntPtr snapshot);
 
         internal static byte[] Utf8(string text)
         {
@@ -298,9 +96,9 @@ namespace Sinew
             var t = GCHandle.Alloc(tetrahedra, GCHandleType.Pinned);
             try
             {
-                var arrays = new NativeArrays
+                var arrays = new NativeMeshArrays
                 {
-                    StructSize = (uint)Marshal.SizeOf(typeof(NativeArrays)),
+                    StructSize = (uint)Marshal.SizeOf(typeof(NativeMeshArrays)),
                     Points = p.AddrOfPinnedObject(), PointCount = (UIntPtr)(points.Length / 3),
                     Tetrahedra = t.AddrOfPinnedObject(), TetrahedronCount = (UIntPtr)(tetrahedra.Length / 4)
                 };
@@ -354,15 +152,13 @@ namespace Sinew
     /// <summary>A simulation. One thread at a time may use it. Handles of bodies and other things are numbers.</summary>
     public sealed class Simulation : IDisposable
     {
-        /// <summary>ABI of the header that this file was written for.</summary>
-        const uint Abi = 1;
         readonly SimulationHandle own;
 
         static Simulation()
         {
-            if (Native.sinew_abi_version() != Abi)
+            if (Native.sinew_abi_version() != Native.SINEW_ABI)
             {
-                throw new SinewException(Code.Argument, "Sinew.cs and the library do not belong together");
+                throw new SinewException(Code.Argument, "Native.cs and the library do not belong together");
             }
         }
 
@@ -400,24 +196,18 @@ namespace Sinew
                     StructSize = (uint)Marshal.SizeOf(typeof(NativeMaterial)), Preset = texts[1], YoungModulus = youngModulus
                 };
                 var place = GCHandle.Alloc(material, GCHandleType.Pinned);
-                bool held = false;
                 try
                 {
-                    mesh.DangerousAddRef(ref held);
                     var body = new NativeBody
                     {
                         StructSize = (uint)Marshal.SizeOf(typeof(NativeBody)), Name = texts[0],
                         Material = place.AddrOfPinnedObject()
                     };
                     ulong handle;
-                    Native.Demand(Native.sinew_body_add(own, mesh.DangerousGetHandle(), ref body, out handle));
+                    Native.Demand(Native.sinew_body_add(own, mesh, ref body, out handle));
                     return handle;
                 }
-                finally
-                {
-                    if (held) { mesh.DangerousRelease(); }
-                    place.Free();
-                }
+                finally { place.Free(); }
             }
         }
 
@@ -430,6 +220,7 @@ namespace Sinew
 
         public void Remove(ulong handle) { Native.Demand(Native.sinew_remove(own, handle)); }
 
+        /// <summary>Length of every list of vertices. It may grow: ask again when SurfaceRevision is another one.</summary>
         public int VertexCount(ulong body)
         {
             UIntPtr count;
@@ -469,7 +260,7 @@ namespace Sinew
         }
 
         /// <summary>Adds a ball (m) that touches all bodies.</summary>
-        public ulong AddBall(string name, Vec3 position, double radius, double friction)
+        public ulong AddBall(string name, Vec3 position, double radius, double friction, ToolFlags flags = ToolFlags.None)
         {
             var part = new NativePart { StructSize = (uint)Marshal.SizeOf(typeof(NativePart)), Radius = radius };
             var place = GCHandle.Alloc(part, GCHandleType.Pinned);
@@ -480,7 +271,8 @@ namespace Sinew
                     var tool = new NativeTool
                     {
                         StructSize = (uint)Marshal.SizeOf(typeof(NativeTool)), Name = texts[0],
-                        Parts = place.AddrOfPinnedObject(), PartCount = (UIntPtr)1, Position = position, Friction = friction
+                        Parts = place.AddrOfPinnedObject(), PartCount = (UIntPtr)1, Position = position, Friction = friction,
+                        Flags = (uint)flags
                     };
                     ulong handle;
                     Native.Demand(Native.sinew_tool_add(own, ref tool, out handle));
@@ -496,10 +288,11 @@ namespace Sinew
             Native.Demand(Native.sinew_tool_move(own, tool, ref position, null, 0.0, 0));
         }
 
-        public ToolReport Feel(ulong tool)
+        /// <summary>What a tool felt in the last step.</summary>
+        public ToolReport ToolReport(ulong tool)
         {
             var report = new ToolReport { StructSize = (uint)Marshal.SizeOf(typeof(ToolReport)) };
-            Native.Demand(Native.sinew_tool_feel(own, tool, ref report));
+            Native.Demand(Native.sinew_read_tool_report(own, tool, ref report));
             return report;
         }
 
@@ -545,7 +338,7 @@ namespace Sinew
         {
             var region = new NativeRegion
             {
-                StructSize = (uint)Marshal.SizeOf(typeof(NativeRegion)), Kind = 1, From = centre, Radius = radius
+                StructSize = (uint)Marshal.SizeOf(typeof(NativeRegion)), Kind = Native.SINEW_BALL, From = centre, Radius = radius
             };
             UIntPtr removed;
             Native.Demand(Native.sinew_remove_elements(own, body, ref region, out removed));
@@ -597,7 +390,7 @@ namespace Sinew
             Native.Demand(Native.sinew_positions_f32(own, body, xyz, count, (UIntPtr)strideBytes));
         }
 
-        /// <summary>Changes when the triangles of a surface do; allocates nothing.</summary>
+        /// <summary>Changes when the triangles or the vertices of a surface do; allocates nothing.</summary>
         public ulong SurfaceRevision(ulong body)
         {
             UIntPtr needed;
@@ -613,7 +406,8 @@ namespace Sinew
             ulong revision;
             Native.Demand(Native.sinew_surface(own, body, null, UIntPtr.Zero, out needed, out revision));
             var list = new int[(int)needed];
-            Native.Demand(Native.sinew_surface(own, body, list, needed, out needed, out revision));
+            // the runtime takes one for the other; compilers want to be told
+            Native.Demand(Native.sinew_surface(own, body, (uint[])(object)list, needed, out needed, out revision));
             return list;
         }
 

@@ -34,13 +34,8 @@ public sealed class SinewBody : MonoBehaviour
         simulation = Sinew.Simulation.FromScene(scene, (uint)Math.Max(threads, 0));
         simulation.Dt = Time.fixedDeltaTime;
         handle = simulation.Find(Sinew.Kind.Body, body);
-        var count = simulation.VertexCount(handle);
-        positions = new NativeArray<Vector3>(count, Allocator.Persistent);
         mesh = new Mesh { indexFormat = IndexFormat.UInt32 };
         mesh.MarkDynamic();
-        mesh.SetVertexBufferParams(count,
-            new VertexAttributeDescriptor(VertexAttribute.Position, VertexAttributeFormat.Float32, 3, 0),
-            new VertexAttributeDescriptor(VertexAttribute.Normal, VertexAttributeFormat.Float32, 3, 1));
         GetComponent<MeshFilter>().sharedMesh = mesh;
         revision = 0;
         Draw();
@@ -67,14 +62,30 @@ public sealed class SinewBody : MonoBehaviour
 
     void Update() { Draw(); }
 
+    /// <summary>Makes room for the vertices that there are now.</summary>
+    void MakeRoom()
+    {
+        var count = simulation.VertexCount(handle);
+        if (positions.IsCreated)
+        {
+            if (positions.Length == count) { return; }
+            positions.Dispose();
+        }
+        positions = new NativeArray<Vector3>(count, Allocator.Persistent);
+        mesh.SetVertexBufferParams(count,
+            new VertexAttributeDescriptor(VertexAttribute.Position, VertexAttributeFormat.Float32, 3, 0),
+            new VertexAttributeDescriptor(VertexAttribute.Normal, VertexAttributeFormat.Float32, 3, 1));
+    }
+
     unsafe void Draw()
     {
         if (simulation == null) { return; }
+        var now = simulation.SurfaceRevision(handle);
+        if (now != revision) { MakeRoom(); }
         var data = (Vector3*)NativeArrayUnsafeUtility.GetUnsafePtr(positions);
         simulation.Positions(handle, (IntPtr)data, positions.Length, sizeof(Vector3));
         for (int i = 0; i < positions.Length; i++) { data[i] = Swap(data[i]); }
         mesh.SetVertexBufferData(positions, 0, 0, positions.Length, 0, MeshUpdateFlags.DontValidateIndices);
-        var now = simulation.SurfaceRevision(handle);
         if (now != revision)
         {
             revision = now;

@@ -6,204 +6,246 @@ use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 use std::time::Duration;
 
-/// Figures of the last step, written by the integrator.
-#[derive(Resource, Clone, Debug, Default, Serialize, Deserialize)]
-pub struct StepReport {
-    /// Newton iterations (linear systems) of the step.
-    pub newton_iterations: u32,
-    /// Conjugate-gradient iterations, all linear systems together.
-    pub cg_iterations: u32,
-    /// Linear solves that stopped at the iteration cap.
-    pub cg_caps: u32,
-    /// Relative residual of the last linear solve.
-    pub cg_residual: f64,
-    /// Preconditioner of the last linear solve, empty without one.
-    pub preconditioner: Cow<'static, str>,
-    /// Times the values of preconditioners were computed anew; other solves used those of earlier
-    /// ones.
-    pub preconditioner_refreshes: u32,
-    /// Incomplete factorisations of parts of a body that broke down and were repeated with weaker
-    /// couplings.
-    pub preconditioner_breakdowns: u32,
-    /// Linear solves that mixed precision could not bring to the tolerance and full precision took
-    /// over.
-    pub precision_fallbacks: u32,
-    /// Newton ended at its iteration cap without reaching the tolerance.
-    pub unconverged: bool,
-    /// Length of the last Newton step over body size.
-    pub newton_step: f64,
-    /// Times the projected tangent was used: the exact one was indefinite, or elements inverted.
-    pub projections: u32,
-    /// Elements clamped in those.
-    pub clamped_elements: u64,
-    /// Halvings of the line search.
-    pub backtracks: u32,
-    /// Linear solves replaced by the preconditioned gradient, because even the projected tangent gave
-    /// no descent.
-    pub gradient_fallbacks: u32,
-    /// Line searches that found no decrease: the body stays where it was, and in a dynamic step comes
-    /// to a halt there.
-    pub line_search_failures: u32,
-    /// The energy cap scaled the velocity.
-    pub energy_caps: u32,
-    /// Bodies that took a linearised BDF2 step.
-    pub second_order_steps: u32,
-    /// Bodies that did not.
-    pub fallbacks: Fallbacks,
-    /// Bodies that moved by the corotational energy to recover from inversion.
-    pub recovering: u32,
-    /// Elastic energy (J) that changing to that energy and back added.
-    pub recovery_energy: f64,
-    /// Bodies that have many inverted elements but do not recover: loads crush them.
-    pub recoveries_refused: u32,
-    /// Bodies whose recovery took too long and was given up in this step; they move by their own law again.
-    pub recoveries_given_up: u32,
-    /// Parts in which the equilibrium was found.
-    pub load_parts: u32,
-    /// Times a part was halved because Newton did not converge or turned elements inside out.
-    pub load_partings: u32,
-    /// Explicit substeps.
-    pub substeps: u32,
-    /// Steps repeated with more substeps because the energy grew.
-    pub refinements: u32,
-    /// Largest stable explicit step (s), 0 when not estimated.
-    pub stable_step: f64,
-    /// Distance of the accepted decrease of the incremental potential from what the linearised step
-    /// predicted, relative: 0 for a step in which linearisation is exact, near 1 when it says little.
-    pub linearisation_error: f64,
-    /// Elastic energy (J) at the end of the step.
-    pub elastic_energy: f64,
-    /// Kinetic energy (J) at the end of the step, held vertices included.
-    pub kinetic_energy: f64,
-    /// Work (J) of gravity and loads during the step: along the way for explicit integrators, the loads
-    /// of the step's end acting all the way for implicit ones. 0 for equilibria.
-    pub load_work: f64,
-    /// Work (J) of the constraints. Explicit integrators integrate the reaction along the way.
-    /// Implicit ones book the energy it takes to move the held vertices at once, the rest following
-    /// after: an upper bound, which the step then dissipates down to. 0 for equilibria.
-    pub constraint_work: f64,
-    /// Energy (J) that went away during the step: kinetic and elastic energy at its start plus work,
-    /// less both energies at its end. Damping and the integrator's own dissipation; 0 for equilibria.
-    pub dissipation: f64,
-    /// The part of it that Rayleigh damping took (J), by its power at the end of the step, for explicit
-    /// integrators by the mean of both ends. The rest is the integrator's.
-    pub damping_dissipation: f64,
-    /// Total momentum of the step end (kg m/s).
-    pub momentum: [f64; 3],
-    /// Total angular momentum about the origin at the step end (kg m^2/s).
-    pub angular_momentum: [f64; 3],
-    /// Force evaluations of any kind.
-    pub evaluations: u32,
-    /// Contact with tools and between bodies.
-    pub contact: ContactFigures,
+/// Rules by which two figures become one: that of the later part of a step or of all bodies so far, and another one.
+macro_rules! rule {
+    (own $own:expr, $other:expr) => {};
+    (other $own:expr, $other:expr) => {
+        $own.clone_from(&$other)
+    };
+    (sum $own:expr, $other:expr) => {
+        $own += $other
+    };
+    (vector $own:expr, $other:expr) => {
+        (0..3).for_each(|k| $own[k] += $other[k])
+    };
+    (max $own:expr, $other:expr) => {
+        $own = $own.max($other)
+    };
+    (any $own:expr, $other:expr) => {
+        $own |= $other
+    };
+    // counts parts
+    (part $own:expr, $other:expr) => {
+        $own = $other + 1
+    };
+    // a table of its own
+    (table $own:expr, $other:expr) => {
+        $own.follow(&$other)
+    };
 }
 
-impl StepReport {
-    /// The report of a step in parts: this is that of the last part, `before` that of all earlier ones.
-    #[must_use]
-    pub fn after(&self, before: &Self) -> Self {
-        let mut all = self.clone();
-        all.newton_iterations += before.newton_iterations;
-        all.cg_iterations += before.cg_iterations;
-        all.cg_caps += before.cg_caps;
-        all.cg_residual = all.cg_residual.max(before.cg_residual);
-        all.preconditioner_refreshes += before.preconditioner_refreshes;
-        all.preconditioner_breakdowns += before.preconditioner_breakdowns;
-        all.precision_fallbacks += before.precision_fallbacks;
-        all.unconverged |= before.unconverged;
-        all.projections += before.projections;
-        all.clamped_elements += before.clamped_elements;
-        all.backtracks += before.backtracks;
-        all.gradient_fallbacks += before.gradient_fallbacks;
-        all.line_search_failures += before.line_search_failures;
-        all.energy_caps += before.energy_caps;
-        all.recovery_energy += before.recovery_energy;
-        all.recoveries_refused += before.recoveries_refused;
-        all.recoveries_given_up += before.recoveries_given_up;
-        all.linearisation_error = all.linearisation_error.max(before.linearisation_error);
-        all.load_work += before.load_work;
-        all.constraint_work += before.constraint_work;
-        all.dissipation += before.dissipation;
-        all.damping_dissipation += before.damping_dissipation;
-        all.evaluations += before.evaluations;
-        all.second_order_steps += before.second_order_steps;
-        all.fallbacks = all.fallbacks.plus(&before.fallbacks);
-        let (own, earlier) = (&mut all.contact, &before.contact);
-        own.inner_iterations += earlier.inner_iterations;
-        own.unconverged += earlier.unconverged;
-        own.substeps = earlier.substeps + 1;
-        own.drawn_in += earlier.drawn_in;
-        own.impacts += earlier.impacts;
-        own.work += earlier.work;
-        own.friction_dissipation += earlier.friction_dissipation;
-        all
+/// A table of figures: name, type, and the rule by which those of the parts of a step become one. In brackets also the rule
+/// for those of bodies that are computed apart, and `total` where they are summed over the steps of a run too.
+macro_rules! figures {
+    ($(#[$about:meta])* pub struct $name:ident summed to $totals:ident {
+        $($(#[$doc:meta])* pub $field:ident: $type:ty => [$parts:ident $bodies:ident $($total:ident)?],)*
+    }) => {
+        figures! {
+            $(#[$about])*
+            pub struct $name { $($(#[$doc])* pub $field: $type => $parts,)* }
+        }
+        figures! { $totals of $name {} $($field [$($total)?])* }
+
+        impl $name {
+            /// The report of a step in parts: this is that of the last part, `before` that of all earlier ones.
+            #[must_use]
+            pub fn after(&self, before: &Self) -> Self {
+                let mut all = self.clone();
+                all.follow(before);
+                all
+            }
+
+            /// Adds the figures of a body that is computed apart from others.
+            pub fn add_body(&mut self, body: &Self) {
+                $(rule!($bodies self.$field, body.$field);)*
+            }
+        }
+    };
+    ($(#[$about:meta])* pub struct $name:ident {
+        $($(#[$doc:meta])* pub $field:ident: $type:ty => $parts:ident,)*
+    }) => {
+        $(#[$about])*
+        pub struct $name { $($(#[$doc])* pub $field: $type,)* }
+
+        impl $name {
+            /// Takes in figures of the earlier parts of the same step.
+            fn follow(&mut self, before: &Self) {
+                $(rule!($parts self.$field, before.$field);)*
+            }
+        }
+    };
+    ($totals:ident of $name:ident {$($done:ident)*} $field:ident [] $($rest:tt)*) => {
+        figures! { $totals of $name {$($done)*} $($rest)* }
+    };
+    ($totals:ident of $name:ident {$($done:ident)*} $field:ident [total] $($rest:tt)*) => {
+        figures! { $totals of $name {$($done)* $field} $($rest)* }
+    };
+    ($totals:ident of $name:ident {$($done:ident)*}) => {
+        #[doc = concat!("Figures of [`", stringify!($name), "`] summed over steps.")]
+        #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+        pub struct $totals {
+            $(#[doc = concat!("Sum of [`", stringify!($name), "::", stringify!($done), "`].")]
+            pub $done: u64,)*
+        }
+
+        impl $totals {
+            /// Adds a step.
+            pub fn add(&mut self, step: &$name) {
+                $(self.$done += u64::from(step.$done);)*
+            }
+        }
+    };
+}
+
+figures! {
+    /// Figures of the last step, written by the integrator.
+    #[derive(Resource, Clone, Debug, Default, Serialize, Deserialize)]
+    pub struct StepReport summed to StepTotals {
+        /// Newton iterations (linear systems) of the step.
+        pub newton_iterations: u32 => [sum max total],
+        /// Conjugate-gradient iterations, all linear systems together.
+        pub cg_iterations: u32 => [sum sum total],
+        /// Linear solves that stopped at the iteration cap.
+        pub cg_caps: u32 => [sum sum total],
+        /// Relative residual of the last linear solve.
+        pub cg_residual: f64 => [max max],
+        /// Preconditioner of the last linear solve, empty without one.
+        pub preconditioner: Cow<'static, str> => [own other],
+        /// Times the values of preconditioners were computed anew; other solves used those of earlier
+        /// ones.
+        pub preconditioner_refreshes: u32 => [sum sum total],
+        /// Incomplete factorisations of parts of a body that broke down and were repeated with weaker
+        /// couplings.
+        pub preconditioner_breakdowns: u32 => [sum sum total],
+        /// Linear solves that mixed precision could not bring to the tolerance and full precision took
+        /// over.
+        pub precision_fallbacks: u32 => [sum own total],
+        /// Newton ended at its iteration cap without reaching the tolerance.
+        pub unconverged: bool => [any own],
+        /// Length of the last Newton step over body size.
+        pub newton_step: f64 => [own max],
+        /// Times the projected tangent was used: the exact one was indefinite, or elements inverted.
+        pub projections: u32 => [sum sum total],
+        /// Elements clamped in those.
+        pub clamped_elements: u64 => [sum own total],
+        /// Halvings of the line search.
+        pub backtracks: u32 => [sum sum total],
+        /// Linear solves replaced by the preconditioned gradient, because even the projected tangent gave
+        /// no descent.
+        pub gradient_fallbacks: u32 => [sum sum total],
+        /// Line searches that found no decrease: the body stays where it was, and in a dynamic step comes
+        /// to a halt there.
+        pub line_search_failures: u32 => [sum sum total],
+        /// The energy cap scaled the velocity.
+        pub energy_caps: u32 => [sum sum total],
+        /// Bodies that took a linearised BDF2 step.
+        pub second_order_steps: u32 => [sum own total],
+        /// Bodies that did not.
+        pub fallbacks: Fallbacks => [table own],
+        /// Bodies that moved by the corotational energy to recover from inversion.
+        pub recovering: u32 => [own sum total],
+        /// Elastic energy (J) that changing to that energy and back added.
+        pub recovery_energy: f64 => [sum sum],
+        /// Bodies that have many inverted elements but do not recover: loads crush them.
+        pub recoveries_refused: u32 => [sum sum total],
+        /// Bodies whose recovery took too long and was given up in this step; they move by their own law again.
+        pub recoveries_given_up: u32 => [sum sum total],
+        /// Parts in which the equilibrium was found.
+        pub load_parts: u32 => [own own],
+        /// Times a part of the loads was halved, because Newton did not converge or turned elements inside out.
+        pub load_partings: u32 => [own own total],
+        /// Explicit substeps.
+        pub substeps: u32 => [own max total],
+        /// Steps repeated with more substeps because the energy grew.
+        pub refinements: u32 => [own max total],
+        /// Largest stable explicit step (s), 0 when not estimated.
+        pub stable_step: f64 => [own own],
+        /// Distance of the accepted decrease of the incremental potential from what the linearised step
+        /// predicted, relative: 0 for a step in which linearisation is exact, near 1 when it says little.
+        pub linearisation_error: f64 => [max max],
+        /// Elastic energy (J) at the end of the step.
+        pub elastic_energy: f64 => [own sum],
+        /// Kinetic energy (J) at the end of the step, held vertices included.
+        pub kinetic_energy: f64 => [own sum],
+        /// Work (J) of gravity and loads during the step: along the way for explicit integrators, the loads
+        /// of the step's end acting all the way for implicit ones. 0 for equilibria.
+        pub load_work: f64 => [sum sum],
+        /// Work (J) of the constraints. Explicit integrators integrate the reaction along the way.
+        /// Implicit ones book the energy it takes to move the held vertices at once, the rest following
+        /// after: an upper bound, which the step then dissipates down to. 0 for equilibria.
+        pub constraint_work: f64 => [sum sum],
+        /// Energy (J) that went away during the step: kinetic and elastic energy at its start plus work,
+        /// less both energies at its end. Damping and the integrator's own dissipation; 0 for equilibria.
+        pub dissipation: f64 => [sum sum],
+        /// The part of it that Rayleigh damping took (J), by its power at the end of the step, for explicit
+        /// integrators by the mean of both ends. The rest is the integrator's.
+        pub damping_dissipation: f64 => [sum sum],
+        /// Total momentum of the step end (kg m/s).
+        pub momentum: [f64; 3] => [own vector],
+        /// Total angular momentum about the origin at the step end (kg m^2/s).
+        pub angular_momentum: [f64; 3] => [own vector],
+        /// Force evaluations of any kind.
+        pub evaluations: u32 => [sum sum total],
+        /// Contact with tools and between bodies.
+        pub contact: ContactFigures => [table own],
     }
 }
 
-/// What contact did in a step; all 0 in a world without.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct ContactFigures {
-    /// Points in contact at the end of the step.
-    pub points: u32,
-    /// Points in contact that stick.
-    pub sticking: u32,
-    /// Iterations of the inner loop of all bodies: linear systems with the contact of the last iterate.
-    pub inner_iterations: u32,
-    /// Inner loops that ended at their cap.
-    pub unconverged: u32,
-    /// Largest penetration (m).
-    pub depth: f64,
-    /// Largest penetration over the mean edge of its surface.
-    pub depth_over_edge: f64,
-    /// Parts in which the step was made because a tool was fast.
-    pub substeps: u32,
-    /// Tools that did not reach their target.
-    pub lagging: u32,
-    /// Largest distance (m) of a tool from its target.
-    pub lag: f64,
-    /// Parts of tools that appeared inside of bodies and are drawn in until the bodies have made way.
-    pub drawn_in: u32,
-    /// Points too deep inside of another body to tell its sides, which are left out.
-    pub buried: u32,
-    /// Bodies that took the safe step because of an impact.
-    pub impacts: u32,
-    /// Energy (J) stored in contacts and pulls at the end of the step. It is no part of the elastic energy.
-    pub energy: f64,
-    /// Energy (J) that moving tools and pulls put into their contacts at the start of the step, with the bodies
-    /// where they were: an upper bound of their work, which the step then dissipates down to.
-    pub work: f64,
-    /// Energy (J) that friction took.
-    pub friction_dissipation: f64,
+figures! {
+    /// What contact did in a step; all 0 in a world without.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct ContactFigures {
+        /// Points in contact at the end of the step.
+        pub points: u32 => own,
+        /// Those of them that stick.
+        pub sticking: u32 => own,
+        /// Iterations of the inner loop of all bodies: linear systems with the contact of the last iterate.
+        pub inner_iterations: u32 => sum,
+        /// Inner loops that ended at their cap.
+        pub unconverged: u32 => sum,
+        /// Largest penetration (m).
+        pub depth: f64 => own,
+        /// Largest penetration over the mean edge of the surface.
+        pub depth_over_edge: f64 => own,
+        /// Parts in which the step was made because a tool was fast.
+        pub substeps: u32 => part,
+        /// Tools that did not reach their target.
+        pub lagging: u32 => own,
+        /// By how much (m) the worst of them is behind.
+        pub lag: f64 => own,
+        /// Parts of tools that appeared inside of bodies and are drawn in until the bodies have made way.
+        pub drawn_in: u32 => sum,
+        /// Points too deep inside of another body to tell its sides, which are left out.
+        pub buried: u32 => own,
+        /// Bodies that took the safe step because of an impact.
+        pub impacts: u32 => sum,
+        /// Energy (J) stored in contacts and pulls at the end of the step. It is no part of the elastic energy.
+        pub energy: f64 => own,
+        /// Energy (J) that moving tools and pulls put into their contacts at the start of the step, with the bodies
+        /// where they were: an upper bound of their work, which the step then dissipates down to.
+        pub work: f64 => sum,
+        /// Energy (J) that friction took.
+        pub friction_dissipation: f64 => sum,
+    }
 }
 
-/// Bodies that took the safe step instead of linearised BDF2, by reason. Integrators that converge BDF2
-/// count their first steps under `start`.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Fallbacks {
-    /// There is no history: first step, state, held axes or masses changed, much other step length.
-    pub start: u32,
-    /// The tangent was not positive definite.
-    pub indefinite: u32,
-    /// The full step did not lower the incremental potential enough.
-    pub shortened: u32,
-    /// The energy would have gone above its budget.
-    pub energy: u32,
-    /// An element would have been turned inside out.
-    pub inverted: u32,
-    /// A step shortly before failed, or elements are inverted.
-    pub waiting: u32,
-}
-
-impl Fallbacks {
-    fn plus(&self, other: &Self) -> Self {
-        Self {
-            start: self.start + other.start,
-            indefinite: self.indefinite + other.indefinite,
-            shortened: self.shortened + other.shortened,
-            energy: self.energy + other.energy,
-            inverted: self.inverted + other.inverted,
-            waiting: self.waiting + other.waiting,
-        }
+figures! {
+    /// Bodies that took the safe step instead of linearised BDF2, by reason. Integrators that converge BDF2
+    /// count their first steps under `start`.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+    pub struct Fallbacks {
+        /// There is no history: first step, state, held axes or masses changed, much other step length.
+        pub start: u32 => sum,
+        /// The tangent was not positive definite.
+        pub indefinite: u32 => sum,
+        /// The full step did not lower the incremental potential enough.
+        pub shortened: u32 => sum,
+        /// The energy would have gone above its budget.
+        pub energy: u32 => sum,
+        /// An element would have been turned inside out.
+        pub inverted: u32 => sum,
+        /// A step shortly before failed, or elements are inverted.
+        pub waiting: u32 => sum,
     }
 }
 

@@ -466,7 +466,7 @@ impl GpuBackend {
             ));
         }
         add_angular(&mut own, resident.centre);
-        add(report, &own);
+        report.add_body(&own);
         Ok(output)
     }
 
@@ -714,24 +714,4 @@ fn free_pieces<S: Scalar>(body: &BodyRows, node: &NodeState<S>, first: usize) ->
 pub(crate) fn add_angular(report: &mut StepReport, centre: DVec3) {
     let about = centre.cross(DVec3::from(report.momentum));
     report.angular_momentum = (DVec3::from(report.angular_momentum) + about).to_array();
-}
-
-/// Adds the figures of one body to those of the step.
-pub(crate) fn add(sum: &mut StepReport, own: &StepReport) {
-    macro_rules! sums {
-        ($($figure:ident)*) => { $(sum.$figure += own.$figure;)* };
-    }
-    macro_rules! largest {
-        ($($figure:ident)*) => { $(sum.$figure = sum.$figure.max(own.$figure);)* };
-    }
-    sums! { cg_iterations cg_caps preconditioner_refreshes preconditioner_breakdowns projections backtracks }
-    sums! { gradient_fallbacks line_search_failures energy_caps evaluations recovering recovery_energy }
-    sums! { recoveries_refused recoveries_given_up }
-    sums! { elastic_energy kinetic_energy load_work constraint_work dissipation damping_dissipation }
-    largest! { newton_iterations cg_residual newton_step linearisation_error substeps refinements }
-    sum.preconditioner.clone_from(&own.preconditioner);
-    for k in 0..3 {
-        sum.momentum[k] += own.momentum[k];
-        sum.angular_momentum[k] += own.angular_momentum[k];
-    }
 }

@@ -12,7 +12,7 @@ use sinew_solvers::stability::STRAIN_CHANGE;
 use sinew_solvers::state::NodeState;
 use std::ops::Range;
 
-use crate::backend::{GpuBackend, add, add_angular, refused};
+use crate::backend::{GpuBackend, add_angular, refused};
 use crate::explicit::ExplicitStep;
 use crate::recovery::elastic_energy;
 use crate::report::Phase;
@@ -92,7 +92,7 @@ impl GpuBackend {
             own.substeps = substeps;
             own.refinements = refinements;
             add_angular(&mut own, resident.centre);
-            add(report, &own);
+            report.add_body(&own);
             outputs.push(output);
         }
         if self.limit.caution.book([grown, scale], refined) {

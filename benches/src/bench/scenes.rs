@@ -88,15 +88,15 @@ pub fn run(
             median_ms: s.timing.step.median_ms,
             p99_ms: s.timing.step.p99_ms,
             real_time_factor: s.timing.real_time_factor,
-            cg_iterations: s.solver.cg_iterations as f64 / s.timing.step.count.max(1) as f64,
-            residual: s.solver.worst_residual,
-            linearisation_percent: 100.0 * s.solver.linearisation_error_mean,
-            fallbacks: s.solver.projections
-                + s.solver.gradient_fallbacks
-                + s.solver.backtracks
-                + s.solver.line_search_failures
-                + s.solver.energy_caps
-                + s.solver.unconverged_steps,
+            cg_iterations: s.solver.totals.cg_iterations as f64 / s.timing.step.count.max(1) as f64,
+            residual: s.solver.figures.worst_residual,
+            linearisation_percent: 100.0 * s.solver.figures.linearisation_error_mean,
+            fallbacks: s.solver.totals.projections
+                + s.solver.totals.gradient_fallbacks
+                + s.solver.totals.backtracks
+                + s.solver.totals.line_search_failures
+                + s.solver.totals.energy_caps
+                + s.solver.figures.unconverged_steps,
             inverted: s.volume.inverted_max,
             failure: s.failure,
         });

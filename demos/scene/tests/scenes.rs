@@ -57,7 +57,8 @@ fn run_whole(name: &str, steps: Option<u64>) -> (RunSummary, Table) {
     if let Some(dissipated) = summary.energy.dissipated {
         assert!(dissipated >= 0.0, "{summary}");
     }
-    assert!(summary.solver.cg_caps == 0 && summary.solver.unconverged_steps == 0, "{summary}");
+    let solver = &summary.solver;
+    assert!(solver.totals.cg_caps == 0 && solver.figures.unconverged_steps == 0, "{summary}");
     (summary, Table::read(&out.join(format!("{name}.csv"))))
 }
 

@@ -81,8 +81,8 @@ fn numbers_beyond_all_units_are_refused() {
 fn a_run_that_was_halted_fails() {
     let out = folder("halted");
     let summary = run_into(&scene(LIVER, "gravity = [0.0, 0.0, -9e11]"), &out);
-    let moved = summary.solver.halted_steps * 4 <= 30;
-    assert!(moved || !summary.completed, "{} steps halted", summary.solver.halted_steps);
+    let moved = summary.solver.figures.halted_steps * 4 <= 30;
+    assert!(moved || !summary.completed, "{} steps halted", summary.solver.figures.halted_steps);
     std::fs::remove_dir_all(out).unwrap();
 }
 
@@ -97,7 +97,7 @@ fn a_crushing_pressure_is_told_and_bounded() {
     let summary = run_into(&text, &out);
     let e = &summary.energy;
     assert!(summary.completed && e.load_work < 100.0 && e.kinetic < 1e-3, "{e:?}");
-    assert_eq!((summary.solver.recovering, e.recovery), (0, 0.0));
+    assert_eq!((summary.solver.totals.recovering, e.recovery), (0, 0.0));
     let code = |code: &str| summary.warnings.iter().any(|w| w.code == code);
     assert!(code("scene.pressure.range") && code("run.inverted") && code("run.recovery.refused"));
     // initial and put in are stored, left or were taken out

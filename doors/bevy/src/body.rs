@@ -116,7 +116,7 @@ struct Applied(YoungPoisson);
 pub struct SinewSurface {
     /// Outside triangles of the solid, outward, then triangles of membranes.
     pub triangles: Vec<[u32; 3]>,
-    /// Counts up when the triangles change.
+    /// Counts up when the triangles change; the body may have more vertices then.
     pub revision: u64,
     /// [`BodyRows::changes`](sinew::engine::topology::BodyRows::changes) that it was read at.
     changes: u64,

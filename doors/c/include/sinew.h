@@ -16,7 +16,7 @@
 #include <stdint.h>
 
 // Raised when a structure or the meaning of a function changes; functions are only added.
-#define SINEW_ABI 1
+#define SINEW_ABI 2
 
 // No error.
 #define SINEW_OK 0
@@ -122,6 +122,9 @@
 
 // Points inside leave through the nearest side, not through that by which they came.
 #define SINEW_NEAREST_SIDE 8
+
+// Also finds the force that points of the other kind give, as an error bar.
+#define SINEW_ERROR_BAR 16
 
 // Regions: elements by their indices.
 #define SINEW_LIST 0
@@ -497,59 +500,73 @@ typedef struct sinew_tool {
   size_t on_triangle_count;
 } sinew_tool;
 
-// What a tool felt in the last step.
+// What a tool felt in the last step, at its end.
 typedef struct sinew_tool_report {
   // sizeof(sinew_tool_report), set by the caller
   uint32_t struct_size;
   // Number of its parts, if there are several.
   uint32_t parts;
-  // Place (m) of its origin.
+  // Where the tool was: place (m) of its origin.
   double position[3];
   // Its rotation.
   double quaternion[4];
   // Its opening (rad).
   double opening;
-  // Force (N) on it.
+  // Velocity (m/s) of its origin.
+  double velocity[3];
+  // Angular velocity (rad/s).
+  double angular_velocity[3];
+  // Force (N) on the tool, normal and friction.
   double force[3];
-  // Torque (N m) on it about its origin.
+  // Torque (N m) on the tool about its origin.
   double torque[3];
   // The part of the force that pressure makes (N).
   double normal[3];
-  // The part that friction makes (N).
+  // The part of the force that friction makes (N).
   double friction[3];
-  // Work (J) done by it since it came.
+  // Work (J) done by the tool on bodies since it came, by the force at the end of every step.
   double work;
-  // Energy (J) that its friction has taken.
+  // Energy (J) that friction has taken since it came.
   double dissipation;
+  // Energy (J) stored in its contacts: penetration and sticking.
+  double energy;
   // Area (m^2, at rest) that touches it.
   double area;
   // Largest penetration (m).
   double depth;
   // Largest pressure (Pa).
   double pressure;
-  // Centre of pressure (m).
+  // Centre of pressure (m); its origin while nothing touches it.
   double centre[3];
-  // What it is behind its target (m).
-  double lag;
-  // Change of its force (N) per motion (m), column by column, with `SINEW_LOCAL_STIFFNESS`.
-  double local_stiffness[9];
-  // Points that stick to it.
+  // Points that touch it and stick.
   uint32_t sticking;
-  // Points that slip.
+  // Points that touch it and slip.
   uint32_t slipping;
+  // What it is behind its target (m), because its way was more than the substeps of a step can follow.
+  double lag;
+  // How far (m) the surfaces of its shapes are drawn in, because it appeared inside of a body.
+  double drawn_in;
+  // Force (N) by points of the other kind at the same state, if `SINEW_ERROR_BAR` asks for it: how far the two
+  // differ says how far the mesh resolves the contact. All 0 without.
+  double other_points[3];
+  // What its force (N) changes by per motion (m) of its end of the step, tissue answering within the step, if
+  // `SINEW_LOCAL_STIFFNESS` asks for it of an implicit integrator: the force is about `force + local_stiffness *
+  // way`. Symmetric; limits of friction as they are. Exact for `newton`, to the tolerance of the linear solver. All
+  // 0 without.
+  double local_stiffness[9];
 } sinew_tool_report;
 
-// What a part of a tool felt.
+// What one part of a tool felt, such as one of two jaws.
 typedef struct sinew_part_report {
-  // Force (N) on it.
+  // Force (N) on it, normal and friction.
   double force[3];
   // Torque (N m) on it about the tool's origin.
   double torque[3];
   // Largest penetration (m).
   double depth;
-  // Points that stick to it.
+  // Points that touch it and stick.
   uint32_t sticking;
-  // Points that slip.
+  // Points that touch it and slip.
   uint32_t slipping;
 } sinew_part_report;
 
@@ -699,7 +716,8 @@ sinew_status sinew_body_add(struct sinew_simulation *simulation,
                             const struct sinew_body *body,
                             sinew_handle *out);
 
-// Number of vertices of the mesh of a body.
+// Number of vertices of the mesh of a body: length of every list of vertices. It may grow: ask again when the revision that
+// `sinew_surface` tells is another one.
 sinew_status sinew_vertex_count(const struct sinew_simulation *simulation,
                                 sinew_handle body,
                                 size_t *count);
@@ -830,9 +848,9 @@ sinew_status sinew_tool_move(struct sinew_simulation *simulation,
 sinew_status sinew_tool_grip(struct sinew_simulation *simulation, sinew_handle tool, uint32_t grip);
 
 // What a tool felt in the last step.
-sinew_status sinew_tool_feel(const struct sinew_simulation *simulation,
-                             sinew_handle tool,
-                             struct sinew_tool_report *report);
+sinew_status sinew_read_tool_report(const struct sinew_simulation *simulation,
+                                    sinew_handle tool,
+                                    struct sinew_tool_report *report);
 
 // What each part of a tool of several parts felt. `needed` says how many there are; `out` may be NULL with capacity 0 to ask.
 sinew_status sinew_tool_parts(const struct sinew_simulation *simulation,

@@ -1,7 +1,7 @@
 //! What acts on bodies: constraints, loads, pressures.
 
 use super::call::{
-    invalid, out, read, rotation, sinew_simulation, slice, text, three, times, vector, with,
+    invalid, read, rotation, sinew_simulation, slice, tell, text, three, times, vector, with,
 };
 use super::simulation::add;
 use super::types::*;
@@ -9,9 +9,6 @@ use sinew_embed::{ConstraintSpec, Curve, Motion, Pose};
 use std::ffi::c_char;
 
 /// Holds vertices where they are; `sinew_constraint_pose` moves them.
-///
-/// # Safety
-/// Pointers are NULL or point to what they say.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn sinew_hold(
     simulation: *mut sinew_simulation,
@@ -21,19 +18,13 @@ pub unsafe extern "C" fn sinew_hold(
     vertex_count: usize,
     out: *mut sinew_handle,
 ) -> sinew_status {
-    // SAFETY: the caller's promise
-    unsafe {
-        add(simulation, out, |sim| {
-            let vertices = slice("vertices", vertices, vertex_count)?;
-            sim.add_constraint(body, &ConstraintSpec::hold(text("name", name)?, vertices))
-        })
-    }
+    add(simulation, out, |sim| {
+        let vertices = slice("vertices", vertices, vertex_count)?;
+        sim.add_constraint(body, &ConstraintSpec::hold(text("name", name)?, vertices))
+    })
 }
 
 /// Holds or moves vertices over time.
-///
-/// # Safety
-/// Pointers are NULL or point to what they say.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn sinew_constraint_add(
     simulation: *mut sinew_simulation,
@@ -41,47 +32,41 @@ pub unsafe extern "C" fn sinew_constraint_add(
     constraint: *const sinew_constraint,
     out: *mut sinew_handle,
 ) -> sinew_status {
-    // SAFETY: the caller's promise
-    unsafe {
-        add(simulation, out, |sim| {
-            let c = read("constraint", constraint)?;
-            let vertices = slice("vertices", c.vertices, c.vertex_count)?;
-            let mut spec = ConstraintSpec::hold(text("name", c.name)?, vertices);
-            spec.motion = match c.motion {
-                SINEW_HOLD => Motion::Hold,
-                SINEW_TRANSLATE => Motion::Translate(vector(c.translation)),
-                SINEW_ROTATE => {
-                    let (centre, axis) = (vector(c.centre), vector(c.axis));
-                    Motion::Rotate { centre, axis, angle: c.angle }
-                }
-                other => return Err(invalid("motion", format!("{other} is none"))),
-            };
-            if c.axes > 7 {
-                return Err(invalid("axes", format!("{} is no sum of 1, 2 and 4", c.axes)));
+    add(simulation, out, |sim| {
+        let c = read("constraint", constraint)?;
+        let vertices = slice("vertices", c.vertices, c.vertex_count)?;
+        let mut spec = ConstraintSpec::hold(text("name", c.name)?, vertices);
+        spec.motion = match c.motion {
+            SINEW_HOLD => Motion::Hold,
+            SINEW_TRANSLATE => Motion::Translate(vector(c.translation)),
+            SINEW_ROTATE => {
+                let (centre, axis) = (vector(c.centre), vector(c.axis));
+                Motion::Rotate { centre, axis, angle: c.angle }
             }
-            if c.axes != 0 {
-                spec.axes = [1, 2, 4].map(|bit| c.axes & bit != 0);
-            }
-            if !c.curve.is_null() {
-                let numbers = slice("curve", c.curve, times("curve", c.curve_count, 2)?)?;
-                spec.curve = Curve::Points(numbers.as_chunks::<2>().0.to_vec());
-            }
-            if c.from != 0.0 {
-                spec.from = c.from;
-            }
-            if c.until != 0.0 {
-                spec.until = c.until;
-            }
-            sim.add_constraint(body, &spec)
-        })
-    }
+            other => return Err(invalid("motion", format!("{other} is none"))),
+        };
+        if c.axes > 7 {
+            return Err(invalid("axes", format!("{} is no sum of 1, 2 and 4", c.axes)));
+        }
+        if c.axes != 0 {
+            spec.axes = [1, 2, 4].map(|bit| c.axes & bit != 0);
+        }
+        if !c.curve.is_null() {
+            let numbers = slice("curve", c.curve, times("curve", c.curve_count, 2)?)?;
+            spec.curve = Curve::Points(numbers.as_chunks::<2>().0.to_vec());
+        }
+        if c.from != 0.0 {
+            spec.from = c.from;
+        }
+        if c.until != 0.0 {
+            spec.until = c.until;
+        }
+        sim.add_constraint(body, &spec)
+    })
 }
 
 /// Where what a constraint holds is at the end of the next step, relative to where it took hold: turned about `centre` (m)
 /// by `quaternion` (x, y, z, w), then shifted by `position` (m). NULL is no shift, no rotation, the origin.
-///
-/// # Safety
-/// Pointers are NULL or point to what they say.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn sinew_constraint_pose(
     simulation: *mut sinew_simulation,
@@ -90,36 +75,26 @@ pub unsafe extern "C" fn sinew_constraint_pose(
     quaternion: *const f64,
     centre: *const f64,
 ) -> sinew_status {
-    // SAFETY: the caller's promise
-    unsafe {
-        with(simulation, |sim| sim.set_target(constraint, pose(position, quaternion, centre)?))
-    }
+    with(simulation, |sim| sim.set_target(constraint, pose(position, quaternion, centre)?))
 }
 
-/// # Safety
-/// Pointers are NULL or point to what they say.
 pub(super) unsafe fn pose(
     position: *const f64,
     quaternion: *const f64,
     centre: *const f64,
 ) -> sinew_embed::Result<Pose> {
-    // SAFETY: the caller's promise
-    let place = |what: &str, data: *const f64| unsafe {
+    let place = |what: &str, data: *const f64| {
         if data.is_null() { Ok([0.0; 3]) } else { three(what, data) }
     };
     Ok(Pose {
         translation: vector(place("position", position)?),
-        // SAFETY: the caller's promise
-        rotation: unsafe { rotation("quaternion", quaternion) }?,
+        rotation: rotation("quaternion", quaternion)?,
         centre: vector(place("centre", centre)?),
     })
 }
 
 /// Force (N) of a constraint on its body at the state as it is, and its torque (N m) about a point (m; NULL: the origin).
 /// Either may be NULL.
-///
-/// # Safety
-/// Pointers are NULL or point to what they say.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn sinew_reaction(
     simulation: *mut sinew_simulation,
@@ -128,28 +103,16 @@ pub unsafe extern "C" fn sinew_reaction(
     force: *mut f64,
     torque: *mut f64,
 ) -> sinew_status {
-    // SAFETY: the caller's promise
-    unsafe {
-        with(simulation, |sim| {
-            let about = if about.is_null() { [0.0; 3] } else { three("about", about)? };
-            let wrench = sim.reaction(constraint, about)?;
-            for (what, data, values) in
-                [("force", force, wrench.force), ("torque", torque, wrench.torque)]
-            {
-                if !data.is_null() {
-                    *out(what, data.cast::<[f64; 3]>())? = values;
-                }
-            }
-            Ok(())
-        })
-    }
+    with(simulation, |sim| {
+        let about = if about.is_null() { [0.0; 3] } else { three("about", about)? };
+        let wrench = sim.reaction(constraint, about)?;
+        tell("force", force.cast(), wrench.force)?;
+        tell("torque", torque.cast(), wrench.torque)
+    })
 }
 
 /// Adds forces (N) on vertices: three numbers for each (`force_count` is `vertex_count`), or three for all together
 /// (`force_count` is 1).
-///
-/// # Safety
-/// Pointers are NULL or point to what they say.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn sinew_load_add(
     simulation: *mut sinew_simulation,
@@ -161,20 +124,14 @@ pub unsafe extern "C" fn sinew_load_add(
     force_count: usize,
     out: *mut sinew_handle,
 ) -> sinew_status {
-    // SAFETY: the caller's promise
-    unsafe {
-        add(simulation, out, |sim| {
-            let vertices = slice("vertices", vertices, vertex_count)?;
-            let forces = slice("forces", forces, times("forces", force_count, 3)?)?;
-            sim.add_load(body, text("name", name)?, vertices, forces, Curve::Constant)
-        })
-    }
+    add(simulation, out, |sim| {
+        let vertices = slice("vertices", vertices, vertex_count)?;
+        let forces = slice("forces", forces, times("forces", force_count, 3)?)?;
+        sim.add_load(body, text("name", name)?, vertices, forces, Curve::Constant)
+    })
 }
 
 /// Adds a pressure (Pa) on triangles, three vertices each, that pushes along their normals as they turn.
-///
-/// # Safety
-/// Pointers are NULL or point to what they say.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn sinew_pressure_add(
     simulation: *mut sinew_simulation,
@@ -185,12 +142,9 @@ pub unsafe extern "C" fn sinew_pressure_add(
     pressure: f64,
     out: *mut sinew_handle,
 ) -> sinew_status {
-    // SAFETY: the caller's promise
-    unsafe {
-        add(simulation, out, |sim| {
-            let count = times("triangles", triangle_count, 3)?;
-            let triangles = slice("triangles", triangles, count)?;
-            sim.add_pressure(body, text("name", name)?, triangles, pressure, Curve::Constant)
-        })
-    }
+    add(simulation, out, |sim| {
+        let count = times("triangles", triangle_count, 3)?;
+        let triangles = slice("triangles", triangles, count)?;
+        sim.add_pressure(body, text("name", name)?, triangles, pressure, Curve::Constant)
+    })
 }

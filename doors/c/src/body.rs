@@ -1,15 +1,15 @@
 //! Bodies: adding, reading, changing.
 
 use super::call::{
-    fill, invalid, null, optional_text, out, read, sinew_simulation, slice, text, times, with,
+    fill, invalid, null, optional_text, out, read, sinew_simulation, slice, tell, text, times, with,
 };
 use super::mesh::sinew_mesh;
 use super::simulation::{add, strided, word};
 use super::types::*;
 use sinew_embed::{
-    AxesDescription, AxisFamily, BodyDescription, DVec3, ElementKind, Embedding, MassPolicy,
-    MaterialField, MembraneCells, MembraneDescription, MuscleSettings, Region, Result,
-    YoungPoisson, membrane_cells, preset, spring_rule,
+    AxesDescription, AxisFamily, BodyDescription, DVec3, ElementKind, MassPolicy, MaterialField,
+    MembraneCells, MembraneDescription, MuscleSettings, Quantity, Region, Result, YoungPoisson,
+    membrane_cells, preset, spring_rule,
 };
 use std::borrow::Cow;
 use std::ffi::c_char;
@@ -24,10 +24,8 @@ impl<'a> Matter<'a> {
     /// # Safety
     /// `material` is NULL or points to what it says.
     unsafe fn read(material: *const sinew_material) -> Result<Self> {
-        // SAFETY: the caller's promise
-        let m = unsafe { read("material", material) }?;
-        // SAFETY: the caller's promise
-        let base = match unsafe { optional_text("preset", m.preset) }? {
+        let m = read("material", material)?;
+        let base = match optional_text("preset", m.preset)? {
             Some(name) => preset(name)?,
             None => YoungPoisson { young_modulus: 0.0, poisson_ratio: 0.0, density: 0.0 },
         };
@@ -37,8 +35,7 @@ impl<'a> Matter<'a> {
             poisson_ratio: or(m.poisson_ratio, base.poisson_ratio),
             density: or(m.density, base.density),
         };
-        // SAFETY: the caller's promise
-        let list = |what: &str, data: *const f64| unsafe {
+        let list = |what: &str, data: *const f64| {
             (!data.is_null()).then(|| slice(what, data, m.element_count)).transpose()
         };
         let lists = [
@@ -56,9 +53,6 @@ impl<'a> Matter<'a> {
 }
 
 /// Adds a body of a mesh.
-///
-/// # Safety
-/// Pointers are NULL or point to what they say.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn sinew_body_add(
     simulation: *mut sinew_simulation,
@@ -66,73 +60,62 @@ pub unsafe extern "C" fn sinew_body_add(
     body: *const sinew_body,
     out: *mut sinew_handle,
 ) -> sinew_status {
-    // SAFETY: the caller's promise
-    unsafe {
-        add(simulation, out, |sim| {
-            let mesh = &mesh.as_ref().ok_or_else(|| null("mesh"))?.0;
-            let b = read("body", body)?;
-            let name = text("name", b.name)?;
-            let matter = Matter::read(b.material)?;
-            let mut own = BodyDescription::new(name, mesh, matter.uniform);
-            [own.young_modulus, own.poisson_ratio, own.density] = matter.lists;
-            own.model = word("model", b.model)?;
-            own.evaluation = word("evaluation", b.evaluation)?;
-            own.volume = word("volume", b.volume)?;
-            own.masses = word("masses", b.masses)?;
-            own.springs = match optional_text("springs", b.springs)? {
-                Some(method) => Some(spring_rule(
-                    method,
-                    (b.spring_constant != 0.0).then_some(b.spring_constant),
-                )?),
-                None => None,
-            };
-            own.axes = fibres(&b)?;
-            if b.membrane.is_null() {
-                return sim.add_body(mesh, &own);
+    add(simulation, out, |sim| {
+        let mesh = &mesh.as_ref().ok_or_else(|| null("mesh"))?.0;
+        let b = read("body", body)?;
+        let name = text("name", b.name)?;
+        let matter = Matter::read(b.material)?;
+        let mut own = BodyDescription::new(name, mesh, matter.uniform);
+        [own.young_modulus, own.poisson_ratio, own.density] = matter.lists;
+        own.model = word("model", b.model)?;
+        own.evaluation = word("evaluation", b.evaluation)?;
+        own.volume = word("volume", b.volume)?;
+        own.masses = word("masses", b.masses)?;
+        own.springs = match optional_text("springs", b.springs)? {
+            Some(method) => {
+                Some(spring_rule(method, (b.spring_constant != 0.0).then_some(b.spring_constant))?)
             }
-            let m = read("membrane", b.membrane)?;
-            let which = match (m.surface, optional_text("group", m.group)?) {
-                (0, None) => MembraneCells::All,
-                (0, Some(group)) => MembraneCells::Group(group),
-                (1, None) => MembraneCells::Surface,
-                _ => return Err(invalid("membrane", "give a group, or surface 1")),
-            };
-            let (triangles, quads) = membrane_cells(mesh, which)?;
-            let material = match m.material.is_null() {
-                true => matter.uniform,
-                false => Matter::read(m.material)?.uniform,
-            };
-            own.membrane = Some(MembraneDescription {
-                quads: &quads,
-                model: word("membrane model", m.model)?,
-                plane: word("plane", m.plane)?,
-                ..MembraneDescription::new(&triangles, m.thickness, material)
-            });
-            sim.add_body(mesh, &own)
-        })
-    }
+            None => None,
+        };
+        own.axes = fibres(&b)?;
+        if b.membrane.is_null() {
+            return sim.add_body(mesh, &own);
+        }
+        let m = read("membrane", b.membrane)?;
+        let which = match (m.surface, optional_text("group", m.group)?) {
+            (0, None) => MembraneCells::All,
+            (0, Some(group)) => MembraneCells::Group(group),
+            (1, None) => MembraneCells::Surface,
+            _ => return Err(invalid("membrane", "give a group, or surface 1")),
+        };
+        let (triangles, quads) = membrane_cells(mesh, which)?;
+        let material = match m.material.is_null() {
+            true => matter.uniform,
+            false => Matter::read(m.material)?.uniform,
+        };
+        own.membrane = Some(MembraneDescription {
+            quads: &quads,
+            model: word("membrane model", m.model)?,
+            plane: word("plane", m.plane)?,
+            ..MembraneDescription::new(&triangles, m.thickness, material)
+        });
+        sim.add_body(mesh, &own)
+    })
 }
 
-/// # Safety
-/// Its pointers are NULL or point to what they say.
 unsafe fn fibres(body: &sinew_body) -> Result<Option<AxesDescription<'static>>> {
     let mut axes =
         AxesDescription { volume_modulus: body.volume_modulus, ..AxesDescription::default() };
-    // SAFETY: the caller's promise
-    for fibre in unsafe { slice("fibres", body.fibres, body.fibre_count) }? {
-        // SAFETY: the caller's promise
-        let f = unsafe { read("fibre", fibre) }?;
-        // SAFETY: the caller's promise
-        let name = unsafe { text("name of fibres", f.name) }?;
+    for fibre in slice("fibres", body.fibres, body.fibre_count)? {
+        let f = read("fibre", fibre)?;
+        let name = text("name of fibres", f.name)?;
         let count = times("directions", f.direction_count, 3)?;
-        // SAFETY: the caller's promise
-        let numbers = unsafe { slice("directions", f.directions, count) }?;
+        let numbers = slice("directions", f.directions, count)?;
         let directions: Vec<DVec3> = numbers.chunks(3).map(DVec3::from_slice).collect();
         let muscle = match f.muscle.is_null() {
             true => None,
             false => {
-                // SAFETY: the caller's promise
-                let m = unsafe { read("muscle", f.muscle) }?;
+                let m = read("muscle", f.muscle)?;
                 let base = MuscleSettings::default();
                 let or = |given: f64, base: f64| if given == 0.0 { base } else { given };
                 Some(MuscleSettings {
@@ -157,29 +140,21 @@ unsafe fn fibres(body: &sinew_body) -> Result<Option<AxesDescription<'static>>> 
     Ok((!axes.families.is_empty() || axes.volume_modulus != 0.0).then_some(axes))
 }
 
-/// Number of vertices of the mesh of a body.
-///
-/// # Safety
-/// Pointers are NULL or point to what they say.
+/// Number of vertices of the mesh of a body: length of every list of vertices. It may grow: ask again when the revision that
+/// `sinew_surface` tells is another one.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn sinew_vertex_count(
     simulation: *const sinew_simulation,
     body: sinew_handle,
     count: *mut usize,
 ) -> sinew_status {
-    // SAFETY: the caller's promise
-    unsafe {
-        with(simulation, |sim| {
-            *out("count", count)? = sim.vertex_count(body)?;
-            Ok(())
-        })
-    }
+    with(simulation, |sim| {
+        *out("count", count)? = sim.vertex_count(body)?;
+        Ok(())
+    })
 }
 
 /// Vertices of a group of its mesh. `needed` says how many there are, `out` may be NULL with capacity 0 to ask.
-///
-/// # Safety
-/// Pointers are NULL or point to what they say.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn sinew_group_vertices(
     simulation: *const sinew_simulation,
@@ -189,20 +164,14 @@ pub unsafe extern "C" fn sinew_group_vertices(
     capacity: usize,
     needed: *mut usize,
 ) -> sinew_status {
-    // SAFETY: the caller's promise
-    unsafe {
-        with(simulation, |sim| {
-            let vertices = sim.group(body, text("group", group)?)?;
-            fill(&vertices, out, capacity, needed)
-        })
-    }
+    with(simulation, |sim| {
+        let vertices = sim.group(body, text("group", group)?)?;
+        fill(&vertices, out, capacity, needed)
+    })
 }
 
 /// Reads numbers of a body in the order of its mesh: `SINEW_POSITIONS` and so on. `needed` says how many numbers there are,
 /// `out` may be NULL with capacity 0 to ask.
-///
-/// # Safety
-/// Pointers are NULL or point to what they say.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn sinew_read(
     simulation: *mut sinew_simulation,
@@ -212,31 +181,15 @@ pub unsafe extern "C" fn sinew_read(
     capacity: usize,
     needed: *mut usize,
 ) -> sinew_status {
-    // SAFETY: the caller's promise
-    let give = |values: &[f64]| unsafe { fill(values, out, capacity, needed) };
-    let vectors = |values: Vec<[f64; 3]>| give(values.as_flattened());
-    let call = |sim: &mut Embedding| match quantity {
-        SINEW_POSITIONS => give(sim.positions(body)?.as_flattened()),
-        SINEW_DISPLACEMENTS => give(sim.displacements(body)?.as_flattened()),
-        SINEW_VELOCITIES => give(sim.velocities(body)?.as_flattened()),
-        SINEW_ELASTIC_FORCES => vectors(sim.elastic_forces(body)?),
-        SINEW_EXTERNAL_FORCES => vectors(sim.external_forces(body)?),
-        SINEW_CONTACT_FORCES => vectors(sim.contact_forces(body)?),
-        SINEW_CONTACT_PRESSURES => give(&sim.contact_pressures(body)?),
-        SINEW_MASSES => give(&sim.masses(body)?),
-        SINEW_VOLUME_RATIOS => give(&sim.volume_ratios(body)?),
-        SINEW_AREA_RATIOS => give(&sim.area_ratios(body)?),
-        other => Err(invalid("quantity", format!("{other} is none"))),
-    };
-    // SAFETY: the caller's promise
-    unsafe { with(simulation, call) }
+    with(simulation, |sim| {
+        let known = Quantity::of(quantity);
+        let known = known.ok_or_else(|| invalid("quantity", format!("{quantity} is none")))?;
+        fill(&sim.numbers(body, known)?, out, capacity, needed)
+    })
 }
 
 /// Positions (m) as three `float` a vertex straight into a vertex buffer: those of vertex `i` begin `i * stride_bytes` after
 /// `xyz`, and nothing else is written.
-///
-/// # Safety
-/// `xyz` is NULL or points to so many bytes as vertices and stride span.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn sinew_positions_f32(
     simulation: *mut sinew_simulation,
@@ -245,23 +198,17 @@ pub unsafe extern "C" fn sinew_positions_f32(
     vertices: usize,
     stride_bytes: usize,
 ) -> sinew_status {
-    // SAFETY: the caller's promise
-    unsafe {
-        with(simulation, |sim| {
-            let count = sim.vertex_count(body)?;
-            if vertices != count {
-                let problem = format!("{vertices} given, the body has {count}");
-                return Err(invalid("vertices", problem));
-            }
-            sim.positions_f32(body, strided(xyz, count, stride_bytes)?, stride_bytes)
-        })
-    }
+    with(simulation, |sim| {
+        let count = sim.vertex_count(body)?;
+        if vertices != count {
+            let problem = format!("{vertices} given, the body has {count}");
+            return Err(invalid("vertices", problem));
+        }
+        sim.positions_f32(body, strided(xyz, count, stride_bytes)?, stride_bytes)
+    })
 }
 
 /// Sets displacements (m) and velocities (m/s), three numbers a vertex each.
-///
-/// # Safety
-/// Pointers are NULL or point to what they say.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn sinew_set_state(
     simulation: *mut sinew_simulation,
@@ -270,21 +217,15 @@ pub unsafe extern "C" fn sinew_set_state(
     velocities: *const f64,
     vertices: usize,
 ) -> sinew_status {
-    // SAFETY: the caller's promise
-    unsafe {
-        with(simulation, |sim| {
-            let count = times("vertices", vertices, 3)?;
-            let u = slice("displacements", displacements, count)?;
-            sim.set_state(body, u, slice("velocities", velocities, count)?)
-        })
-    }
+    with(simulation, |sim| {
+        let count = times("vertices", vertices, 3)?;
+        let u = slice("displacements", displacements, count)?;
+        sim.set_state(body, u, slice("velocities", velocities, count)?)
+    })
 }
 
 /// Triangles to draw a body by, three vertices each. `needed` says how many indices there are, `revision` (or NULL) changes
 /// with them; `out` may be NULL with capacity 0 to ask.
-///
-/// # Safety
-/// Pointers are NULL or point to what they say.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn sinew_surface(
     simulation: *mut sinew_simulation,
@@ -294,41 +235,27 @@ pub unsafe extern "C" fn sinew_surface(
     needed: *mut usize,
     revision: *mut u64,
 ) -> sinew_status {
-    // SAFETY: the caller's promise
-    unsafe {
-        with(simulation, |sim| {
-            let surface = sim.surface(body)?;
-            if !revision.is_null() {
-                *out("revision", revision)? = surface.revision;
-            }
-            fill(surface.triangles.as_flattened(), triangles, capacity, needed)
-        })
-    }
+    with(simulation, |sim| {
+        let surface = sim.surface(body)?;
+        tell("revision", revision, surface.revision)?;
+        fill(surface.triangles.as_flattened(), triangles, capacity, needed)
+    })
 }
 
 /// Gives a body another material from the next step on.
-///
-/// # Safety
-/// Pointers are NULL or point to what they say.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn sinew_set_material(
     simulation: *mut sinew_simulation,
     body: sinew_handle,
     material: *const sinew_material,
 ) -> sinew_status {
-    // SAFETY: the caller's promise
-    unsafe {
-        with(simulation, |sim| {
-            let matter = Matter::read(material)?;
-            sim.set_material(body, matter.field()).map(drop)
-        })
-    }
+    with(simulation, |sim| {
+        let matter = Matter::read(material)?;
+        sim.set_material(body, matter.field()).map(drop)
+    })
 }
 
 /// Sets the activation (0 to 1) of a family of active fibres.
-///
-/// # Safety
-/// Pointers are NULL or point to what they say.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn sinew_set_activation(
     simulation: *mut sinew_simulation,
@@ -336,14 +263,10 @@ pub unsafe extern "C" fn sinew_set_activation(
     family: *const c_char,
     activation: f64,
 ) -> sinew_status {
-    // SAFETY: the caller's promise
-    unsafe { with(simulation, |sim| sim.set_activation(body, text("family", family)?, activation)) }
+    with(simulation, |sim| sim.set_activation(body, text("family", family)?, activation))
 }
 
 /// Removes elements from a body; `removed` (or NULL) is how many went.
-///
-/// # Safety
-/// Pointers are NULL or point to what they say.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn sinew_remove_elements(
     simulation: *mut sinew_simulation,
@@ -351,41 +274,35 @@ pub unsafe extern "C" fn sinew_remove_elements(
     region: *const sinew_region,
     removed: *mut usize,
 ) -> sinew_status {
-    // SAFETY: the caller's promise
-    unsafe {
-        with(simulation, |sim| {
-            let r = read("region", region)?;
-            let (from, to) = (DVec3::from_array(r.from), DVec3::from_array(r.to));
-            let (radius, above) = (r.radius, r.above);
-            let region = match r.kind {
-                SINEW_LIST => {
-                    let list = slice("list", r.list, r.list_count)?.to_vec();
-                    match element(r.element)? {
-                        ElementKind::Tetrahedron => Region::Tetrahedra(list),
-                        ElementKind::Hexahedron => Region::Hexahedra(list),
-                        ElementKind::Triangle => Region::Triangles(list),
-                        ElementKind::Quad => Region::Quads(list),
-                    }
+    with(simulation, |sim| {
+        let r = read("region", region)?;
+        let (from, to) = (DVec3::from_array(r.from), DVec3::from_array(r.to));
+        let (radius, above) = (r.radius, r.above);
+        let region = match r.kind {
+            SINEW_LIST => {
+                let list = slice("list", r.list, r.list_count)?.to_vec();
+                match element(r.element)? {
+                    ElementKind::Tetrahedron => Region::Tetrahedra(list),
+                    ElementKind::Hexahedron => Region::Hexahedra(list),
+                    ElementKind::Triangle => Region::Triangles(list),
+                    ElementKind::Quad => Region::Quads(list),
                 }
-                SINEW_BALL => Region::Sphere { centre: from, radius },
-                SINEW_SWEPT_BALL => Region::Capsule { from, to, radius },
-                SINEW_STRAIN_ABOVE => Region::Strain { above },
-                SINEW_STRESS_ABOVE => Region::Stress { above },
-                other => return Err(invalid("region", format!("kind {other} is none"))),
-            };
-            let mass = match r.keep_mass {
-                0 => MassPolicy::Recompute,
-                1 => MassPolicy::Keep,
-                other => return Err(invalid("keep_mass", format!("{other} is neither 0 nor 1"))),
-            };
-            let report = sim.remove_elements(body, region, mass)?;
-            if !removed.is_null() {
-                let lists = [report.tetrahedra, report.hexahedra, report.triangles, report.quads];
-                *out("removed", removed)? = lists.iter().map(Vec::len).sum();
             }
-            Ok(())
-        })
-    }
+            SINEW_BALL => Region::Sphere { centre: from, radius },
+            SINEW_SWEPT_BALL => Region::Capsule { from, to, radius },
+            SINEW_STRAIN_ABOVE => Region::Strain { above },
+            SINEW_STRESS_ABOVE => Region::Stress { above },
+            other => return Err(invalid("region", format!("kind {other} is none"))),
+        };
+        let mass = match r.keep_mass {
+            0 => MassPolicy::Recompute,
+            1 => MassPolicy::Keep,
+            other => return Err(invalid("keep_mass", format!("{other} is neither 0 nor 1"))),
+        };
+        let report = sim.remove_elements(body, region, mass)?;
+        let lists = [report.tetrahedra, report.hexahedra, report.triangles, report.quads];
+        tell("removed", removed, lists.iter().map(Vec::len).sum())
+    })
 }
 
 fn element(kind: u32) -> Result<ElementKind> {

@@ -1,5 +1,7 @@
 //! What every call does: locks the simulation, catches panics, keeps the error text; and pointers of the caller made safe.
+#![deny(unsafe_op_in_unsafe_fn)]
 
+use super::reports::*;
 use super::types::*;
 use sinew_embed::{Code, DQuat, DVec3, EmbedError, Embedding, InputError, Result};
 use std::cell::RefCell;
@@ -222,6 +224,18 @@ pub(super) unsafe fn out<'a, T>(what: &str, data: *mut T) -> Result<&'a mut T> {
     usable(what, data, 1)?;
     // SAFETY: the caller's promise; not NULL, aligned
     Ok(unsafe { &mut *data })
+}
+
+/// Gives a result that the caller need not want.
+///
+/// # Safety
+/// As [`out`].
+pub(super) unsafe fn tell<T>(what: &str, place: *mut T, value: T) -> Result<()> {
+    if !place.is_null() {
+        // SAFETY: the caller's promise
+        *unsafe { out(what, place) }? = value;
+    }
+    Ok(())
 }
 
 /// Makes a thing that the caller owns from now on, up to [`free`].

@@ -9,22 +9,15 @@ use std::ffi::c_char;
 pub struct sinew_mesh(pub(super) Mesh);
 
 /// Reads a mesh file (Gmsh, VTK, TetGen, OBJ, STL).
-///
-/// # Safety
-/// Pointers are NULL or point to what they say.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn sinew_mesh_from_file(
     path: *const c_char,
     out: *mut *mut sinew_mesh,
 ) -> sinew_status {
-    // SAFETY: the caller's promise
-    guarded(|| unsafe { give(out, || Ok(sinew_mesh(mesh_from_file(text("path", path)?)?))) })
+    guarded(|| give(out, || Ok(sinew_mesh(mesh_from_file(text("path", path)?)?))))
 }
 
 /// Reads a mesh from the bytes of a file; the extension of `name` helps to tell the format.
-///
-/// # Safety
-/// Pointers are NULL or point to what they say.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn sinew_mesh_from_bytes(
     name: *const c_char,
@@ -32,40 +25,30 @@ pub unsafe extern "C" fn sinew_mesh_from_bytes(
     size: usize,
     out: *mut *mut sinew_mesh,
 ) -> sinew_status {
-    // SAFETY: the caller's promise
-    let make = || unsafe { mesh_from_bytes(text("name", name)?, slice("bytes", bytes, size)?) };
-    // SAFETY: the caller's promise
-    guarded(|| unsafe { give(out, || Ok(sinew_mesh(make()?))) })
+    let make = || mesh_from_bytes(text("name", name)?, slice("bytes", bytes, size)?);
+    guarded(|| give(out, || Ok(sinew_mesh(make()?))))
 }
 
 /// Makes a mesh of arrays, which are copied.
-///
-/// # Safety
-/// Pointers are NULL or point to what they say.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn sinew_mesh_from_arrays(
     arrays: *const sinew_mesh_arrays,
     out: *mut *mut sinew_mesh,
 ) -> sinew_status {
     let make = || {
-        // SAFETY: the caller's promise
-        let a = unsafe { read("arrays", arrays) }?;
-        // SAFETY: the caller's promise
-        let cells = |what: &str, data: *const u32, count: usize, each: usize| unsafe {
+        let a = read("arrays", arrays)?;
+        let cells = |what: &str, data: *const u32, count: usize, each: usize| {
             slice(what, data, times(what, count, each)?)
         };
-        // SAFETY: the caller's promise
-        let listed = unsafe { slice("groups", a.groups, a.group_count) }?;
+        let listed = slice("groups", a.groups, a.group_count)?;
         let mut groups = Vec::new();
         for group in listed {
-            // SAFETY: the caller's promise
-            let name = unsafe { text("name of a group", group.name) }?;
+            let name = text("name of a group", group.name)?;
             groups
                 .push((name, cells("vertices of a group", group.vertices, group.vertex_count, 1)?));
         }
         mesh_from_arrays(&MeshArrays {
-            // SAFETY: the caller's promise
-            points: unsafe { slice("points", a.points, times("points", a.point_count, 3)?) }?,
+            points: slice("points", a.points, times("points", a.point_count, 3)?)?,
             tetrahedra: cells("tetrahedra", a.tetrahedra, a.tetrahedron_count, 4)?,
             hexahedra: cells("hexahedra", a.hexahedra, a.hexahedron_count, 8)?,
             triangles: cells("triangles", a.triangles, a.triangle_count, 3)?,
@@ -73,16 +56,11 @@ pub unsafe extern "C" fn sinew_mesh_from_arrays(
             groups: &groups,
         })
     };
-    // SAFETY: the caller's promise
-    guarded(|| unsafe { give(out, || Ok(sinew_mesh(make()?))) })
+    guarded(|| give(out, || Ok(sinew_mesh(make()?))))
 }
 
 /// Frees a mesh; bodies made of it stay. NULL is fine.
-///
-/// # Safety
-/// It came from this library, was not freed and is not used any more.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn sinew_mesh_free(mesh: *mut sinew_mesh) {
-    // SAFETY: the caller's promise
-    unsafe { free(mesh) }
+    free(mesh)
 }

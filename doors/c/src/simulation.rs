@@ -29,29 +29,21 @@ pub extern "C" fn sinew_version() -> *const c_char {
 }
 
 /// Gives a new simulation to the caller.
-///
-/// # Safety
-/// As [`give`].
 unsafe fn begin(
     place: *mut *mut sinew_simulation,
     make: impl FnOnce() -> Result<Embedding>,
 ) -> sinew_status {
-    // SAFETY: the caller's promise
-    guarded(|| unsafe { give(place, || Ok(sinew_simulation(Mutex::new(make()?)))) })
+    guarded(|| give(place, || Ok(sinew_simulation(Mutex::new(make()?)))))
 }
 
 /// Makes a simulation without bodies.
-///
-/// # Safety
-/// Pointers are NULL or point to what they say.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn sinew_simulation_new(
     options: *const sinew_options,
     out: *mut *mut sinew_simulation,
 ) -> sinew_status {
     let make = || {
-        // SAFETY: the caller's promise
-        let o = unsafe { read("options", options) }?;
+        let o = read("options", options)?;
         let one_of = |what: &str, given: u32| {
             let problem = || invalid(what, format!("{given} is none of its values, 0 and 1"));
             (given < 2).then_some(given == 1).ok_or_else(problem)
@@ -69,8 +61,7 @@ pub unsafe extern "C" fn sinew_simulation_new(
             ..Options::default()
         })
     };
-    // SAFETY: the caller's promise
-    unsafe { begin(out, make) }
+    begin(out, make)
 }
 
 fn overrides(threads: u32) -> Overrides {
@@ -79,26 +70,18 @@ fn overrides(threads: u32) -> Overrides {
 }
 
 /// Makes the simulation of a scene file. With `threads` above 0 the scene's own number does not count.
-///
-/// # Safety
-/// Pointers are NULL or point to what they say.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn sinew_simulation_from_scene(
     path: *const c_char,
     threads: u32,
     out: *mut *mut sinew_simulation,
 ) -> sinew_status {
-    // SAFETY: the caller's promise
-    let make = || Embedding::from_scene_file(unsafe { text("path", path) }?, &overrides(threads));
-    // SAFETY: the caller's promise
-    unsafe { begin(out, make) }
+    let make = || Embedding::from_scene_file(text("path", path)?, &overrides(threads));
+    begin(out, make)
 }
 
 /// Makes the simulation of a scene in memory; `name` stands for its file in messages. Files that it names are looked for
 /// among `files`, or in the current folder when there are none.
-///
-/// # Safety
-/// Pointers are NULL or point to what they say.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn sinew_simulation_from_text(
     toml: *const c_char,
@@ -109,106 +92,72 @@ pub unsafe extern "C" fn sinew_simulation_from_text(
     out: *mut *mut sinew_simulation,
 ) -> sinew_status {
     let make = || {
-        // SAFETY: the caller's promise
-        let (toml, name) = unsafe { (text("toml", toml)?, text("name", name)?) };
-        // SAFETY: the caller's promise
-        let files = unsafe { slice("files", files, file_count) }?;
+        let (toml, name) = (text("toml", toml)?, text("name", name)?);
+        let files = slice("files", files, file_count)?;
         if files.is_empty() {
             return Embedding::from_scene(toml, name, Folder(".".into()), &overrides(threads));
         }
         let mut known = HashMap::new();
         for file in files {
-            // SAFETY: the caller's promise
-            let name = unsafe { text("name of a file", file.name) }?;
-            // SAFETY: the caller's promise
-            let bytes = unsafe { slice("bytes of a file", file.bytes, file.size) }?;
+            let name = text("name of a file", file.name)?;
+            let bytes = slice("bytes of a file", file.bytes, file.size)?;
             known.insert(name.to_string(), bytes.to_vec());
         }
         Embedding::from_scene(toml, name, known, &overrides(threads))
     };
-    // SAFETY: the caller's promise
-    unsafe { begin(out, make) }
+    begin(out, make)
 }
 
 /// Frees a simulation that no call uses; NULL is fine.
-///
-/// # Safety
-/// It came from this library, was not freed and is not used any more.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn sinew_simulation_free(simulation: *mut sinew_simulation) {
-    // SAFETY: the caller's promise
-    unsafe { free(simulation) }
+    free(simulation)
 }
 
 /// Carries out `n` steps, up to the first that fails: `SINEW_STEP`, and the state is that before it.
-///
-/// # Safety
-/// Pointers are NULL or point to what they say.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn sinew_step(simulation: *mut sinew_simulation, n: u32) -> sinew_status {
-    // SAFETY: the caller's promise
-    unsafe { with(simulation, |sim| sim.step(n)) }
+    with(simulation, |sim| sim.step(n))
 }
 
 /// Simulated time (s).
-///
-/// # Safety
-/// Pointers are NULL or point to what they say.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn sinew_time(
     simulation: *const sinew_simulation,
     seconds: *mut f64,
 ) -> sinew_status {
-    // SAFETY: the caller's promise
-    unsafe {
-        with(simulation, |sim| {
-            *out("seconds", seconds)? = sim.time();
-            Ok(())
-        })
-    }
+    with(simulation, |sim| {
+        *out("seconds", seconds)? = sim.time();
+        Ok(())
+    })
 }
 
 /// Sets the length (s) of the steps to come.
-///
-/// # Safety
-/// Pointers are NULL or point to what they say.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn sinew_set_dt(simulation: *mut sinew_simulation, dt: f64) -> sinew_status {
-    // SAFETY: the caller's promise
-    unsafe { with(simulation, |sim| sim.set_dt(dt)) }
+    with(simulation, |sim| sim.set_dt(dt))
 }
 
 /// Sets gravity (m/s^2), three numbers.
-///
-/// # Safety
-/// Pointers are NULL or point to what they say.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn sinew_set_gravity(
     simulation: *mut sinew_simulation,
     gravity: *const f64,
 ) -> sinew_status {
-    // SAFETY: the caller's promise
-    unsafe { with(simulation, |sim| sim.set_gravity(three("gravity", gravity)?)) }
+    with(simulation, |sim| sim.set_gravity(three("gravity", gravity)?))
 }
 
 /// Sets the solver: lines as below `[solver]` of a scene, such as "integrator = 'safe'", or JSON. What is left out has its
 /// default.
-///
-/// # Safety
-/// Pointers are NULL or point to what they say.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn sinew_set_solver(
     simulation: *mut sinew_simulation,
     settings: *const c_char,
 ) -> sinew_status {
-    // SAFETY: the caller's promise
-    unsafe { with(simulation, |sim| sim.set_solver(solver_settings(text("settings", settings)?)?)) }
+    with(simulation, |sim| sim.set_solver(solver_settings(text("settings", settings)?)?))
 }
 
 /// The thing of a kind (`SINEW_BODY` and so on) that has a name.
-///
-/// # Safety
-/// Pointers are NULL or point to what they say.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn sinew_find(
     simulation: *const sinew_simulation,
@@ -216,88 +165,62 @@ pub unsafe extern "C" fn sinew_find(
     name: *const c_char,
     handle: *mut sinew_handle,
 ) -> sinew_status {
-    // SAFETY: the caller's promise
-    unsafe {
-        with(simulation, |sim| {
-            let known = Kind::ALL.into_iter().find(|own| *own as u32 == kind);
-            let kind = known.ok_or_else(|| invalid("kind", format!("{kind} is none")))?;
-            *out("handle", handle)? = sim.find(kind, text("name", name)?)?;
-            Ok(())
-        })
-    }
+    with(simulation, |sim| {
+        let known = Kind::ALL.into_iter().find(|own| *own as u32 == kind);
+        let kind = known.ok_or_else(|| invalid("kind", format!("{kind} is none")))?;
+        *out("handle", handle)? = sim.find(kind, text("name", name)?)?;
+        Ok(())
+    })
 }
 
 /// Takes a constraint, load, pressure, tool, pull or contact away.
-///
-/// # Safety
-/// Pointers are NULL or point to what they say.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn sinew_remove(
     simulation: *mut sinew_simulation,
     handle: sinew_handle,
 ) -> sinew_status {
-    // SAFETY: the caller's promise
-    unsafe { with(simulation, |sim| sim.remove(handle)) }
+    with(simulation, |sim| sim.remove(handle))
 }
 
 /// A word of scene files, or the default for NULL.
-///
-/// # Safety
-/// As [`text`].
 pub(super) unsafe fn word<T: Default + sinew_embed::DeserializeOwned>(
     kind: &'static str,
     name: *const c_char,
 ) -> Result<T> {
-    // SAFETY: the caller's promise
-    let name = unsafe { super::call::optional_text(kind, name) }?;
+    let name = super::call::optional_text(kind, name)?;
     name.map_or_else(|| Ok(T::default()), |name| choice(kind, name))
 }
 
 /// Runs a call that gives a handle.
-///
-/// # Safety
-/// As [`with`]; `place` is NULL or points to a handle.
 pub(super) unsafe fn add(
     simulation: *const sinew_simulation,
     place: *mut sinew_handle,
     call: impl FnOnce(&mut Embedding) -> Result<Handle>,
 ) -> sinew_status {
-    // SAFETY: the caller's promise
-    unsafe {
-        with(simulation, |sim| {
-            let place = out("out", place)?;
-            *place = 0;
-            *place = call(sim)?;
-            Ok(())
-        })
-    }
+    with(simulation, |sim| {
+        let place = out("out", place)?;
+        *place = 0;
+        *place = call(sim)?;
+        Ok(())
+    })
 }
 
 /// For tests, and in no header: panics in a call, on a thread of the pool if `pool` is not 0.
-///
-/// # Safety
-/// Pointers are NULL or point to what they say.
 #[unsafe(no_mangle)]
 #[doc(hidden)]
 pub unsafe extern "C" fn sinew_test_panic(
     simulation: *mut sinew_simulation,
     pool: u32,
 ) -> sinew_status {
-    // SAFETY: the caller's promise
-    unsafe {
-        with(simulation, |sim| {
-            if pool != 0 {
-                sim.on_pool(|| panic!("a panic on a thread of the pool"));
-            }
-            panic!("a panic in a call");
-        })
-    }
+    with(simulation, |sim| {
+        if pool != 0 {
+            sim.on_pool(|| panic!("a panic on a thread of the pool"));
+        }
+        panic!("a panic in a call");
+    })
 }
 
 /// Text for a buffer of the caller, with its zero byte.
-///
-/// # Safety
-/// As [`fill`].
 pub(super) unsafe fn fill_text(
     value: String,
     data: *mut c_char,
@@ -307,14 +230,10 @@ pub(super) unsafe fn fill_text(
     let mut bytes = value.into_bytes();
     bytes.push(0);
     let chars: Vec<c_char> = bytes.into_iter().map(|byte| byte as c_char).collect();
-    // SAFETY: the caller's promise
-    unsafe { fill(&chars, data, capacity, needed) }
+    fill(&chars, data, capacity, needed)
 }
 
 /// For positions straight into memory: the bytes that a stride and a count span.
-///
-/// # Safety
-/// As [`slice_mut`].
 pub(super) unsafe fn strided<'a>(
     data: *mut f32,
     count: usize,
@@ -323,6 +242,5 @@ pub(super) unsafe fn strided<'a>(
     let problem = || -> EmbedError { invalid("stride_bytes", format!("{stride} is too much")) };
     let before = stride.checked_mul(count.saturating_sub(1)).ok_or_else(problem)?;
     let bytes = before.checked_add(12).ok_or_else(problem)?;
-    // SAFETY: the caller's promise
-    unsafe { slice_mut("xyz", data.cast::<u8>(), if count == 0 { 0 } else { bytes }) }
+    slice_mut("xyz", data.cast::<u8>(), if count == 0 { 0 } else { bytes })
 }

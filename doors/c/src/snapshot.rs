@@ -19,42 +19,30 @@ impl sinew_snapshot {
 }
 
 /// Keeps everything that the steps to come depend on, in memory. Free it with `sinew_snapshot_free`.
-///
-/// # Safety
-/// Pointers are NULL or point to what they say.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn sinew_snapshot_take(
     simulation: *mut sinew_simulation,
     out: *mut *mut sinew_snapshot,
 ) -> sinew_status {
-    // SAFETY: the caller's promise
-    unsafe { with(simulation, |sim| give(out, || Ok(sinew_snapshot::new(sim.snapshot()?)))) }
+    with(simulation, |sim| give(out, || Ok(sinew_snapshot::new(sim.snapshot()?))))
 }
 
 /// Takes up a state of this simulation, or of one that was built by the same calls or from the same scene. Handles of what was
 /// removed since are good again, those of what was added since are not. Anything else answers `SINEW_SNAPSHOT` and changes
 /// nothing.
-///
-/// # Safety
-/// As [`sinew_snapshot_take`].
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn sinew_snapshot_restore(
     simulation: *mut sinew_simulation,
     snapshot: *const sinew_snapshot,
 ) -> sinew_status {
-    // SAFETY: the caller's promise
-    let snapshot = unsafe { snapshot.as_ref() };
+    let snapshot = snapshot.as_ref();
     let restored = |sim: &mut sinew_embed::Embedding| {
         sim.restore(&snapshot.ok_or_else(|| null("snapshot"))?.own)
     };
-    // SAFETY: the caller's promise
-    unsafe { with(simulation, restored) }
+    with(simulation, restored)
 }
 
 /// A snapshot as bytes, for a file. `needed` says how many they are; `data` may be NULL with capacity 0 to ask.
-///
-/// # Safety
-/// As [`sinew_snapshot_take`].
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn sinew_snapshot_to_bytes(
     snapshot: *const sinew_snapshot,
@@ -63,36 +51,25 @@ pub unsafe extern "C" fn sinew_snapshot_to_bytes(
     needed: *mut usize,
 ) -> sinew_status {
     guarded(|| {
-        // SAFETY: the caller's promise
-        let snapshot = unsafe { snapshot.as_ref() }.ok_or_else(|| null("snapshot"))?;
+        let snapshot = snapshot.as_ref().ok_or_else(|| null("snapshot"))?;
         let bytes = snapshot.bytes.get_or_init(|| snapshot.own.to_bytes());
-        // SAFETY: the caller's promise
-        unsafe { fill(bytes, data, capacity, needed) }
+        fill(bytes, data, capacity, needed)
     })
 }
 
 /// Reads what `sinew_snapshot_to_bytes` gave, in any process. Bytes of anything else answer `SINEW_SNAPSHOT`.
-///
-/// # Safety
-/// As [`sinew_snapshot_take`].
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn sinew_snapshot_from_bytes(
     bytes: *const u8,
     size: usize,
     out: *mut *mut sinew_snapshot,
 ) -> sinew_status {
-    // SAFETY: the caller's promise
-    let make = || Snapshot::from_bytes(unsafe { slice("bytes", bytes, size) }?);
-    // SAFETY: the caller's promise
-    guarded(|| unsafe { give(out, || Ok(sinew_snapshot::new(make()?))) })
+    let make = || Snapshot::from_bytes(slice("bytes", bytes, size)?);
+    guarded(|| give(out, || Ok(sinew_snapshot::new(make()?))))
 }
 
 /// Frees a snapshot. NULL is fine.
-///
-/// # Safety
-/// It came from this library, was not freed and is not used any more.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn sinew_snapshot_free(snapshot: *mut sinew_snapshot) {
-    // SAFETY: the caller's promise
-    unsafe { free(snapshot) }
+    free(snapshot)
 }

@@ -2,9 +2,10 @@
 
 use super::act::pose;
 use super::call::{
-    fill, invalid, null, out, out_struct, quaternion, read, rotation, sinew_simulation, slice,
+    fill, invalid, null, out_struct, quaternion, read, rotation, sinew_simulation, slice, tell,
     text, three, times, vector, with,
 };
+use super::reports::*;
 use super::simulation::add;
 use super::types::*;
 use sinew_embed::{
@@ -12,19 +13,15 @@ use sinew_embed::{
 };
 use std::ffi::c_char;
 
-/// # Safety
-/// Its pointers are NULL or point to what they say.
 unsafe fn part(part: &sinew_part) -> Result<Part> {
-    // SAFETY: the caller's promise
-    let p = unsafe { read("part", part) }?;
+    let p = read("part", part)?;
     let shape = match p.shape {
         SINEW_SPHERE => Shape::Sphere { radius: p.radius },
         SINEW_CAPSULE => Shape::Capsule { half_length: p.half_length, radius: p.radius },
         SINEW_BOX => Shape::Box { half: vector(p.half), rounding: p.rounding },
         SINEW_HALF_SPACE => Shape::HalfSpace,
         SINEW_CLOSED_MESH => {
-            // SAFETY: the caller's promise
-            let mesh = unsafe { p.mesh.as_ref() }.ok_or_else(|| null("mesh of a part"))?;
+            let mesh = p.mesh.as_ref().ok_or_else(|| null("mesh of a part"))?;
             let spacing = (p.spacing != 0.0).then_some(p.spacing);
             Shape::Field(distance_field(&mesh.0, spacing)?)
         }
@@ -34,61 +31,53 @@ unsafe fn part(part: &sinew_part) -> Result<Part> {
 }
 
 /// Adds a tool.
-///
-/// # Safety
-/// Pointers are NULL or point to what they say.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn sinew_tool_add(
     simulation: *mut sinew_simulation,
     tool: *const sinew_tool,
     out: *mut sinew_handle,
 ) -> sinew_status {
-    // SAFETY: the caller's promise
-    unsafe {
-        add(simulation, out, |sim| {
-            let t = read("tool", tool)?;
-            let parts = slice("parts", t.parts, t.part_count)?;
-            let parts = parts.iter().map(|own| part(own)).collect::<Result<Vec<Part>>>()?;
-            let start = ToolPose {
-                position: vector(t.position),
-                rotation: quaternion(t.quaternion),
-                opening: t.opening,
-            };
-            let mut own = Tool::of_parts(text("name", t.name)?, parts, start);
-            if t.flags > 15 {
-                return Err(invalid("flags", format!("{} is no sum of flags of tools", t.flags)));
-            }
-            let axis = if t.hinge_axis == [0.0; 3] { DVec3::Z } else { vector(t.hinge_axis) };
-            own.hinge = Hinge { point: vector(t.hinge_point), axis };
-            own.grip = t.flags & SINEW_GRIP != 0;
-            own.exact = t.flags & SINEW_EXACT != 0;
-            own.local_stiffness = t.flags & SINEW_LOCAL_STIFFNESS != 0;
-            own.keeps_side = t.flags & SINEW_NEAREST_SIDE == 0;
-            own.friction = t.friction;
-            own.points = match t.points {
-                0 if own.exact => Points::Vertex,
-                0 => Points::Auto,
-                1 => Points::Vertex,
-                n => Points::Faces(n),
-            };
-            if t.stiffness != 0.0 {
-                own.stiffness = Stiffness::Relative(t.stiffness);
-            }
-            if t.on_triangles.is_null() {
-                return sim.add_tool(own, None);
-            }
-            let count = times("on_triangles", t.on_triangle_count, 3)?;
-            let on = slice("on_triangles", t.on_triangles, count)?;
-            sim.add_tool(own, Some((t.on_body, on)))
-        })
-    }
+    add(simulation, out, |sim| {
+        let t = read("tool", tool)?;
+        let parts = slice("parts", t.parts, t.part_count)?;
+        let parts = parts.iter().map(|own| part(own)).collect::<Result<Vec<Part>>>()?;
+        let start = ToolPose {
+            position: vector(t.position),
+            rotation: quaternion(t.quaternion),
+            opening: t.opening,
+        };
+        let mut own = Tool::of_parts(text("name", t.name)?, parts, start);
+        if t.flags > 31 {
+            return Err(invalid("flags", format!("{} is no sum of flags of tools", t.flags)));
+        }
+        let axis = if t.hinge_axis == [0.0; 3] { DVec3::Z } else { vector(t.hinge_axis) };
+        own.hinge = Hinge { point: vector(t.hinge_point), axis };
+        own.grip = t.flags & SINEW_GRIP != 0;
+        own.exact = t.flags & SINEW_EXACT != 0;
+        own.local_stiffness = t.flags & SINEW_LOCAL_STIFFNESS != 0;
+        own.keeps_side = t.flags & SINEW_NEAREST_SIDE == 0;
+        own.error_bar = t.flags & SINEW_ERROR_BAR != 0;
+        own.friction = t.friction;
+        own.points = match t.points {
+            0 if own.exact => Points::Vertex,
+            0 => Points::Auto,
+            1 => Points::Vertex,
+            n => Points::Faces(n),
+        };
+        if t.stiffness != 0.0 {
+            own.stiffness = Stiffness::Relative(t.stiffness);
+        }
+        if t.on_triangles.is_null() {
+            return sim.add_tool(own, None);
+        }
+        let count = times("on_triangles", t.on_triangle_count, 3)?;
+        let on = slice("on_triangles", t.on_triangles, count)?;
+        sim.add_tool(own, Some((t.on_body, on)))
+    })
 }
 
 /// Moves a tool: it is there at the end of the next step, evenly through the step. With `at_once` 1 it is put there without
 /// touching anything on the way. `quaternion` may be NULL for no rotation.
-///
-/// # Safety
-/// Pointers are NULL or point to what they say.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn sinew_tool_move(
     simulation: *mut sinew_simulation,
@@ -98,83 +87,42 @@ pub unsafe extern "C" fn sinew_tool_move(
     opening: f64,
     at_once: u32,
 ) -> sinew_status {
-    // SAFETY: the caller's promise
-    unsafe {
-        with(simulation, |sim| {
-            let position = vector(three("position", position)?);
-            let pose =
-                ToolPose { position, rotation: rotation("quaternion", quaternion)?, opening };
-            match at_once {
-                0 => sim.move_tool(tool, pose),
-                1 => sim.place_tool(tool, pose),
-                other => Err(invalid("at_once", format!("{other} is neither 0 nor 1"))),
-            }
-        })
-    }
+    with(simulation, |sim| {
+        let position = vector(three("position", position)?);
+        let pose = ToolPose { position, rotation: rotation("quaternion", quaternion)?, opening };
+        match at_once {
+            0 => sim.move_tool(tool, pose),
+            1 => sim.place_tool(tool, pose),
+            other => Err(invalid("at_once", format!("{other} is neither 0 nor 1"))),
+        }
+    })
 }
 
 /// Whether what touches a tool sticks to it (1) or may slip (0).
-///
-/// # Safety
-/// Pointers are NULL or point to what they say.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn sinew_tool_grip(
     simulation: *mut sinew_simulation,
     tool: sinew_handle,
     grip: u32,
 ) -> sinew_status {
-    // SAFETY: the caller's promise
-    unsafe { with(simulation, |sim| sim.set_grip(tool, grip != 0)) }
+    with(simulation, |sim| sim.set_grip(tool, grip != 0))
 }
 
 /// What a tool felt in the last step.
-///
-/// # Safety
-/// Pointers are NULL or point to what they say.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn sinew_tool_feel(
+pub unsafe extern "C" fn sinew_read_tool_report(
     simulation: *const sinew_simulation,
     tool: sinew_handle,
     report: *mut sinew_tool_report,
 ) -> sinew_status {
-    // SAFETY: the caller's promise
-    unsafe {
-        with(simulation, |sim| {
-            let place = out_struct("report", report)?;
-            let r = sim.tool_report(tool)?;
-            *place = sinew_tool_report {
-                struct_size: place.struct_size,
-                parts: r.parts.len() as u32,
-                position: r.position.to_array(),
-                quaternion: r.rotation.to_array(),
-                opening: r.opening,
-                force: r.force.to_array(),
-                torque: r.torque.to_array(),
-                normal: r.normal.to_array(),
-                friction: r.friction.to_array(),
-                work: r.work,
-                dissipation: r.dissipation,
-                area: r.area,
-                depth: r.depth,
-                pressure: r.pressure,
-                centre: r.centre.to_array(),
-                lag: r.lag,
-                local_stiffness: r
-                    .local_stiffness
-                    .unwrap_or(sinew_embed::DMat3::ZERO)
-                    .to_cols_array(),
-                sticking: r.sticking,
-                slipping: r.slipping,
-            };
-            Ok(())
-        })
-    }
+    with(simulation, |sim| {
+        let place = out_struct("report", report)?;
+        *place = sinew_tool_report::from(&sim.tool_report(tool)?);
+        Ok(())
+    })
 }
 
 /// What each part of a tool of several parts felt. `needed` says how many there are; `out` may be NULL with capacity 0 to ask.
-///
-/// # Safety
-/// Pointers are NULL or point to what they say.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn sinew_tool_parts(
     simulation: *const sinew_simulation,
@@ -183,26 +131,14 @@ pub unsafe extern "C" fn sinew_tool_parts(
     capacity: usize,
     needed: *mut usize,
 ) -> sinew_status {
-    // SAFETY: the caller's promise
-    unsafe {
-        with(simulation, |sim| {
-            let report = sim.tool_report(tool)?;
-            let parts = report.parts.iter().map(|part| sinew_part_report {
-                force: part.force.to_array(),
-                torque: part.torque.to_array(),
-                depth: part.depth,
-                sticking: part.sticking,
-                slipping: part.slipping,
-            });
-            fill(&parts.collect::<Vec<_>>(), out, capacity, needed)
-        })
-    }
+    with(simulation, |sim| {
+        let report = sim.tool_report(tool)?;
+        let parts = report.parts.iter().map(sinew_part_report::from);
+        fill(&parts.collect::<Vec<_>>(), out, capacity, needed)
+    })
 }
 
 /// Lets two bodies touch each other, or one itself (the same handle twice).
-///
-/// # Safety
-/// Pointers are NULL or point to what they say.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn sinew_contact_add(
     simulation: *mut sinew_simulation,
@@ -212,19 +148,13 @@ pub unsafe extern "C" fn sinew_contact_add(
     friction: f64,
     out: *mut sinew_handle,
 ) -> sinew_status {
-    // SAFETY: the caller's promise
-    unsafe {
-        add(simulation, out, |sim| {
-            let name = text("name", name)?;
-            sim.add_contact(name, [first, second], friction, Stiffness::default())
-        })
-    }
+    add(simulation, out, |sim| {
+        let name = text("name", name)?;
+        sim.add_contact(name, [first, second], friction, Stiffness::default())
+    })
 }
 
 /// Force (N) on the first body of a contact in the last step, and the largest penetration (m). Either may be NULL.
-///
-/// # Safety
-/// Pointers are NULL or point to what they say.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn sinew_contact_force(
     simulation: *const sinew_simulation,
@@ -232,33 +162,14 @@ pub unsafe extern "C" fn sinew_contact_force(
     force: *mut f64,
     depth: *mut f64,
 ) -> sinew_status {
-    // SAFETY: the caller's promise
-    unsafe {
-        with(simulation, |sim| {
-            let report = sim.contact_report(contact)?;
-            tell(report.force, report.depth, force, depth)
-        })
-    }
-}
-
-/// # Safety
-/// Pointers are NULL or point to three numbers and to one.
-unsafe fn tell(force: DVec3, length: f64, to: *mut f64, one: *mut f64) -> Result<()> {
-    if !to.is_null() {
-        // SAFETY: the caller's promise
-        *unsafe { out("force", to.cast::<[f64; 3]>()) }? = force.to_array();
-    }
-    if !one.is_null() {
-        // SAFETY: the caller's promise
-        *unsafe { out("length", one) }? = length;
-    }
-    Ok(())
+    with(simulation, |sim| {
+        let report = sim.contact_report(contact)?;
+        tell("force", force.cast(), report.force.to_array())?;
+        tell("depth", depth, report.depth)
+    })
 }
 
 /// Pulls on vertices.
-///
-/// # Safety
-/// Pointers are NULL or point to what they say.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn sinew_pull_add(
     simulation: *mut sinew_simulation,
@@ -266,27 +177,21 @@ pub unsafe extern "C" fn sinew_pull_add(
     pull: *const sinew_pull,
     out: *mut sinew_handle,
 ) -> sinew_status {
-    // SAFETY: the caller's promise
-    unsafe {
-        add(simulation, out, |sim| {
-            let p = read("pull", pull)?;
-            let weights = if p.weights.is_null() { 0 } else { p.vertex_count };
-            let spec = PullSpec {
-                name: text("name", p.name)?,
-                vertices: slice("vertices", p.vertices, p.vertex_count)?,
-                weights: slice("weights", p.weights, weights)?,
-                stiffness: p.stiffness,
-                damping: p.damping,
-            };
-            sim.add_pull(body, &spec)
-        })
-    }
+    add(simulation, out, |sim| {
+        let p = read("pull", pull)?;
+        let weights = if p.weights.is_null() { 0 } else { p.vertex_count };
+        let spec = PullSpec {
+            name: text("name", p.name)?,
+            vertices: slice("vertices", p.vertices, p.vertex_count)?,
+            weights: slice("weights", p.weights, weights)?,
+            stiffness: p.stiffness,
+            damping: p.damping,
+        };
+        sim.add_pull(body, &spec)
+    })
 }
 
 /// Moves the hand of a pull, as `sinew_constraint_pose` moves what a constraint holds.
-///
-/// # Safety
-/// Pointers are NULL or point to what they say.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn sinew_pull_move(
     simulation: *mut sinew_simulation,
@@ -295,14 +200,10 @@ pub unsafe extern "C" fn sinew_pull_move(
     quaternion: *const f64,
     centre: *const f64,
 ) -> sinew_status {
-    // SAFETY: the caller's promise
-    unsafe { with(simulation, |sim| sim.move_pull(pull, pose(position, quaternion, centre)?)) }
+    with(simulation, |sim| sim.move_pull(pull, pose(position, quaternion, centre)?))
 }
 
 /// Force (N) on the hand of a pull in the last step, and its mean distance (m) from what it draws. Either may be NULL.
-///
-/// # Safety
-/// Pointers are NULL or point to what they say.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn sinew_pull_force(
     simulation: *const sinew_simulation,
@@ -310,20 +211,15 @@ pub unsafe extern "C" fn sinew_pull_force(
     force: *mut f64,
     distance: *mut f64,
 ) -> sinew_status {
-    // SAFETY: the caller's promise
-    unsafe {
-        with(simulation, |sim| {
-            let report = sim.pull_report(pull)?;
-            tell(report.force, report.distance, force, distance)
-        })
-    }
+    with(simulation, |sim| {
+        let report = sim.pull_report(pull)?;
+        tell("force", force.cast(), report.force.to_array())?;
+        tell("distance", distance, report.distance)
+    })
 }
 
 /// The first point of a surface that a ray meets, three numbers each for origin (m) and direction. To meet nothing is no
 /// error.
-///
-/// # Safety
-/// Pointers are NULL or point to what they say.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn sinew_pick(
     simulation: *mut sinew_simulation,
@@ -331,25 +227,22 @@ pub unsafe extern "C" fn sinew_pick(
     direction: *const f64,
     result: *mut sinew_pick_result,
 ) -> sinew_status {
-    // SAFETY: the caller's promise
-    unsafe {
-        with(simulation, |sim| {
-            let place = out_struct("result", result)?;
-            place.hit = 0;
-            let pick = sim.pick(three("origin", origin)?, three("direction", direction)?)?;
-            if let Some(pick) = pick {
-                *place = sinew_pick_result {
-                    struct_size: place.struct_size,
-                    hit: 1,
-                    body: pick.body,
-                    vertices: pick.vertices,
-                    reserved: 0,
-                    weights: pick.weights,
-                    position: pick.position,
-                    distance: pick.distance,
-                };
-            }
-            Ok(())
-        })
-    }
+    with(simulation, |sim| {
+        let place = out_struct("result", result)?;
+        place.hit = 0;
+        let pick = sim.pick(three("origin", origin)?, three("direction", direction)?)?;
+        if let Some(pick) = pick {
+            *place = sinew_pick_result {
+                struct_size: place.struct_size,
+                hit: 1,
+                body: pick.body,
+                vertices: pick.vertices,
+                reserved: 0,
+                weights: pick.weights,
+                position: pick.position,
+                distance: pick.distance,
+            };
+        }
+        Ok(())
+    })
 }

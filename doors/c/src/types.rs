@@ -3,7 +3,7 @@
 use std::ffi::c_char;
 
 /// Raised when a structure or the meaning of a function changes; functions are only added.
-pub const SINEW_ABI: u32 = 1;
+pub const SINEW_ABI: u32 = 2;
 
 /// 0, or what kind of error `sinew_last_error` tells of.
 pub type sinew_status = i32;
@@ -348,6 +348,8 @@ pub const SINEW_EXACT: u32 = 2;
 pub const SINEW_LOCAL_STIFFNESS: u32 = 4;
 /// Points inside leave through the nearest side, not through that by which they came.
 pub const SINEW_NEAREST_SIDE: u32 = 8;
+/// Also finds the force that points of the other kind give, as an error bar.
+pub const SINEW_ERROR_BAR: u32 = 16;
 
 /// A rigid tool.
 #[repr(C)]
@@ -387,66 +389,6 @@ pub struct sinew_tool {
     pub on_triangles: *const u32,
     /// Their number.
     pub on_triangle_count: usize,
-}
-
-/// What a tool felt in the last step.
-#[repr(C)]
-#[derive(Clone, Copy)]
-pub struct sinew_tool_report {
-    /// sizeof(sinew_tool_report), set by the caller
-    pub struct_size: u32,
-    /// Number of its parts, if there are several.
-    pub parts: u32,
-    /// Place (m) of its origin.
-    pub position: [f64; 3],
-    /// Its rotation.
-    pub quaternion: [f64; 4],
-    /// Its opening (rad).
-    pub opening: f64,
-    /// Force (N) on it.
-    pub force: [f64; 3],
-    /// Torque (N m) on it about its origin.
-    pub torque: [f64; 3],
-    /// The part of the force that pressure makes (N).
-    pub normal: [f64; 3],
-    /// The part that friction makes (N).
-    pub friction: [f64; 3],
-    /// Work (J) done by it since it came.
-    pub work: f64,
-    /// Energy (J) that its friction has taken.
-    pub dissipation: f64,
-    /// Area (m^2, at rest) that touches it.
-    pub area: f64,
-    /// Largest penetration (m).
-    pub depth: f64,
-    /// Largest pressure (Pa).
-    pub pressure: f64,
-    /// Centre of pressure (m).
-    pub centre: [f64; 3],
-    /// What it is behind its target (m).
-    pub lag: f64,
-    /// Change of its force (N) per motion (m), column by column, with `SINEW_LOCAL_STIFFNESS`.
-    pub local_stiffness: [f64; 9],
-    /// Points that stick to it.
-    pub sticking: u32,
-    /// Points that slip.
-    pub slipping: u32,
-}
-
-/// What a part of a tool felt.
-#[repr(C)]
-#[derive(Clone, Copy)]
-pub struct sinew_part_report {
-    /// Force (N) on it.
-    pub force: [f64; 3],
-    /// Torque (N m) on it about the tool's origin.
-    pub torque: [f64; 3],
-    /// Largest penetration (m).
-    pub depth: f64,
-    /// Points that stick to it.
-    pub sticking: u32,
-    /// Points that slip.
-    pub slipping: u32,
 }
 
 /// A spring and a damper from vertices to a moving pose.

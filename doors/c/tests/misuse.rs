@@ -72,8 +72,8 @@ fn null_is_an_argument_everywhere() {
         sinew_tool_move(none, 0, null(), null(), 0.0, 0);
         sinew_tool_move(sim, 0, null(), null(), 0.0, 0);
         sinew_tool_grip(none, 0, 1);
-        sinew_tool_feel(none, 0, null_mut());
-        sinew_tool_feel(sim, 0, null_mut());
+        sinew_read_tool_report(none, 0, null_mut());
+        sinew_read_tool_report(sim, 0, null_mut());
         sinew_tool_parts(none, 0, null_mut(), 0, null_mut());
         sinew_contact_add(none, null(), 0, 0, 0.0, null_mut());
         sinew_contact_add(sim, null(), 0, 0, 0.0, null_mut());
@@ -164,7 +164,7 @@ fn wrong_handles_are_told() {
             sinew_pressure_add(sim, handle, name.as_ptr(), [0, 1, 2].as_ptr(), 1, 1.0, &mut wide);
             sinew_tool_move(sim, handle, xyz.as_ptr(), null(), 0.0, 0);
             sinew_tool_grip(sim, handle, 1);
-            sinew_tool_feel(sim, handle, &mut report);
+            sinew_read_tool_report(sim, handle, &mut report);
             sinew_tool_parts(sim, handle, null_mut(), 0, &mut number);
             sinew_contact_add(sim, name.as_ptr(), handle, slab.body, 0.0, &mut wide);
             sinew_contact_force(sim, handle, xyz.as_mut_ptr(), null_mut());
@@ -207,14 +207,18 @@ fn wrong_sizes_of_structures_are_told() {
             sinew_constraint_add(slab.sim, slab.body, &constraint, &mut handle);
             sinew_tool_add(slab.sim, &tool, &mut handle);
             sinew_tool_add(slab.sim, &held, &mut handle);
-            sinew_tool_feel(slab.sim, 0, &mut report);
+            sinew_read_tool_report(slab.sim, 0, &mut report);
             sinew_pull_add(slab.sim, slab.body, &pull, &mut handle);
             sinew_pick(slab.sim, [0.0; 3].as_ptr(), [1.0; 3].as_ptr(), &mut pick);
             sinew_remove_elements(slab.sim, slab.body, &region, null_mut());
         }
         for (function, status) in table {
             assert_eq!(status, SINEW_ARGUMENT, "{function}: {}", said());
-            assert!(said().contains(&format!("its struct_size is {size}; in ABI 1")), "{}", said());
+            assert!(
+                said().contains(&format!("its struct_size is {size}; in ABI {SINEW_ABI}")),
+                "{}",
+                said()
+            );
         }
         assert!(sim.is_null() && mesh.is_null() && handle == 0);
     }

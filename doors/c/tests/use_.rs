@@ -232,7 +232,7 @@ fn tools_contacts_and_pulls_are_felt() {
         sized!(sinew_part { shape: SINEW_CLOSED_MESH, mesh: slab.mesh, at: [0.0, 0.0, 0.5] }),
     ];
     let tool = sized!(sinew_tool {
-        flags: SINEW_LOCAL_STIFFNESS,
+        flags: SINEW_LOCAL_STIFFNESS | SINEW_ERROR_BAR,
         name: ball.as_ptr(),
         parts: parts.as_ptr(),
         part_count: 3,
@@ -251,9 +251,14 @@ fn tools_contacts_and_pulls_are_felt() {
             ok(sinew_tool_move(sim, handle, at.as_ptr(), null(), 0.0, 0));
             ok(sinew_step(sim, 1));
         }
-        ok(sinew_tool_feel(sim, handle, &mut report));
+        ok(sinew_read_tool_report(sim, handle, &mut report));
         assert!(report.force[2] > 0.05 && report.depth > 0.0 && report.local_stiffness[8] != 0.0);
         assert!((report.position[2] - 0.062).abs() < 1e-12);
+        // 0.3 mm in a step of 10 ms
+        assert!((report.velocity[2] + 0.03).abs() < 1e-12 && report.angular_velocity == [0.0; 3]);
+        assert!(report.energy > 0.0 && report.drawn_in == 0.0);
+        let (own, others) = (report.force[2], report.other_points[2]);
+        assert!(others > 0.2 * own && others < 5.0 * own && others != own, "{own} {others}");
         ok(sinew_tool_parts(sim, handle, felt.as_mut_ptr(), 3, &mut needed));
         assert_eq!((needed, report.parts, felt[1].force), (3, 3, [0.0; 3]));
         assert_eq!(felt[0].force, report.force);
@@ -262,7 +267,7 @@ fn tools_contacts_and_pulls_are_felt() {
         ok(sinew_tool_grip(sim, handle, 1));
         ok(sinew_tool_move(sim, handle, [0.0, 0.0, 9.0].as_ptr(), null(), 0.0, 1));
         ok(sinew_step(sim, 1));
-        ok(sinew_tool_feel(sim, handle, &mut report));
+        ok(sinew_read_tool_report(sim, handle, &mut report));
         assert_eq!(report.force, [0.0; 3]);
 
         ok(sinew_pick(sim, [0.05, 0.04, 1.0].as_ptr(), [0.0, 0.0, -1.0].as_ptr(), &mut pick));

@@ -5,6 +5,7 @@ use crate::error::{InputError, Result};
 use crate::handle::{Handle, Kind, Target};
 use crate::mesh::{group, in_range, vectors_of};
 use glam::DVec3;
+use serde::Deserialize;
 use sinew::engine::connectivity::ElementKind;
 use sinew::engine::mesh::{CheckOptions, Mesh, check};
 use sinew::engine::surface::SurfaceReader;
@@ -17,6 +18,7 @@ use sinew::simulation::{BodyHandle, MaterialChange, Simulation};
 use sinew_scene::assemble::{
     BuiltBody, BuiltMembrane, body_mass, count_membrane_vertices, warn_of_findings,
 };
+use std::borrow::Cow;
 use std::collections::HashSet;
 
 /// Vectors of a body in the user's order, as of an epoch.
@@ -26,31 +28,23 @@ struct Buffer {
     values: Vec<[f64; 3]>,
 }
 
-/// What a body lends out.
-#[derive(Clone, Debug)]
+/// What a body lends out; everything is sized and filled when it is asked for.
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Buffers {
     /// Positions, displacements, velocities.
     vectors: [Buffer; 3],
     surface: Vec<[u32; 3]>,
     revision: u64,
     /// Count of removals that the surface is of.
-    changes: u64,
+    changes: Option<u64>,
     /// The epoch in which the count was looked at.
     looked: u64,
 }
 
 impl Buffers {
-    pub fn new(mesh: &Mesh) -> Self {
-        let rest = mesh.points.iter().map(|x| x.to_array()).collect();
-        let zero = || Buffer { epoch: 0, values: vec![[0.0; 3]; mesh.points.len()] };
-        // vertices that no element ever used keep their place
-        let vectors = [Buffer { epoch: 0, values: rest }, zero(), zero()];
-        Self { vectors, surface: Vec::new(), revision: 0, changes: u64::MAX, looked: 0 }
-    }
-
     /// Has the surface looked at anew.
     pub fn forget_surface(&mut self) {
-        (self.changes, self.looked) = (u64::MAX, 0);
+        (self.changes, self.looked) = (None, 0);
     }
 }
 
@@ -64,26 +58,59 @@ pub struct Surface<'a> {
     pub revision: u64,
 }
 
-/// Which vectors.
+/// What can be read of a body; the numbers never change.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Deserialize)]
+#[serde(rename_all = "snake_case")]
+#[repr(u32)]
+pub enum Quantity {
+    /// [`Embedding::positions`].
+    Positions = 0,
+    /// [`Embedding::displacements`].
+    Displacements = 1,
+    /// [`Embedding::velocities`].
+    Velocities = 2,
+    /// [`Embedding::elastic_forces`].
+    ElasticForces = 3,
+    /// [`Embedding::external_forces`].
+    ExternalForces = 4,
+    /// [`Embedding::contact_forces`].
+    ContactForces = 5,
+    /// [`Embedding::contact_pressures`].
+    ContactPressures = 6,
+    /// [`Embedding::masses`].
+    Masses = 7,
+    /// [`Embedding::volume_ratios`].
+    VolumeRatios = 8,
+    /// [`Embedding::area_ratios`].
+    AreaRatios = 9,
+}
+
+impl Quantity {
+    /// That of a number.
+    pub fn of(number: u32) -> Option<Self> {
+        use Quantity::*;
+        let all = [
+            Positions,
+            Displacements,
+            Velocities,
+            ElasticForces,
+            ExternalForces,
+            ContactForces,
+            ContactPressures,
+            Masses,
+            VolumeRatios,
+            AreaRatios,
+        ];
+        all.into_iter().find(|own| *own as u32 == number)
+    }
+}
+
+/// Which vectors are kept in buffers.
 #[derive(Clone, Copy, Debug)]
-enum Quantity {
+enum Kept {
     Position = 0,
     Displacement = 1,
     Velocity = 2,
-}
-
-/// Calls `with` with every vector of a body.
-fn each(
-    simulation: &mut Simulation,
-    body: usize,
-    quantity: Quantity,
-    with: impl FnMut(usize, DVec3),
-) {
-    match quantity {
-        Quantity::Position => simulation.each_position(BodyHandle(body), with),
-        Quantity::Displacement => simulation.each_displacement(BodyHandle(body), with),
-        Quantity::Velocity => simulation.each_velocity(BodyHandle(body), with),
-    }
 }
 
 impl Embedding {
@@ -131,7 +158,7 @@ impl Embedding {
         let mass = body_mass(&own, &checked, membrane.as_ref(), || simulation.masses(handle));
         let (report, used_vertices) = (checked.report, checked.used_vertices);
         warn_of_findings(name, &report, material, locks, &mut self.built.warnings);
-        self.buffers.push(Buffers::new(&checked.mesh));
+        self.buffers.push(Buffers::default());
         self.built.bodies.push(BuiltBody {
             name: name.into(),
             handle,
@@ -161,17 +188,12 @@ impl Embedding {
     }
 
     /// The mesh of a body, in place and repaired.
-    ///
-    /// # Errors
-    /// When there is no such body.
     pub fn mesh(&self, body: Handle) -> Result<&Mesh> {
         Ok(&self.built.bodies[self.body(body)?].mesh)
     }
 
-    /// Number of vertices of its mesh: length of every list of vertices.
-    ///
-    /// # Errors
-    /// When there is no such body.
+    /// Number of vertices of its mesh: length of every list of vertices. It may grow: ask again when the revision of
+    /// [`Embedding::surface`] is another one.
     pub fn vertex_count(&self, body: Handle) -> Result<usize> {
         Ok(self.mesh(body)?.points.len())
     }
@@ -185,91 +207,66 @@ impl Embedding {
     }
 
     /// Names of its groups.
-    ///
-    /// # Errors
-    /// When there is no such body.
     pub fn groups(&self, body: Handle) -> Result<Vec<String>> {
         Ok(self.mesh(body)?.groups.iter().map(|g| g.name.clone()).collect())
     }
 
-    fn buffer(&mut self, body: Handle, quantity: Quantity) -> Result<&[[f64; 3]]> {
+    fn buffer(&mut self, body: Handle, kept: Kept) -> Result<&[[f64; 3]]> {
         let (body, epoch) = (self.body(body)?, self.epoch);
-        let Buffer { epoch: of, values } = &mut self.buffers[body].vectors[quantity as usize];
+        let Buffer { epoch: of, values } = &mut self.buffers[body].vectors[kept as usize];
         if *of != epoch {
-            each(&mut self.built.simulation, body, quantity, |vertex, x| {
-                values[vertex] = x.to_array();
-            });
+            let points = &self.built.bodies[body].mesh.points;
+            if values.len() != points.len() {
+                // vertices that no element ever used stay as they are here
+                let rest = |x: &DVec3| match kept {
+                    Kept::Position => x.to_array(),
+                    Kept::Displacement | Kept::Velocity => [0.0; 3],
+                };
+                values.clear();
+                values.extend(points.iter().map(rest));
+            }
+            let simulation = &mut self.built.simulation;
+            let set = |vertex: usize, x: DVec3| values[vertex] = x.to_array();
+            match kept {
+                Kept::Position => simulation.each_position(BodyHandle(body), set),
+                Kept::Displacement => simulation.each_displacement(BodyHandle(body), set),
+                Kept::Velocity => simulation.each_velocity(BodyHandle(body), set),
+            }
             *of = epoch;
         }
         Ok(values)
     }
 
+    /// Numbers of a body in the order of its mesh: three a vertex for vectors, else one a vertex or an element.
+    pub fn numbers(&mut self, body: Handle, quantity: Quantity) -> Result<Cow<'_, [f64]>> {
+        let vectors = |own: Vec<[f64; 3]>| Cow::Owned(own.into_flattened());
+        Ok(match quantity {
+            Quantity::Positions => Cow::Borrowed(self.positions(body)?.as_flattened()),
+            Quantity::Displacements => Cow::Borrowed(self.displacements(body)?.as_flattened()),
+            Quantity::Velocities => Cow::Borrowed(self.velocities(body)?.as_flattened()),
+            Quantity::ElasticForces => vectors(self.elastic_forces(body)?),
+            Quantity::ExternalForces => vectors(self.external_forces(body)?),
+            Quantity::ContactForces => vectors(self.contact_forces(body)?),
+            Quantity::ContactPressures => self.contact_pressures(body)?.into(),
+            Quantity::Masses => self.masses(body)?.into(),
+            Quantity::VolumeRatios => self.volume_ratios(body)?.into(),
+            Quantity::AreaRatios => self.area_ratios(body)?.into(),
+        })
+    }
+
     /// Deformed positions (m) of all vertices of the mesh; those that no element ever used stay where they were.
-    ///
-    /// # Errors
-    /// When there is no such body.
     pub fn positions(&mut self, body: Handle) -> Result<&[[f64; 3]]> {
-        self.buffer(body, Quantity::Position)
+        self.buffer(body, Kept::Position)
     }
 
     /// Displacements (m), likewise.
-    ///
-    /// # Errors
-    /// When there is no such body.
     pub fn displacements(&mut self, body: Handle) -> Result<&[[f64; 3]]> {
-        self.buffer(body, Quantity::Displacement)
+        self.buffer(body, Kept::Displacement)
     }
 
     /// Velocities (m/s), likewise.
-    ///
-    /// # Errors
-    /// When there is no such body.
     pub fn velocities(&mut self, body: Handle) -> Result<&[[f64; 3]]> {
-        self.buffer(body, Quantity::Velocity)
-    }
-
-    fn read(&mut self, body: Handle, quantity: Quantity, out: &mut [f64]) -> Result<()> {
-        let body = self.body(body)?;
-        let mesh = &self.built.bodies[body].mesh;
-        let (given, needed) = (out.len(), 3 * mesh.points.len());
-        let (rows, _) = out.as_chunks_mut::<3>();
-        if given != needed {
-            let expected = format!("3 x {}", mesh.points.len());
-            return Err(InputError::Count { what: "buffer", given, expected }.into());
-        }
-        if self.built.bodies[body].used_vertices.len() < rows.len() {
-            let rest = mesh.points.iter().map(|x| match quantity {
-                Quantity::Position => x.to_array(),
-                _ => [0.0; 3],
-            });
-            rows.iter_mut().zip(rest).for_each(|(row, rest)| *row = rest);
-        }
-        each(&mut self.built.simulation, body, quantity, |vertex, x| rows[vertex] = x.to_array());
-        Ok(())
-    }
-
-    /// Writes positions (m) into memory of the caller, three numbers a vertex.
-    ///
-    /// # Errors
-    /// When there is no such body, or the length does not fit.
-    pub fn read_positions(&mut self, body: Handle, out: &mut [f64]) -> Result<()> {
-        self.read(body, Quantity::Position, out)
-    }
-
-    /// Writes displacements (m), likewise.
-    ///
-    /// # Errors
-    /// As [`Embedding::read_positions`].
-    pub fn read_displacements(&mut self, body: Handle, out: &mut [f64]) -> Result<()> {
-        self.read(body, Quantity::Displacement, out)
-    }
-
-    /// Writes velocities (m/s), likewise.
-    ///
-    /// # Errors
-    /// As [`Embedding::read_positions`].
-    pub fn read_velocities(&mut self, body: Handle, out: &mut [f64]) -> Result<()> {
-        self.read(body, Quantity::Velocity, out)
+        self.buffer(body, Kept::Velocity)
     }
 
     /// Writes positions (m) as three `f32` a vertex into a vertex buffer of a host: that of vertex `i` begins at byte `i *
@@ -318,18 +315,12 @@ impl Embedding {
     }
 
     /// Masses (kg) of its vertices.
-    ///
-    /// # Errors
-    /// When there is no such body.
     pub fn masses(&mut self, body: Handle) -> Result<Vec<f64>> {
         let body = BodyHandle(self.body(body)?);
         Ok(self.built.simulation.masses(body))
     }
 
     /// Elastic forces (N) on its vertices at the state as it is.
-    ///
-    /// # Errors
-    /// When there is no such body.
     pub fn elastic_forces(&mut self, body: Handle) -> Result<Vec<[f64; 3]>> {
         let body = BodyHandle(self.body(body)?);
         self.evaluate();
@@ -337,69 +328,48 @@ impl Embedding {
     }
 
     /// Forces (N) of gravity and loads on its vertices in the last step.
-    ///
-    /// # Errors
-    /// When there is no such body.
     pub fn external_forces(&mut self, body: Handle) -> Result<Vec<[f64; 3]>> {
         let body = BodyHandle(self.body(body)?);
         Ok(arrays(self.built.simulation.external_forces(body)))
     }
 
     /// Forces (N) of tools, contact and pulls on its vertices at the end of the last step.
-    ///
-    /// # Errors
-    /// When there is no such body.
     pub fn contact_forces(&self, body: Handle) -> Result<Vec<[f64; 3]>> {
         Ok(arrays(self.built.simulation.contact_forces(BodyHandle(self.body(body)?))))
     }
 
     /// Pressures (Pa) of contact at its vertices at the end of the last step.
-    ///
-    /// # Errors
-    /// When there is no such body.
     pub fn contact_pressures(&self, body: Handle) -> Result<Vec<f64>> {
         Ok(self.built.simulation.contact_pressures(BodyHandle(self.body(body)?)))
     }
 
     /// Volume (m^3) of its solid elements as they are; inverted ones count negative.
-    ///
-    /// # Errors
-    /// When there is no such body.
     pub fn volume(&mut self, body: Handle) -> Result<f64> {
         let body = BodyHandle(self.body(body)?);
         Ok(self.built.simulation.volume(body))
     }
 
     /// Volume over that at rest of every tetrahedron, then of every hexahedron (the smallest of its Gauss points).
-    ///
-    /// # Errors
-    /// When there is no such body.
     pub fn volume_ratios(&mut self, body: Handle) -> Result<Vec<f64>> {
         let body = BodyHandle(self.body(body)?);
         Ok(self.built.simulation.volume_ratios(body))
     }
 
     /// Area over that at rest of every triangle of its membrane, then of every quadrilateral.
-    ///
-    /// # Errors
-    /// When there is no such body.
     pub fn area_ratios(&mut self, body: Handle) -> Result<Vec<f64>> {
         let body = BodyHandle(self.body(body)?);
         Ok(self.built.simulation.area_ratios(body))
     }
 
     /// Triangles to draw it by. They are made anew only after removals.
-    ///
-    /// # Errors
-    /// When there is no such body.
     pub fn surface(&mut self, body: Handle) -> Result<Surface<'_>> {
         let (body, epoch) = (self.body(body)?, self.epoch);
         let own = &mut self.buffers[body];
         if own.looked != epoch {
             own.looked = epoch;
             let rows = &self.built.simulation.topology().bodies[body];
-            if rows.changes != own.changes {
-                own.changes = rows.changes;
+            if Some(rows.changes) != own.changes {
+                own.changes = Some(rows.changes);
                 let triangles = outside(&mut self.built.simulation, body);
                 if own.revision == 0 || triangles != own.surface {
                     own.surface = triangles;
@@ -411,17 +381,11 @@ impl Embedding {
     }
 
     /// Elements of a kind that are left, by their indices in the mesh, ascending.
-    ///
-    /// # Errors
-    /// When there is no such body.
     pub fn remaining(&self, body: Handle, kind: ElementKind) -> Result<Vec<u32>> {
         Ok(self.built.simulation.remaining(BodyHandle(self.body(body)?), kind))
     }
 
     /// Its material: constants, and what replaces them element by element.
-    ///
-    /// # Errors
-    /// When there is no such body.
     pub fn material(&mut self, body: Handle) -> Result<(YoungPoisson, MaterialArrays)> {
         let index = self.body(body)?;
         let world = self.built.simulation.world_mut();
@@ -492,21 +456,8 @@ fn membrane(
     let count = mesh.points.len();
     in_range("triangles of the membrane", cells.triangles.as_flattened(), count)?;
     in_range("quadrilaterals of the membrane", cells.quads.as_flattened(), count)?;
-    let twice = |corners: &[u32]| {
-        let sides = (0..corners.len()).map(|i| {
-            let [a, b] = [corners[i], corners[(i + 1) % corners.len()]];
-            mesh.points[a as usize].cross(mesh.points[b as usize])
-        });
-        sides.sum::<DVec3>().length()
-    };
-    let areas =
-        cells.triangles.iter().map(|t| twice(t)).chain(cells.quads.iter().map(|q| twice(q)));
-    Ok(BuiltMembrane {
-        area: 0.5 * areas.sum::<f64>(),
-        triangles: cells.triangles.to_vec(),
-        quads: cells.quads.to_vec(),
-        settings,
-    })
+    let (triangles, quads) = (cells.triangles.to_vec(), cells.quads.to_vec());
+    Ok(BuiltMembrane::new(mesh, triangles, quads, settings))
 }
 
 /// Triangles of the outside of a body in the user's order; see [`Surface`].

@@ -85,6 +85,8 @@ pub struct Energy {
 }
 
 /// A simulation, its handles and its buffers. It may be moved to another thread.
+///
+/// Every function that takes a handle fails when there is no such thing; its document says what else may be wrong.
 pub struct Embedding {
     pub(crate) built: BuiltScene,
     scene: Option<String>,
@@ -195,7 +197,7 @@ impl Embedding {
         let mut buffers = Vec::new();
         for body in &built.bodies {
             handles.add(Kind::Body, &body.name, Target::Body(body.handle.0));
-            buffers.push(Buffers::new(&body.mesh));
+            buffers.push(Buffers::default());
         }
         let mut entities = |kind: Kind, of: Vec<(&String, Entity)>| {
             for (name, entity) in of {

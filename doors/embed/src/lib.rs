@@ -37,7 +37,7 @@ mod snapshot;
 mod touch;
 
 pub use act::{ConstraintSpec, Wrench};
-pub use body::Surface;
+pub use body::{Quantity, Surface};
 pub use choice::{choice, preset, solver_settings, spring_rule};
 pub use embedding::{Embedding, Energy, Options, Overrides, Report};
 pub use error::{Code, EmbedError, InputError, Result};

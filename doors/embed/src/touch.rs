@@ -93,9 +93,6 @@ impl Embedding {
     }
 
     /// Whether what touches a tool sticks to it, however little it is pressed.
-    ///
-    /// # Errors
-    /// When there is no such tool.
     pub fn set_grip(&mut self, tool: Handle, grip: bool) -> Result<()> {
         let entity = self.touching(tool, Kind::Tool)?;
         if let Some(mut tool) = self.built.simulation.world_mut().get_mut::<Tool>(entity) {
@@ -109,9 +106,6 @@ impl Embedding {
     }
 
     /// What a tool and its parts felt in the last step.
-    ///
-    /// # Errors
-    /// When there is no such tool.
     pub fn tool_report(&self, tool: Handle) -> Result<ToolReport> {
         let entity = self.touching(tool, Kind::Tool)?;
         let own = self.built.tools.iter().find(|own| own.entity == entity);
@@ -145,9 +139,6 @@ impl Embedding {
     }
 
     /// What two bodies did to each other in the last step.
-    ///
-    /// # Errors
-    /// When there is no such contact.
     pub fn contact_report(&self, contact: Handle) -> Result<BodyContactReport> {
         let entity = self.touching(contact, Kind::Contact)?;
         Ok(self.built.simulation.body_contact_report(entity).copied().unwrap_or_default())
@@ -197,9 +188,6 @@ impl Embedding {
     }
 
     /// What a pull did in the last step; nothing while one of a scene does not act.
-    ///
-    /// # Errors
-    /// When there is no such pull.
     pub fn pull_report(&self, pull: Handle) -> Result<PullReport> {
         let simulation = &self.built.simulation;
         Ok(match self.handles.get(pull, Kind::Pull)? {

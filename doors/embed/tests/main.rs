@@ -3,6 +3,7 @@
 mod bodies;
 mod doors;
 mod errors;
+mod lists;
 mod scenes;
 mod snapshots;
 

@@ -8,45 +8,13 @@ use crate::error::{panic_text, raise, raise_at};
 use numpy::prelude::*;
 use numpy::{PyArray2, PyArrayDyn};
 use pyo3::prelude::*;
-use sinew_embed::{Code, EmbedError, Embedding, Handle, Result};
+use sinew_embed::{Code, EmbedError, Embedding, Handle, Quantity, Result, choice};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 /// How long steps go on before signals are looked at.
 pub const TURN: Duration = Duration::from_millis(10);
-
-/// Which vectors of a body.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Quantity {
-    Position,
-    Displacement,
-    Velocity,
-}
-
-impl Quantity {
-    pub fn of(name: &str) -> Result<Self> {
-        Ok(match name {
-            "positions" => Self::Position,
-            "displacements" => Self::Displacement,
-            "velocities" => Self::Velocity,
-            _ => {
-                let text = format!(
-                    "unknown quantity `{name}`; it can be positions, displacements or velocities"
-                );
-                return Err(EmbedError::new(Code::Argument, text));
-            }
-        })
-    }
-
-    fn read(self, engine: &mut Embedding, body: Handle, out: &mut [f64]) -> Result<()> {
-        match self {
-            Self::Position => engine.read_positions(body, out),
-            Self::Displacement => engine.read_displacements(body, out),
-            Self::Velocity => engine.read_velocities(body, out),
-        }
-    }
-}
 
 /// An array that somebody asked for, and the view of it that was given out.
 struct View {
@@ -190,10 +158,15 @@ impl Shared {
         }
         let epoch = own.epoch();
         let mut views = lock(&self.views);
+        // arrays of a body that has got more vertices are made anew when somebody asks
+        views.retain(|view| {
+            let (count, body) = (view.base.bind(py).len() / 3, view.body);
+            view.epoch == epoch || own.vertex_count(body).is_ok_and(|now| now == count)
+        });
         for view in views.iter_mut().filter(|view| view.epoch != epoch) {
             let mut out = view.base.bind(py).try_readwrite()?;
             let (body, quantity, out) = (view.body, view.quantity, out.as_slice_mut()?);
-            guarded(own, |own| quantity.read(own, body, out)).map_err(raise)?;
+            guarded(own, |own| read(own, body, quantity, out)).map_err(raise)?;
             view.epoch = epoch;
         }
         Ok(())
@@ -236,7 +209,7 @@ impl Shared {
         {
             let mut out = base.readwrite();
             let out = out.as_slice_mut()?;
-            guarded(own, |own| quantity.read(own, body, out)).map_err(raise)?;
+            guarded(own, |own| read(own, body, quantity, out)).map_err(raise)?;
         }
         let view = base.call_method0("view")?;
         view.getattr("flags")?.setattr("writeable", false)?;
@@ -257,6 +230,23 @@ impl Shared {
         };
         rows3(py, numbers).map(|copy| copy.into_any().unbind())
     }
+}
+
+/// Which vectors of a body are refreshed, by their name.
+pub fn refreshed(name: &str) -> Result<Quantity> {
+    let known = choice("quantity", name)?;
+    match known {
+        Quantity::Positions | Quantity::Displacements | Quantity::Velocities => Ok(known),
+        _ => Err(EmbedError::new(
+            Code::Argument,
+            format!("`{name}` is no view; it can be positions, displacements or velocities"),
+        )),
+    }
+}
+
+fn read(own: &mut Embedding, body: Handle, quantity: Quantity, out: &mut [f64]) -> Result<()> {
+    out.copy_from_slice(&own.numbers(body, quantity)?);
+    Ok(())
 }
 
 /// An array of shape (n, 3).

@@ -7,7 +7,6 @@ mod engine;
 mod error;
 mod input;
 mod mesh;
-mod report;
 mod simulation;
 
 use pyo3::prelude::*;

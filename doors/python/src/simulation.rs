@@ -1,10 +1,9 @@
 //! The doors of a simulation, by handles. `package/sinew/_simulation.py` makes objects of them.
 
-use crate::engine::{Quantity, Shared, guarded, rows3};
+use crate::engine::{Shared, guarded, refreshed};
 use crate::error::{panic_text, raise};
 use crate::input::*;
 use crate::mesh::Mesh;
-use crate::report;
 use numpy::prelude::*;
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
@@ -59,26 +58,20 @@ struct Choices {
 
 impl Choices {
     fn overrides(&self) -> Result<Overrides> {
-        let named = |own: &Option<String>| own.as_deref().map(str::to_owned);
-        let precision = named(&self.precision)
-            .map(|name| choice::<PrecisionName>("precision", &name).map(Into::into));
-        let backend = named(&self.backend)
-            .map(|name| choice::<BackendName>("backend", &name).map(Into::into));
-        let executor = named(&self.executor)
-            .map(|name| choice::<ExecutorName>("executor", &name).map(Into::into));
+        fn named<T: DeserializeOwned>(
+            kind: &'static str,
+            own: &Option<String>,
+        ) -> Result<Option<T>> {
+            own.as_deref().map(|name| choice(kind, name)).transpose()
+        }
         Ok(Overrides {
-            precision: precision.transpose()?,
-            backend: backend.transpose()?,
+            precision: named::<PrecisionName>("precision", &self.precision)?.map(Into::into),
+            backend: named::<BackendName>("backend", &self.backend)?.map(Into::into),
             threads: self.threads,
-            executor: executor.transpose()?,
-            instruction_set: self.set()?,
+            executor: named::<ExecutorName>("executor", &self.executor)?.map(Into::into),
+            instruction_set: named("instruction set", &self.instruction_set)?,
             steps: self.steps,
         })
-    }
-
-    fn set(&self) -> Result<Option<InstructionSet>> {
-        let named = |name| choice("instruction set", name);
-        self.instruction_set.as_deref().map(named).transpose()
     }
 }
 
@@ -91,6 +84,10 @@ fn files(read: Py<PyAny>) -> impl Fn(&str) -> io::Result<Vec<u8>> + Send + Sync 
             Ok(bytes.as_bytes().to_vec())
         })
     }
+}
+
+fn json(own: &impl serde::Serialize) -> String {
+    serde_json::to_string(own).unwrap_or_default()
 }
 
 fn kind(name: &str) -> Result<Kind> {
@@ -298,7 +295,7 @@ impl Engine {
 
     /// Settings of the solver as JSON.
     fn solver(&self, py: Python<'_>) -> PyResult<String> {
-        self.0.read(py, |own| Ok(serde_json::to_string(own.solver()).unwrap_or_default()))
+        self.0.read(py, |own| Ok(json(own.solver())))
     }
 
     /// Settings of the solver from TOML or JSON.
@@ -363,12 +360,12 @@ impl Engine {
 
     /// The array of a body that is refreshed: positions, displacements or velocities.
     fn view(&self, py: Python<'_>, body: Handle, quantity: &str) -> PyResult<Py<PyAny>> {
-        self.0.view(py, body, Quantity::of(quantity).map_err(raise)?)
+        self.0.view(py, body, refreshed(quantity).map_err(raise)?)
     }
 
     /// A copy of it.
     fn copy(&self, py: Python<'_>, body: Handle, quantity: &str) -> PyResult<Py<PyAny>> {
-        self.0.copy(py, body, Quantity::of(quantity).map_err(raise)?)
+        self.0.copy(py, body, refreshed(quantity).map_err(raise)?)
     }
 
     fn set_state(
@@ -381,37 +378,17 @@ impl Engine {
         self.0.with(py, |own| own.set_state(body, &displacements.0, &velocities.0))
     }
 
-    /// A number for each vertex or element.
+    /// Numbers, three in a row for vectors.
     fn numbers<'py>(
         &self,
         py: Python<'py>,
         body: Handle,
         quantity: &str,
     ) -> PyResult<Bound<'py, PyArray1<f64>>> {
-        let numbers = self.0.with(py, |own| match quantity {
-            "masses" => own.masses(body),
-            "contact_pressures" => own.contact_pressures(body),
-            "volume_ratios" => own.volume_ratios(body),
-            "area_ratios" => own.area_ratios(body),
-            _ => Err(invalid(format!("unknown quantity `{quantity}`"))),
-        })?;
-        Ok(PyArray1::from_vec(py, numbers))
-    }
-
-    /// A vector for each vertex.
-    fn vectors<'py>(
-        &self,
-        py: Python<'py>,
-        body: Handle,
-        quantity: &str,
-    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let vectors = self.0.with(py, |own| match quantity {
-            "elastic_forces" => own.elastic_forces(body),
-            "external_forces" => own.external_forces(body),
-            "contact_forces" => own.contact_forces(body),
-            _ => Err(invalid(format!("unknown quantity `{quantity}`"))),
-        })?;
-        rows3(py, vectors.into_flattened())
+        let read = |own: &mut Embedding| {
+            Ok(own.numbers(body, choice("quantity", quantity)?)?.into_owned())
+        };
+        Ok(PyArray1::from_vec(py, self.0.with(py, read)?))
     }
 
     fn volume(&self, py: Python<'_>, body: Handle) -> PyResult<f64> {
@@ -492,7 +469,7 @@ impl Engine {
             let mass = choice("rule of mass", mass)?;
             own.remove_elements(body, region(of, list, &numbers)?, mass)
         })?;
-        Ok(serde_json::to_string(&report).unwrap_or_default())
+        Ok(json(&report))
     }
 
     fn set_activation(
@@ -586,8 +563,9 @@ impl Engine {
         self.0.with(py, |own| own.set_grip(tool, grip))
     }
 
-    fn tool_report<'py>(&self, py: Python<'py>, tool: Handle) -> PyResult<Bound<'py, PyDict>> {
-        report::tool(py, &self.0.read(py, |own| own.tool_report(tool))?)
+    /// What a tool felt, as JSON.
+    fn tool_report(&self, py: Python<'_>, tool: Handle) -> PyResult<String> {
+        self.0.read(py, |own| Ok(json(&own.tool_report(tool)?)))
     }
 
     fn add_contact(
@@ -601,12 +579,9 @@ impl Engine {
         self.0.with(py, |own| own.add_contact(name, bodies, friction, stiffness(&stiff)))
     }
 
-    fn contact_report<'py>(
-        &self,
-        py: Python<'py>,
-        contact: Handle,
-    ) -> PyResult<Bound<'py, PyDict>> {
-        report::contact(py, &self.0.read(py, |own| own.contact_report(contact))?)
+    /// What two bodies did to each other, as JSON.
+    fn contact_report(&self, py: Python<'_>, contact: Handle) -> PyResult<String> {
+        self.0.read(py, |own| Ok(json(&own.contact_report(contact)?)))
     }
 
     fn add_pull(
@@ -629,8 +604,9 @@ impl Engine {
         self.0.with(py, |own| own.move_pull(pull, pose(to)?))
     }
 
-    fn pull_report<'py>(&self, py: Python<'py>, pull: Handle) -> PyResult<Bound<'py, PyDict>> {
-        report::pull(py, &self.0.read(py, |own| own.pull_report(pull))?)
+    /// What a pull did, as JSON.
+    fn pull_report(&self, py: Python<'_>, pull: Handle) -> PyResult<String> {
+        self.0.read(py, |own| Ok(json(&own.pull_report(pull)?)))
     }
 
     /// Body, vertices, weights, point (m) and distance (m) of what a ray meets first.

@@ -1,6 +1,7 @@
 """Every door once."""
 
 import copy
+import dataclasses
 import json
 import os
 import pickle
@@ -72,17 +73,30 @@ def test_moved_turned_loaded_pressed(small):
 
 def test_tools_feel_what_bodies_feel():
     sim, body = block((6, 6, 4), gravity=(0, 0, 0))
-    ball = sim.add_tool("ball", sinew.Sphere(0.02), (0.05, 0.05, 0.081), friction=0.3)
-    for i in range(1, 41):
-        ball.move((0.05, 0.05, 0.081 - 0.0001 * i))
-        sim.step()
-    report = ball.report
+
+    def press(name, **own):
+        ball = sim.add_tool(name, sinew.Sphere(0.02), (0.05, 0.05, 0.081), **own)
+        for i in range(1, 41):
+            ball.move((0.05, 0.05, 0.081 - 0.0001 * i))
+            sim.step()
+        return ball, ball.report
+
+    ball, report = press("ball", friction=0.3)
     assert report.force[2] > 1e-3 and report.depth > 0 and report.area > 0
+    # 0.1 mm in a step
+    assert report.velocity == pytest.approx((0, 0, -0.0001 / sim.dt)) and not report.angular_velocity.any()
+    assert report.energy > 0 and report.drawn_in == 0 and report.other_points is None and report.local_stiffness is None
+    fields = {field.name for field in dataclasses.fields(report)}
+    assert fields == set(json.loads(sim._own.tool_report(ball.handle)))
     assert np.allclose(ball.force, report.force)
     assert np.allclose(body.contact_forces.sum(0), -report.force, rtol=1e-3, atol=1e-6)
     # of vertices: means over their share of the surface
     assert 0 < body.contact_pressures.max() <= report.pressure
     assert sim.report.contact.points > 0
+    ball.remove()
+    ball, report = press("again", error_bar=True, local_stiffness=True)
+    assert report.other_points.shape == (3,) and report.other_points[2] > 0 and report.local_stiffness.shape == (3, 3)
+    assert report.local_stiffness[2, 2] < 0
     ball.remove()
     jaws = [sinew.Part(sinew.Box((0.01, 0.002, 0.005), 0.001), (0.02, y, 0), jaw=j) for y, j in ((0.01, 0.5), (-0.01, -0.5))]
     grasper = sim.add_tool(
@@ -191,6 +205,8 @@ def test_state_can_be_set(small):
     body.set_state(np.zeros_like(u), np.zeros_like(v))
     assert not body.velocities.any()
     body.set_state(body.displacements, body.velocities)  # views of its own
+    with pytest.raises(sinew.ArgumentError, match="`masses` is no view"):
+        body.copy("masses")
     with pytest.raises(ZeroDivisionError), body.writable() as (u, v):
         u += 1.0
         1 / 0

@@ -9,7 +9,6 @@ use crate::error::SceneError;
 use crate::scene::{BodyEntry, Key, MembraneEntry, PreparedMesh, SpringMethod};
 use crate::springs::{Matter, Springs};
 use crate::warning::{Level, Warning};
-use glam::DVec3;
 use sinew::engine::mesh::check::Severity;
 use sinew::engine::mesh::{CheckOptions, CheckReport, CheckedMesh, FindingCode, Mesh, check};
 use sinew::models::body::lumped::{HexahedronSprings, SpringRule, UniformSprings};
@@ -294,17 +293,8 @@ fn membrane(
     if triangles.is_empty() && quads.is_empty() {
         return Err(key.value("it has no triangles and no quadrilaterals", "choose other ones"));
     }
-    let twice = |points: &[u32]| {
-        let sides = (0..points.len()).map(|i| {
-            let [a, b] = [points[i], points[(i + 1) % points.len()]];
-            mesh.points[a as usize].cross(mesh.points[b as usize])
-        });
-        sides.sum::<DVec3>().length()
-    };
-    let areas = triangles.iter().map(|t| twice(t)).chain(quads.iter().map(|q| twice(q)));
-    let area = 0.5 * areas.sum::<f64>();
     let springs = spring_rule(key, (entry.element_method, entry.spring_constant), None)?;
     let MembraneEntry { thickness, plane, model, evaluation, .. } = *entry;
     let settings = MembraneSettings { thickness, material, plane, model, evaluation, springs };
-    Ok(BuiltMembrane { triangles, quads, settings, area })
+    Ok(BuiltMembrane::new(mesh, triangles, quads, settings))
 }

@@ -55,6 +55,26 @@ pub struct BuiltMembrane {
     pub area: f64,
 }
 
+impl BuiltMembrane {
+    /// Of faces of a mesh.
+    pub fn new(
+        mesh: &Mesh,
+        triangles: Vec<[u32; 3]>,
+        quads: Vec<[u32; 4]>,
+        settings: MembraneSettings,
+    ) -> Self {
+        let twice = |corners: &[u32]| {
+            let sides = (0..corners.len()).map(|i| {
+                let [a, b] = [corners[i], corners[(i + 1) % corners.len()]];
+                mesh.points[a as usize].cross(mesh.points[b as usize])
+            });
+            sides.sum::<DVec3>().length()
+        };
+        let areas = triangles.iter().map(|t| twice(t)).chain(quads.iter().map(|q| twice(q)));
+        Self { area: 0.5 * areas.sum::<f64>(), triangles, quads, settings }
+    }
+}
+
 impl BuiltBody {
     /// Triangles of its membrane, none without one.
     pub fn membrane_triangles(&self) -> &[[u32; 3]] {

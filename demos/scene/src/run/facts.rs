@@ -5,8 +5,8 @@ use crate::assemble::{BuiltBody, BuiltScene};
 use crate::scene::{LoadedScene, Mode};
 use crate::summary::{
     AxesSummary, BodySummary, ConstraintSummary, LoadSummary, Machine, MembraneSummary,
-    PressureSummary, RunSettings, RunSummary, RunTiming, SCHEMA, SceneSummary, Stage,
-    SystemSummary, Versions, Warning,
+    PressureSummary, RunSettings, RunSummary, RunTiming, SCHEMA, SceneSummary, SolverSummary,
+    Stage, SystemSummary, Versions, Warning,
 };
 use sinew::engine::report::SystemTimes;
 use sinew::engine::schedule::Executor;
@@ -85,7 +85,7 @@ impl RunFacts<'_> {
             final_probes,
             timing,
             gpu: totals.gpu,
-            solver: totals.solver,
+            solver: SolverSummary { totals: totals.sums, figures: totals.solver },
             energy: totals.energy,
             volume: totals.volume,
             warnings,

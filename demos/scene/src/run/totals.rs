@@ -2,10 +2,10 @@
 
 use crate::assemble::BuiltScene;
 use crate::summary::{
-    EnergySummary, GpuSummary, SolverSummary, StepTimes, TouchSummary, VolumeSummary,
+    EnergySummary, GpuSummary, SolverFigures, StepTimes, TouchSummary, VolumeSummary,
 };
 use serde::{Deserialize, Serialize};
-use sinew::engine::report::StepReport;
+use sinew::engine::report::{StepReport, StepTotals};
 use sinew::simulation::Simulation;
 
 /// Sums over the steps.
@@ -13,7 +13,8 @@ use sinew::simulation::Simulation;
 pub(super) struct Totals {
     /// Host times of all steps.
     pub step_times: StepTimes,
-    pub solver: SolverSummary,
+    pub sums: StepTotals,
+    pub solver: SolverFigures,
     pub energy: EnergySummary,
     pub volume: VolumeSummary,
     /// Largest reaction (N) of every constraint that a probe looks at.
@@ -80,18 +81,10 @@ impl Totals {
     }
 
     fn add(&mut self, report: &StepReport) {
+        self.sums.add(report);
         let s = &mut self.solver;
-        macro_rules! sums {
-            ($($figure:ident)*) => { $(s.$figure += u64::from(report.$figure);)* };
-        }
-        sums! { cg_iterations newton_iterations evaluations cg_caps preconditioner_refreshes }
-        sums! { preconditioner_breakdowns precision_fallbacks gradient_fallbacks projections }
-        sums! { backtracks line_search_failures energy_caps recovering }
-        sums! { load_partings second_order_steps substeps refinements }
-        sums! { recoveries_refused recoveries_given_up }
         s.recovering_final = report.recovering;
         s.halted_steps += u64::from(report.line_search_failures + report.gradient_fallbacks > 0);
-        s.clamped_elements += report.clamped_elements;
         s.unconverged_steps += u64::from(report.unconverged);
         s.cg_iterations_max = s.cg_iterations_max.max(report.cg_iterations);
         s.newton_iterations_max = s.newton_iterations_max.max(report.newton_iterations);

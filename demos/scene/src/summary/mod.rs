@@ -9,6 +9,7 @@ pub use touch::{ForceSummary, PairSummary, PullSummary, ToolSummary, TouchEnergy
 
 use crate::assemble::ResectionSummary;
 use serde::{Deserialize, Serialize};
+use sinew::engine::report::StepTotals;
 use sinew::models::axes::description::{AxesDescription, AxisForm};
 use sinew::models::body::lumped::SpringRule;
 use sinew::models::body::sheet::MembraneModel;
@@ -488,19 +489,24 @@ pub struct Stage {
     pub share: f64,
 }
 
-/// Work and accuracy of the solver over a run.
-#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+/// Work and accuracy of the solver over a run; in JSON all figures stand side by side.
+#[derive(Clone, Debug, Default, Serialize)]
 pub struct SolverSummary {
-    /// Conjugate-gradient iterations.
-    pub cg_iterations: u64,
-    /// Most in one step.
+    /// Sums.
+    #[serde(flatten)]
+    pub totals: StepTotals,
+    /// What is no sum.
+    #[serde(flatten)]
+    pub figures: SolverFigures,
+}
+
+/// Largest, mean and last figures of the solver over a run, and counts of steps.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub struct SolverFigures {
+    /// Most conjugate-gradient iterations in one step.
     pub cg_iterations_max: u32,
-    /// Newton iterations (linear systems).
-    pub newton_iterations: u64,
-    /// Most in one step.
+    /// Most Newton iterations in one step.
     pub newton_iterations_max: u32,
-    /// Force evaluations of any kind.
-    pub evaluations: u64,
     /// Largest relative residual at which a linear solve ended a step.
     pub worst_residual: f64,
     /// Largest last Newton step over body size.
@@ -510,51 +516,17 @@ pub struct SolverSummary {
     pub linearisation_error_mean: f64,
     /// The largest of them.
     pub linearisation_error_max: f64,
-    /// Linear solves that stopped at the iteration cap.
-    pub cg_caps: u64,
     /// Preconditioner of the last linear solve, empty without one.
     pub preconditioner: String,
-    /// Times the values of preconditioners were computed anew.
-    pub preconditioner_refreshes: u64,
-    /// Restarts of incomplete factorisations after breakdowns.
-    pub preconditioner_breakdowns: u64,
-    /// Linear solves that mixed precision left to full precision.
-    pub precision_fallbacks: u64,
-    /// Linear solves replaced by the preconditioned gradient.
-    pub gradient_fallbacks: u64,
-    /// Fallbacks: indefinite tangents replaced by the projected one.
-    pub projections: u64,
-    /// Elements clamped in those.
-    pub clamped_elements: u64,
-    /// Halvings of the line search.
-    pub backtracks: u64,
-    /// Line searches without a decrease.
-    pub line_search_failures: u64,
-    /// Steps whose velocity the energy cap scaled.
-    pub energy_caps: u64,
     /// Steps whose Newton iteration did not converge.
     pub unconverged_steps: u64,
-    /// Bodies' steps that linearised BDF2 took.
-    pub second_order_steps: u64,
-    /// Bodies' steps that it left to the safe step: no history, tangent not positive definite, step shortened, energy
+    /// Bodies' steps that linearised BDF2 left to the safe step: no history, tangent not positive definite, step shortened, energy
     /// over its budget, elements turned inside out, waiting after one of these.
     pub fallbacks: [u64; 6],
-    /// Bodies' steps in recovery from inversion.
-    pub recovering: u64,
     /// Bodies in recovery at the end.
     pub recovering_final: u32,
-    /// Bodies' steps with many inverted elements but without recovery, since loads crush them.
-    pub recoveries_refused: u64,
-    /// Recoveries that were given up.
-    pub recoveries_given_up: u64,
     /// Steps in which a body was halted or fell back to a gradient.
     pub halted_steps: u64,
-    /// Times a part of the loads of an equilibrium was halved.
-    pub load_partings: u64,
-    /// Explicit substeps.
-    pub substeps: u64,
-    /// Explicit steps repeated with more substeps.
-    pub refinements: u64,
     /// Smallest stable explicit step (s), `None` when not estimated.
     pub stable_step: Option<f64>,
 }

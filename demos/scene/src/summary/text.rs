@@ -1,6 +1,8 @@
 //! The summary of a run as text.
 
-use super::{AxesSummary, BodySummary, MembraneSummary, RunSummary, Warning, evaluation_name};
+use super::{
+    AxesSummary, BodySummary, MembraneSummary, RunSummary, SolverSummary, Warning, evaluation_name,
+};
 use crate::assemble::ResectionSummary;
 use crate::text::{TextBlock, counted, pressure, seconds, short, write_blocks};
 use sinew::models::body::lumped::SpringRule;
@@ -154,25 +156,25 @@ impl RunSummary {
                 ),
             );
         }
-        let s = &self.solver;
+        let SolverSummary { totals: t, figures: s } = &self.solver;
         let per_step = |total: u64| short(total as f64 / step.count.max(1) as f64);
-        if s.newton_iterations > 0 {
+        if t.newton_iterations > 0 {
             block.line(
                 "iterations",
                 format!(
                     "CG {} per step (most {}), Newton {} per step (most {})",
-                    per_step(s.cg_iterations),
+                    per_step(t.cg_iterations),
                     s.cg_iterations_max,
-                    per_step(s.newton_iterations),
+                    per_step(t.newton_iterations),
                     s.newton_iterations_max
                 ),
             );
         }
-        if s.substeps > 0 {
+        if t.substeps > 0 {
             let stable = s
                 .stable_step
                 .map_or(String::new(), |h| format!(", smallest stable step {}", seconds(h)));
-            block.line("substeps", format!("{} per step{stable}", per_step(s.substeps)));
+            block.line("substeps", format!("{} per step{stable}", per_step(t.substeps)));
         }
         block
     }
@@ -199,8 +201,8 @@ impl RunSummary {
 
     fn accuracy(&self) -> TextBlock {
         let mut block = TextBlock::new("How accurately");
-        let s = &self.solver;
-        if s.newton_iterations > 0 {
+        let SolverSummary { totals: t, figures: s } = &self.solver;
+        if t.newton_iterations > 0 {
             block.line(
                 "linear systems",
                 format!(
@@ -208,21 +210,21 @@ impl RunSummary {
                      preconditioner {}, computed {} times",
                     s.worst_residual,
                     self.settings.solver.linear_tolerance,
-                    s.cg_caps,
+                    t.cg_caps,
                     s.preconditioner,
-                    s.preconditioner_refreshes
+                    t.preconditioner_refreshes
                 ),
             );
             self.describe_newton(&mut block);
         }
         self.touch.iter().for_each(|touch| touch.describe_accuracy(&mut block));
         let safeguards = [
-            (s.projections, "tangents projected"),
-            (s.gradient_fallbacks, "gradient fallbacks"),
-            (s.backtracks, "backtracks"),
-            (s.line_search_failures, "failed line searches"),
-            (s.energy_caps, "energy caps"),
-            (s.refinements, "refinements"),
+            (t.projections, "tangents projected"),
+            (t.gradient_fallbacks, "gradient fallbacks"),
+            (t.backtracks, "backtracks"),
+            (t.line_search_failures, "failed line searches"),
+            (t.energy_caps, "energy caps"),
+            (t.refinements, "refinements"),
         ];
         let used = safeguards.iter().filter(|(count, _)| *count > 0);
         let used: Vec<String> = used.map(|(count, name)| format!("{count} {name}")).collect();
@@ -258,7 +260,7 @@ impl RunSummary {
     }
 
     fn describe_newton(&self, block: &mut TextBlock) {
-        let s = &self.solver;
+        let SolverSummary { totals: t, figures: s } = &self.solver;
         if self.settings.solver.integrator.converges() {
             let (step, unconverged) = (s.worst_newton_step, s.unconverged_steps);
             block.line(
@@ -270,13 +272,13 @@ impl RunSummary {
             return;
         }
         let [start, indefinite, shortened, energy, inverted, waiting] = s.fallbacks;
-        if s.second_order_steps > 0 {
+        if t.second_order_steps > 0 {
             block.line(
                 "linearised BDF2",
                 format!(
                     "{} steps; safe steps: {start} at a start, {indefinite} indefinite, \
                      {shortened} shortened, {energy} energy, {inverted} inverted, {waiting} waiting",
-                    s.second_order_steps
+                    t.second_order_steps
                 ),
             );
         }

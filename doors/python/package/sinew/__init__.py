@@ -30,15 +30,23 @@ from ._errors import (
 )
 from ._native import Snapshot
 from ._mesh import Mesh, generate, read_mesh
+from ._reports import (
+    ContactFigures,
+    ContactReport,
+    Fallbacks,
+    PartReport,
+    PullReport,
+    Removal,
+    Report,
+    ToolReport,
+    Volume,
+)
 from ._simulation import Batch, Body, Constraint, Contact, Load, Pressure, Pull, Simulation, Tool
 from ._types import (
     Axes,
     Box,
     Capsule,
-    ContactFigures,
-    ContactReport,
     Energy,
-    Fallbacks,
     Family,
     Field,
     HalfSpace,
@@ -46,18 +54,12 @@ from ._types import (
     Membrane,
     Muscle,
     Part,
-    PartReport,
     Pick,
     Pose,
-    PullReport,
-    Removal,
-    Report,
     Run,
     Sine,
     Sphere,
     Stiffness,
-    ToolReport,
-    Volume,
     Warning,
     Wrench,
     asdict,

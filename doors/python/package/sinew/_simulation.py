@@ -14,11 +14,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _native
+from . import _reports as reports
 from . import _types as types
 from ._errors import ArgumentError
 from ._mesh import Mesh, floats, indices, vector
 from ._native import Snapshot
-from ._types import Axes, Curve, Energy, Floats, Material, Membrane, Part, Pick, Pose, Report, Run, Shape, Sine, Stiffness, Wrench
+from ._reports import Floats, Report
+from ._types import Axes, Curve, Energy, Material, Membrane, Part, Pick, Pose, Run, Shape, Sine, Stiffness, Wrench
 
 
 def _read_snapshot(data: bytes) -> Snapshot:
@@ -175,7 +177,8 @@ class Body(_Thing):
     """A body. Arrays are in the order of the vertices and elements of its mesh.
 
     ``positions``, ``displacements`` and ``velocities`` are read-only views of arrays that are written anew at the end of every
-    call that changes the state; ``.copy()`` keeps one. numpy itself reads large arrays with the interpreter's lock released: a
+    call that changes the state; ``.copy()`` keeps one. A mesh may get more vertices: ask for arrays again when
+    ``surface_revision`` is another one. numpy itself reads large arrays with the interpreter's lock released: a
     thread that reads while another one steps uses :meth:`copy`, which never mixes two states.
     """
 
@@ -214,17 +217,17 @@ class Body(_Thing):
     @property
     def elastic_forces(self) -> Floats:
         """Elastic forces (N) at the state as it is, (n, 3)."""
-        return self._own.vectors(self.handle, "elastic_forces")
+        return self._own.numbers(self.handle, "elastic_forces").reshape(-1, 3)
 
     @property
     def external_forces(self) -> Floats:
         """Forces (N) of gravity and loads in the last step, (n, 3)."""
-        return self._own.vectors(self.handle, "external_forces")
+        return self._own.numbers(self.handle, "external_forces").reshape(-1, 3)
 
     @property
     def contact_forces(self) -> Floats:
         """Forces (N) of tools, contact and pulls at the end of the last step, (n, 3)."""
-        return self._own.vectors(self.handle, "contact_forces")
+        return self._own.numbers(self.handle, "contact_forces").reshape(-1, 3)
 
     @property
     def contact_pressures(self) -> Floats:
@@ -323,7 +326,7 @@ class Body(_Thing):
         strain: float | None = None,
         stress: float | None = None,
         mass: str = "recompute",
-    ) -> types.Removal:
+    ) -> reports.Removal:
         """Removes elements: a list of one kind, a ``sphere`` (centre, radius) or ``capsule`` (from, to, radius) in m, or what is
         above a principal Green ``strain`` or a von Mises ``stress`` (Pa). Give one of them. ``mass`` says whether matter goes
         with them ("recompute") or stays at the vertices ("keep")."""
@@ -344,7 +347,7 @@ class Body(_Thing):
             numbers = [float(places[kind])]  # type: ignore[arg-type]
         report = json.loads(self._own.remove_elements(self.handle, kind, chosen, numbers, mass))
         del report["time"]
-        return types.Removal(**report)
+        return reports.Removal(**report)
 
     def set_activation(self, family: str, activation: float) -> None:
         """Sets the activation (0 to 1) of an active family of fibres from the next step on."""
@@ -413,14 +416,14 @@ class Tool(_Removable):
         self._own.set_grip(self.handle, grip)
 
     @property
-    def report(self) -> types.ToolReport:
+    def report(self) -> reports.ToolReport:
         """What it felt in the last step."""
         return types.tool_report(self._own.tool_report(self.handle))
 
     @property
     def force(self) -> Floats:
         """Force (N) on it in the last step, (3,)."""
-        return np.array(self._own.tool_report(self.handle)["force"])
+        return self.report.force
 
 
 class Contact(_Removable):
@@ -430,9 +433,9 @@ class Contact(_Removable):
     _kind = "contact"
 
     @property
-    def report(self) -> types.ContactReport:
+    def report(self) -> reports.ContactReport:
         """What they did to each other in the last step."""
-        report: types.ContactReport = types.of_dict(types.ContactReport, self._own.contact_report(self.handle))
+        report: reports.ContactReport = types.of_json(reports.ContactReport, self._own.contact_report(self.handle))
         return report
 
 
@@ -448,9 +451,9 @@ class Pull(_Removable):
         self._own.move_pull(self.handle, pose)
 
     @property
-    def report(self) -> types.PullReport:
+    def report(self) -> reports.PullReport:
         """What it did in the last step."""
-        report: types.PullReport = types.of_dict(types.PullReport, self._own.pull_report(self.handle))
+        report: reports.PullReport = types.of_json(reports.PullReport, self._own.pull_report(self.handle))
         return report
 
 
@@ -918,7 +921,7 @@ class Simulation:
     @property
     def report(self) -> Report:
         """What the last step did."""
-        return types.report(json.loads(self._own.report()))
+        return types.report(self._own.report())
 
     @property
     def energy(self) -> Energy:

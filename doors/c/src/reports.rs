@@ -1,0 +1,120 @@
+//! Structures of reports, and how they are filled. Written by test `lists` of sinew-embed; do not edit.
+
+use sinew_embed::{DMat3, PartReport, ToolReport};
+
+/// Forces on a tool and its contacts at the end of the last step.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct sinew_tool_report {
+    /// sizeof(sinew_tool_report), set by the caller
+    pub struct_size: u32,
+    /// Number of its parts, if there are several.
+    pub parts: u32,
+    /// Where the tool was: place (m) of its origin.
+    pub position: [f64; 3],
+    /// Its rotation.
+    pub quaternion: [f64; 4],
+    /// Its opening (rad).
+    pub opening: f64,
+    /// Velocity (m/s) of its origin.
+    pub velocity: [f64; 3],
+    /// Angular velocity (rad/s).
+    pub angular_velocity: [f64; 3],
+    /// Force (N) on the tool, normal and friction.
+    pub force: [f64; 3],
+    /// Torque (N m) on the tool about its origin.
+    pub torque: [f64; 3],
+    /// The part of the force that pressure makes (N).
+    pub normal: [f64; 3],
+    /// The part of the force that friction makes (N).
+    pub friction: [f64; 3],
+    /// Work (J) done by the tool on bodies since it came, by the force at the end of every step.
+    pub work: f64,
+    /// Energy (J) that friction has taken since it came.
+    pub dissipation: f64,
+    /// Energy (J) stored in its contacts: penetration and sticking.
+    pub energy: f64,
+    /// Area (m^2, at rest) that touches it.
+    pub area: f64,
+    /// Largest penetration (m).
+    pub depth: f64,
+    /// Largest pressure (Pa).
+    pub pressure: f64,
+    /// Centre of pressure (m); its origin while nothing touches it.
+    pub centre: [f64; 3],
+    /// Points that touch it and stick.
+    pub sticking: u32,
+    /// Points that touch it and slip.
+    pub slipping: u32,
+    /// Distance (m) to its target, where its way was longer than the substeps of a step can follow.
+    pub lag: f64,
+    /// How far (m) the surfaces of its shapes are drawn in, because it appeared inside of a body.
+    pub drawn_in: f64,
+    /// Force (N) by points of the other kind at the same state, if `SINEW_ERROR_BAR` asks for it. Its difference from
+    /// `force` estimates the error that the mesh makes in the contact. All 0 without.
+    pub other_points: [f64; 3],
+    /// Change of its force (N) per motion (m) of its pose at the end of the step, with the tissue moving along within
+    /// the step, if `SINEW_LOCAL_STIFFNESS` asks for it of an implicit integrator: the force is about `force +
+    /// local_stiffness * way`. Symmetric; limits of friction as they are. Exact for `newton`, to the tolerance of the
+    /// linear solver. All 0 without.
+    pub local_stiffness: [f64; 9],
+}
+
+impl From<&ToolReport> for sinew_tool_report {
+    fn from(r: &ToolReport) -> Self {
+        Self {
+            struct_size: size_of::<Self>() as u32,
+            parts: r.parts.len() as u32,
+            position: r.position.to_array(),
+            quaternion: r.rotation.to_array(),
+            opening: r.opening,
+            velocity: r.velocity.to_array(),
+            angular_velocity: r.angular_velocity.to_array(),
+            force: r.force.to_array(),
+            torque: r.torque.to_array(),
+            normal: r.normal.to_array(),
+            friction: r.friction.to_array(),
+            work: r.work,
+            dissipation: r.dissipation,
+            energy: r.energy,
+            area: r.area,
+            depth: r.depth,
+            pressure: r.pressure,
+            centre: r.centre.to_array(),
+            sticking: r.sticking,
+            slipping: r.slipping,
+            lag: r.lag,
+            drawn_in: r.drawn_in,
+            other_points: r.other_points.unwrap_or_default().to_array(),
+            local_stiffness: r.local_stiffness.unwrap_or(DMat3::ZERO).to_cols_array(),
+        }
+    }
+}
+
+/// Forces on one part of a tool, such as one of two jaws.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct sinew_part_report {
+    /// Force (N) on it, normal and friction.
+    pub force: [f64; 3],
+    /// Torque (N m) on it about the tool's origin.
+    pub torque: [f64; 3],
+    /// Largest penetration (m).
+    pub depth: f64,
+    /// Points that touch it and stick.
+    pub sticking: u32,
+    /// Points that touch it and slip.
+    pub slipping: u32,
+}
+
+impl From<&PartReport> for sinew_part_report {
+    fn from(r: &PartReport) -> Self {
+        Self {
+            force: r.force.to_array(),
+            torque: r.torque.to_array(),
+            depth: r.depth,
+            sticking: r.sticking,
+            slipping: r.slipping,
+        }
+    }
+}

@@ -1,0 +1,620 @@
+// Constants, structures and functions of sinew.h. Written by test `lists` of sinew-embed; do not edit.
+using System;
+using System.Runtime.InteropServices;
+
+namespace Sinew
+{
+    /// <summary>Kinds of errors.</summary>
+    public enum Code
+    {
+        /// <summary>No error.</summary>
+        Ok = 0,
+        /// <summary>An argument that cannot be used.</summary>
+        Argument = 1,
+        /// <summary>A mesh.</summary>
+        Mesh = 2,
+        /// <summary>A material.</summary>
+        Material = 3,
+        /// <summary>A scene file.</summary>
+        Scene = 4,
+        /// <summary>A step that could not be carried out; the state is that before it.</summary>
+        Step = 5,
+        /// <summary>What the machine or the build does not have.</summary>
+        Backend = 6,
+        /// <summary>A file.</summary>
+        Io = 7,
+        /// <summary>A snapshot.</summary>
+        Snapshot = 8,
+        /// <summary>A handle of something that is gone, of another kind or of another simulation.</summary>
+        Handle = 9,
+        /// <summary>Another call uses the simulation at this moment.</summary>
+        Busy = 10,
+        /// <summary>The engine panicked, now or before; the simulation can only be freed.</summary>
+        Panic = 99,
+    }
+
+    /// <summary>Kinds of things that a handle may stand for.</summary>
+    public enum Kind : uint
+    {
+        /// <summary>Kinds for `sinew_find`: a body.</summary>
+        Body = 1,
+        /// <summary>A constraint.</summary>
+        Constraint = 2,
+        /// <summary>A load.</summary>
+        Load = 3,
+        /// <summary>A pressure.</summary>
+        Pressure = 4,
+        /// <summary>A tool.</summary>
+        Tool = 5,
+        /// <summary>A pull.</summary>
+        Pull = 6,
+        /// <summary>A contact between bodies.</summary>
+        Contact = 7,
+    }
+
+    /// <summary>What can be read of a body.</summary>
+    public enum Quantity : uint
+    {
+        /// <summary>What `sinew_read` reads, three numbers a vertex: positions (m).</summary>
+        Positions = 0,
+        /// <summary>Displacements (m).</summary>
+        Displacements = 1,
+        /// <summary>Velocities (m/s).</summary>
+        Velocities = 2,
+        /// <summary>Elastic forces (N) at the state as it is.</summary>
+        ElasticForces = 3,
+        /// <summary>Forces (N) of gravity and loads in the last step.</summary>
+        ExternalForces = 4,
+        /// <summary>Forces (N) of tools, contact and pulls at the end of the last step.</summary>
+        ContactForces = 5,
+        /// <summary>One number a vertex: pressures (Pa) of contact.</summary>
+        ContactPressures = 6,
+        /// <summary>Masses (kg).</summary>
+        Masses = 7,
+        /// <summary>One number an element: volume over that at rest, of tetrahedra, then hexahedra.</summary>
+        VolumeRatios = 8,
+        /// <summary>Area over that at rest, of triangles of the membrane, then quadrilaterals.</summary>
+        AreaRatios = 9,
+    }
+
+    /// <summary>What a tool does; several by `|`.</summary>
+    [Flags]
+    public enum ToolFlags : uint
+    {
+        None = 0,
+        /// <summary>Flags of tools: what touches it does not slip.</summary>
+        Grip = 1,
+        /// <summary>No penetration (integrators "newton" and "quasi-static").</summary>
+        Exact = 2,
+        /// <summary>Finds how its force answers to small motions.</summary>
+        LocalStiffness = 4,
+        /// <summary>Points inside leave through the nearest side, not through that by which they came.</summary>
+        NearestSide = 8,
+        /// <summary>Also finds the force that points of the other kind give, as an error bar.</summary>
+        ErrorBar = 16,
+    }
+
+    /// <summary>How a simulation is carried out. All 0 but `struct_size` and `dt` is fine; then there is no
+    /// gravity.</summary>
+    [StructLayout(LayoutKind.Sequential)]
+    internal struct NativeOptions
+    {
+        internal uint StructSize;
+        internal uint Precision;
+        internal uint Threads;
+        internal uint Backend;
+        internal double Dt;
+        internal Vec3 Gravity;
+    }
+
+    /// <summary>A file that a scene names.</summary>
+    [StructLayout(LayoutKind.Sequential)]
+    internal struct NativeFile
+    {
+        internal IntPtr Name;
+        internal IntPtr Bytes;
+        internal UIntPtr Size;
+    }
+
+    /// <summary>A group of vertices.</summary>
+    [StructLayout(LayoutKind.Sequential)]
+    internal struct NativeGroup
+    {
+        internal IntPtr Name;
+        internal IntPtr Vertices;
+        internal UIntPtr VertexCount;
+    }
+
+    /// <summary>A mesh as arrays, in the order of vertices of Gmsh and VTK; what is not there is NULL and 0.</summary>
+    [StructLayout(LayoutKind.Sequential)]
+    internal struct NativeMeshArrays
+    {
+        internal uint StructSize;
+        internal uint Reserved;
+        internal IntPtr Points;
+        internal UIntPtr PointCount;
+        internal IntPtr Tetrahedra;
+        internal UIntPtr TetrahedronCount;
+        internal IntPtr Hexahedra;
+        internal UIntPtr HexahedronCount;
+        internal IntPtr Triangles;
+        internal UIntPtr TriangleCount;
+        internal IntPtr Quads;
+        internal UIntPtr QuadCount;
+        internal IntPtr Groups;
+        internal UIntPtr GroupCount;
+    }
+
+    /// <summary>A material: a preset, values, or both; a value that is not 0 takes the place of the preset's.</summary>
+    [StructLayout(LayoutKind.Sequential)]
+    internal struct NativeMaterial
+    {
+        internal uint StructSize;
+        internal uint Reserved;
+        internal IntPtr Preset;
+        internal double YoungModulus;
+        internal double PoissonRatio;
+        internal double Density;
+        internal IntPtr YoungModuli;
+        internal IntPtr PoissonRatios;
+        internal IntPtr Densities;
+        internal UIntPtr ElementCount;
+    }
+
+    /// <summary>A membrane on or instead of a solid.</summary>
+    [StructLayout(LayoutKind.Sequential)]
+    internal struct NativeMembrane
+    {
+        internal uint StructSize;
+        internal uint Surface;
+        internal IntPtr Group;
+        internal double Thickness;
+        internal IntPtr Material;
+        internal IntPtr Model;
+        internal IntPtr Plane;
+    }
+
+    /// <summary>What activation does to fibres.</summary>
+    [StructLayout(LayoutKind.Sequential)]
+    internal struct NativeMuscle
+    {
+        internal uint StructSize;
+        internal uint Reserved;
+        internal double PeakStress;
+        internal double OptimalStretch;
+        internal double Width;
+        internal double Stiffening;
+        internal double Shortening;
+    }
+
+    /// <summary>A family of fibres.</summary>
+    [StructLayout(LayoutKind.Sequential)]
+    internal struct NativeFibre
+    {
+        internal uint StructSize;
+        internal uint Reserved;
+        internal IntPtr Name;
+        internal IntPtr Directions;
+        internal UIntPtr DirectionCount;
+        internal double Modulus;
+        internal double Viscosity;
+        internal IntPtr Muscle;
+    }
+
+    /// <summary>What a body is made of. Names are those of scene files; NULL is the default.</summary>
+    [StructLayout(LayoutKind.Sequential)]
+    internal struct NativeBody
+    {
+        internal uint StructSize;
+        internal uint Reserved;
+        internal IntPtr Name;
+        internal IntPtr Material;
+        internal IntPtr Model;
+        internal IntPtr Evaluation;
+        internal IntPtr Springs;
+        internal double SpringConstant;
+        internal IntPtr Masses;
+        internal IntPtr Membrane;
+        internal IntPtr Fibres;
+        internal UIntPtr FibreCount;
+        internal double VolumeModulus;
+        internal IntPtr Volume;
+    }
+
+    /// <summary>A constraint.</summary>
+    [StructLayout(LayoutKind.Sequential)]
+    internal struct NativeConstraint
+    {
+        internal uint StructSize;
+        internal uint Motion;
+        internal IntPtr Name;
+        internal IntPtr Vertices;
+        internal UIntPtr VertexCount;
+        internal uint Axes;
+        internal uint Reserved;
+        internal Vec3 Translation;
+        internal Vec3 Centre;
+        internal Vec3 Axis;
+        internal double Angle;
+        internal IntPtr Curve;
+        internal UIntPtr CurveCount;
+        internal double From;
+        internal double Until;
+    }
+
+    /// <summary>A rigid part of a tool. Quaternions are x, y, z, w; all 0 is no rotation.</summary>
+    [StructLayout(LayoutKind.Sequential)]
+    internal struct NativePart
+    {
+        internal uint StructSize;
+        internal uint Shape;
+        internal IntPtr Mesh;
+        internal double Spacing;
+        internal double Radius;
+        internal double HalfLength;
+        internal Vec3 Half;
+        internal double Rounding;
+        internal Vec3 At;
+        internal double Qx, Qy, Qz, Qw;
+        internal double Jaw;
+    }
+
+    /// <summary>A rigid tool.</summary>
+    [StructLayout(LayoutKind.Sequential)]
+    internal struct NativeTool
+    {
+        internal uint StructSize;
+        internal uint Flags;
+        internal IntPtr Name;
+        internal IntPtr Parts;
+        internal UIntPtr PartCount;
+        internal Vec3 HingePoint;
+        internal Vec3 HingeAxis;
+        internal Vec3 Position;
+        internal double Qx, Qy, Qz, Qw;
+        internal double Opening;
+        internal double Friction;
+        internal double Stiffness;
+        internal uint Points;
+        internal uint Reserved;
+        internal ulong OnBody;
+        internal IntPtr OnTriangles;
+        internal UIntPtr OnTriangleCount;
+    }
+
+    /// <summary>A spring and a damper from vertices to a moving pose.</summary>
+    [StructLayout(LayoutKind.Sequential)]
+    internal struct NativePull
+    {
+        internal uint StructSize;
+        internal uint Reserved;
+        internal IntPtr Name;
+        internal IntPtr Vertices;
+        internal UIntPtr VertexCount;
+        internal IntPtr Weights;
+        internal double Stiffness;
+        internal double Damping;
+    }
+
+    /// <summary>What a ray met.</summary>
+    [StructLayout(LayoutKind.Sequential)]
+    public partial struct Pick
+    {
+        internal uint StructSize;
+        internal uint HitFlag;
+        /// <summary>Body.</summary>
+        public ulong Body;
+        /// <summary>Vertices of the triangle.</summary>
+        public uint Vertex0, Vertex1, Vertex2;
+        internal uint Reserved;
+        /// <summary>Barycentric coordinates of the point in it, for the weights of a pull.</summary>
+        public Vec3 Weights;
+        /// <summary>The point (m).</summary>
+        public Vec3 Position;
+        /// <summary>Its distance (m) from the origin of the ray.</summary>
+        public double Distance;
+    }
+
+    /// <summary>Which elements to remove.</summary>
+    [StructLayout(LayoutKind.Sequential)]
+    internal struct NativeRegion
+    {
+        internal uint StructSize;
+        internal uint Kind;
+        internal uint Element;
+        internal uint KeepMass;
+        internal IntPtr List;
+        internal UIntPtr ListCount;
+        internal Vec3 From;
+        internal Vec3 To;
+        internal double Radius;
+        internal double Above;
+    }
+
+    /// <summary>Forces on a tool and its contacts at the end of the last step.</summary>
+    [StructLayout(LayoutKind.Sequential)]
+    public partial struct ToolReport
+    {
+        internal uint StructSize;
+        /// <summary>Number of its parts, if there are several.</summary>
+        public uint Parts;
+        /// <summary>Where the tool was: place (m) of its origin.</summary>
+        public Vec3 Position;
+        /// <summary>Its rotation.</summary>
+        public double Qx, Qy, Qz, Qw;
+        /// <summary>Its opening (rad).</summary>
+        public double Opening;
+        /// <summary>Velocity (m/s) of its origin.</summary>
+        public Vec3 Velocity;
+        /// <summary>Angular velocity (rad/s).</summary>
+        public Vec3 AngularVelocity;
+        /// <summary>Force (N) on the tool, normal and friction.</summary>
+        public Vec3 Force;
+        /// <summary>Torque (N m) on the tool about its origin.</summary>
+        public Vec3 Torque;
+        /// <summary>The part of the force that pressure makes (N).</summary>
+        public Vec3 Normal;
+        /// <summary>The part of the force that friction makes (N).</summary>
+        public Vec3 Friction;
+        /// <summary>Work (J) done by the tool on bodies since it came, by the force at the end of every step.</summary>
+        public double Work;
+        /// <summary>Energy (J) that friction has taken since it came.</summary>
+        public double Dissipation;
+        /// <summary>Energy (J) stored in its contacts: penetration and sticking.</summary>
+        public double Energy;
+        /// <summary>Area (m^2, at rest) that touches it.</summary>
+        public double Area;
+        /// <summary>Largest penetration (m).</summary>
+        public double Depth;
+        /// <summary>Largest pressure (Pa).</summary>
+        public double Pressure;
+        /// <summary>Centre of pressure (m); its origin while nothing touches it.</summary>
+        public Vec3 Centre;
+        /// <summary>Points that touch it and stick.</summary>
+        public uint Sticking;
+        /// <summary>Points that touch it and slip.</summary>
+        public uint Slipping;
+        /// <summary>Distance (m) to its target, where its way was longer than the substeps of a step can
+        /// follow.</summary>
+        public double Lag;
+        /// <summary>How far (m) the surfaces of its shapes are drawn in, because it appeared inside of a
+        /// body.</summary>
+        public double DrawnIn;
+        /// <summary>Force (N) by points of the other kind at the same state, if `SINEW_ERROR_BAR` asks for it. Its
+        /// difference from `force` estimates the error that the mesh makes in the contact. All 0 without.</summary>
+        public Vec3 OtherPoints;
+        /// <summary>Change of its force (N) per motion (m) of its pose at the end of the step, with the tissue moving
+        /// along within the step, if `SINEW_LOCAL_STIFFNESS` asks for it of an implicit integrator: the force is about
+        /// `force + local_stiffness * way`. Symmetric; limits of friction as they are. Exact for `newton`, to the
+        /// tolerance of the linear solver. All 0 without.</summary>
+        public Vec3 LocalStiffnessX, LocalStiffnessY, LocalStiffnessZ;
+    }
+
+    /// <summary>Forces on one part of a tool, such as one of two jaws.</summary>
+    [StructLayout(LayoutKind.Sequential)]
+    public partial struct PartReport
+    {
+        /// <summary>Force (N) on it, normal and friction.</summary>
+        public Vec3 Force;
+        /// <summary>Torque (N m) on it about the tool's origin.</summary>
+        public Vec3 Torque;
+        /// <summary>Largest penetration (m).</summary>
+        public double Depth;
+        /// <summary>Points that touch it and stick.</summary>
+        public uint Sticking;
+        /// <summary>Points that touch it and slip.</summary>
+        public uint Slipping;
+    }
+
+    internal static partial class Native
+    {
+        internal const uint SINEW_ABI = 2;
+        internal const uint SINEW_F64 = 0;
+        internal const uint SINEW_F32 = 1;
+        internal const uint SINEW_CPU = 0;
+        internal const uint SINEW_GPU = 1;
+        internal const uint SINEW_HOLD = 0;
+        internal const uint SINEW_TRANSLATE = 1;
+        internal const uint SINEW_ROTATE = 2;
+        internal const uint SINEW_SPHERE = 0;
+        internal const uint SINEW_CAPSULE = 1;
+        internal const uint SINEW_BOX = 2;
+        internal const uint SINEW_HALF_SPACE = 3;
+        internal const uint SINEW_CLOSED_MESH = 4;
+        internal const uint SINEW_LIST = 0;
+        internal const uint SINEW_BALL = 1;
+        internal const uint SINEW_SWEPT_BALL = 2;
+        internal const uint SINEW_STRAIN_ABOVE = 3;
+        internal const uint SINEW_STRESS_ABOVE = 4;
+        internal const uint SINEW_TETRAHEDRA = 0;
+        internal const uint SINEW_HEXAHEDRA = 1;
+        internal const uint SINEW_TRIANGLES = 2;
+        internal const uint SINEW_QUADS = 3;
+
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_hold(SimulationHandle simulation, ulong body, byte[] name, uint[] vertices,
+            UIntPtr vertexCount, out ulong result);
+
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_constraint_add(SimulationHandle simulation, ulong body,
+            ref NativeConstraint constraint, out ulong result);
+
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_constraint_pose(SimulationHandle simulation, ulong constraint,
+            ref Vec3 position, double[] quaternion, double[] centre);
+
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_reaction(SimulationHandle simulation, ulong constraint, ref Vec3 about,
+            out Vec3 force, out Vec3 torque);
+
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_load_add(SimulationHandle simulation, ulong body, byte[] name, uint[] vertices,
+            UIntPtr vertexCount, double[] forces, UIntPtr forceCount, out ulong result);
+
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_pressure_add(SimulationHandle simulation, ulong body, byte[] name,
+            uint[] triangles, UIntPtr triangleCount, double pressure, out ulong result);
+
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_body_add(SimulationHandle simulation, MeshHandle mesh, ref NativeBody body,
+            out ulong result);
+
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_vertex_count(SimulationHandle simulation, ulong body, out UIntPtr count);
+
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_group_vertices(SimulationHandle simulation, ulong body, byte[] group,
+            uint[] result, UIntPtr capacity, out UIntPtr needed);
+
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_read(SimulationHandle simulation, ulong body, uint quantity, double[] result,
+            UIntPtr capacity, out UIntPtr needed);
+
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_positions_f32(SimulationHandle simulation, ulong body, IntPtr xyz,
+            UIntPtr vertices, UIntPtr strideBytes);
+
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_set_state(SimulationHandle simulation, ulong body, double[] displacements,
+            double[] velocities, UIntPtr vertices);
+
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_surface(SimulationHandle simulation, ulong body, uint[] triangles,
+            UIntPtr capacity, out UIntPtr needed, out ulong revision);
+
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_set_material(SimulationHandle simulation, ulong body,
+            ref NativeMaterial material);
+
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_set_activation(SimulationHandle simulation, ulong body, byte[] family,
+            double activation);
+
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_remove_elements(SimulationHandle simulation, ulong body,
+            ref NativeRegion region, out UIntPtr removed);
+
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern IntPtr sinew_last_error();
+
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_mesh_from_file(byte[] path, out IntPtr result);
+
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_mesh_from_bytes(byte[] name, byte[] bytes, UIntPtr size, out IntPtr result);
+
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_mesh_from_arrays(ref NativeMeshArrays arrays, out IntPtr result);
+
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern void sinew_mesh_free(IntPtr mesh);
+
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_report_json(SimulationHandle simulation, byte[] result, UIntPtr capacity,
+            out UIntPtr needed);
+
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_energy(SimulationHandle simulation, out double elastic, out double kinetic);
+
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_hash(SimulationHandle simulation, out ulong hash);
+
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern uint sinew_abi_version();
+
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern IntPtr sinew_version();
+
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_simulation_new(ref NativeOptions options, out IntPtr result);
+
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_simulation_from_scene(byte[] path, uint threads, out IntPtr result);
+
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_simulation_from_text(byte[] toml, byte[] name, NativeFile[] files,
+            UIntPtr fileCount, uint threads, out IntPtr result);
+
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern void sinew_simulation_free(IntPtr simulation);
+
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_step(SimulationHandle simulation, uint n);
+
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_time(SimulationHandle simulation, out double seconds);
+
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_set_dt(SimulationHandle simulation, double dt);
+
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_set_gravity(SimulationHandle simulation, ref Vec3 gravity);
+
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_set_solver(SimulationHandle simulation, byte[] settings);
+
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_find(SimulationHandle simulation, uint kind, byte[] name, out ulong handle);
+
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_remove(SimulationHandle simulation, ulong handle);
+
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_snapshot_take(SimulationHandle simulation, out IntPtr result);
+
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_snapshot_restore(SimulationHandle simulation, SnapshotHandle snapshot);
+
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_snapshot_to_bytes(SnapshotHandle snapshot, byte[] data, UIntPtr capacity,
+            out UIntPtr needed);
+
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_snapshot_from_bytes(byte[] bytes, UIntPtr size, out IntPtr result);
+
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern void sinew_snapshot_free(IntPtr snapshot);
+
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_tool_add(SimulationHandle simulation, ref NativeTool tool, out ulong result);
+
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_tool_move(SimulationHandle simulation, ulong tool, ref Vec3 position,
+            double[] quaternion, double opening, uint atOnce);
+
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_tool_grip(SimulationHandle simulation, ulong tool, uint grip);
+
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_read_tool_report(SimulationHandle simulation, ulong tool,
+            ref ToolReport report);
+
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_tool_parts(SimulationHandle simulation, ulong tool, PartReport[] result,
+            UIntPtr capacity, out UIntPtr needed);
+
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_contact_add(SimulationHandle simulation, byte[] name, ulong first,
+            ulong second, double friction, out ulong result);
+
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_contact_force(SimulationHandle simulation, ulong contact, out Vec3 force,
+            out double depth);
+
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_pull_add(SimulationHandle simulation, ulong body, ref NativePull pull,
+            out ulong result);
+
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_pull_move(SimulationHandle simulation, ulong pull, ref Vec3 position,
+            double[] quaternion, double[] centre);
+
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_pull_force(SimulationHandle simulation, ulong pull, out Vec3 force,
+            out double distance);
+
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_pick(SimulationHandle simulation, ref Vec3 origin, ref Vec3 direction,
+            ref Pick result);
+    }
+}
