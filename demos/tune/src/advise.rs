@@ -185,8 +185,9 @@ pub struct AdviceRow {
     pub note: String,
     /// Options of `sinew run`.
     pub options: String,
+    /// The settings.
     #[serde(skip)]
-    choice: Choice,
+    pub choice: Choice,
 }
 
 /// What the search found.
