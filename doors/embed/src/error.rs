@@ -13,7 +13,7 @@ use sinew::models::material::field::FieldError;
 use sinew::models::resection::RemovalError;
 use sinew::simulation::SimulationError;
 use sinew::snapshot::SnapshotError;
-use sinew::touch::field::FieldError as ShapeError;
+use sinew::touch::field::DistanceFieldError as ShapeError;
 use sinew::touch::tool::ToolError;
 use sinew_scene::error::SceneError;
 use std::fmt;
