@@ -4,7 +4,8 @@
 use std::hint::black_box;
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
-use sinew_identify::mesh::{Cells, fit_elements};
+use sinew_identify::cells::Cells;
+use sinew_identify::mesh::fit_elements;
 use sinew_identify::{
     ElementGeometry, ElementKind, ElementMethod, LinearMaterial, Section, fit_element,
 };

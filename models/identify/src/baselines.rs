@@ -22,11 +22,11 @@
 //! with lateral forces: [`baudet_rectangle_correction`], [`baudet_cube_correction`], and
 //! [`baudet_tension_correction`] for a mesh.
 
+use crate::cells::Cells;
 use crate::error::{ElementError, IdentifyError};
-use crate::geometry::{ElementGeometry, ElementKind, dot, norm, scale, sub};
+use crate::geometry::{ElementGeometry, dot, norm, scale, sub};
+use crate::kind::{ElementKind, ElementMethod};
 use crate::material::{LinearMaterial, Section};
-use crate::mesh::Cells;
-use crate::method::ElementMethod;
 use crate::springs::{directions, pairs};
 
 /// Deviation from a rectangle or cube, relative to the diagonal, that is put down to the digits of a
@@ -226,7 +226,7 @@ pub fn baudet_cube_correction(force: f64, nu: f64) -> f64 {
 /// ```
 /// use sinew_identify::Section;
 /// use sinew_identify::baselines::baudet_tension_correction;
-/// use sinew_identify::mesh::Cells;
+/// use sinew_identify::cells::Cells;
 ///
 /// let points = [[0.0; 3], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
 /// let cells = Cells { quads: &[[0, 1, 2, 3]], ..Cells::default() };

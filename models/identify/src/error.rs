@@ -2,8 +2,7 @@
 
 use thiserror::Error;
 
-use crate::geometry::ElementKind;
-use crate::method::ElementMethod;
+use crate::kind::{ElementKind, ElementMethod};
 
 /// What is wrong with one element, its material or its method. [`IdentifyError::Element`] adds where.
 #[derive(Clone, Debug, PartialEq, Error)]

@@ -4,47 +4,10 @@
 //! bottom face 0 1 2 3 and the top face 4 5 6 7 above it. Whether they run clockwise, or a solid is
 //! mirrored, does not matter: stiffness and springs are the same.
 
-use std::fmt;
-
-use serde::{Deserialize, Serialize};
-
 use crate::error::ElementError;
-
-/// Kind of element, all with linear (bilinear, trilinear) shape functions.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum ElementKind {
-    /// 3 nodes, plane.
-    Triangle,
-    /// 4 nodes, plane.
-    Quad,
-    /// 4 nodes, solid.
-    Tetrahedron,
-    /// 8 nodes, solid.
-    Hexahedron,
-}
+use crate::kind::ElementKind;
 
 impl ElementKind {
-    /// All kinds, in the order in which meshes list them.
-    pub const ALL: [Self; 4] = [Self::Triangle, Self::Quad, Self::Tetrahedron, Self::Hexahedron];
-
-    /// Number of nodes: 3, 4, 4, 8.
-    pub const fn nodes(self) -> usize {
-        match self {
-            Self::Triangle => 3,
-            Self::Quad | Self::Tetrahedron => 4,
-            Self::Hexahedron => 8,
-        }
-    }
-
-    /// Dimension of the element: 2 or 3.
-    pub const fn dimension(self) -> usize {
-        match self {
-            Self::Triangle | Self::Quad => 2,
-            Self::Tetrahedron | Self::Hexahedron => 3,
-        }
-    }
-
     /// Gauss points (reference coordinates, weight).
     pub(crate) fn gauss_points(self) -> Vec<([f64; 3], f64)> {
         let g = 1.0 / 3f64.sqrt();
@@ -134,17 +97,6 @@ impl ElementKind {
             }
         }
         gradients
-    }
-}
-
-impl fmt::Display for ElementKind {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Triangle => "triangle",
-            Self::Quad => "quadrilateral",
-            Self::Tetrahedron => "tetrahedron",
-            Self::Hexahedron => "hexahedron",
-        })
     }
 }
 
@@ -335,12 +287,14 @@ fn check_nodes(kind: ElementKind, nodes: &[[f64; 3]]) -> Result<f64, ElementErro
         return Err(ElementError::NotFinite { node });
     }
     let mut size = 0f64;
-    for (a, b) in crate::springs::pairs(kind.nodes()) {
-        let length = norm(sub(nodes[a], nodes[b]));
-        if length == 0.0 {
-            return Err(ElementError::CoincidentNodes { a, b });
+    for a in 0..nodes.len() {
+        for b in a + 1..nodes.len() {
+            let length = norm(sub(nodes[a], nodes[b]));
+            if length == 0.0 {
+                return Err(ElementError::CoincidentNodes { a, b });
+            }
+            size = size.max(length);
         }
-        size = size.max(length);
     }
     Ok(size)
 }

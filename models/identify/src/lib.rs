@@ -8,14 +8,16 @@
 //!
 //! | module | holds |
 //! |---|---|
+//! | [`kind`] | kinds of elements, methods by name |
 //! | [`material`] | moduli, plane stress and plane strain, thickness |
+//! | [`cells`] | elements of a mesh |
 //! | [`geometry`] | rest shapes of elements, projection to the mean plane |
 //! | [`stiffness`] | linear finite element stiffness (N/m) |
 //! | [`mass`] | lumped masses (kg) |
 //! | [`springs`] | pairs of nodes and the stiffness of springs at rest |
 //! | [`fit`] | the fits: Frobenius, off-diagonal blocks, 2-norm, non-negative ones |
 //! | [`baselines`] | closed forms from the literature |
-//! | [`method`] | all of these by name, for one element |
+//! | [`method`] | one element by any of these |
 //! | [`mesh`] | a whole mesh, in parallel; congruent elements are fitted once |
 //! | [`response`] | the moduli that a spring lattice really has |
 //! | [`error_metrics`] | paper B's errors between two sets of positions |
@@ -30,7 +32,8 @@
 //! and [`ElementMethod::PaperA`] have none.
 //!
 //! ```
-//! use sinew_identify::mesh::{Cells, fit_elements};
+//! use sinew_identify::cells::Cells;
+//! use sinew_identify::mesh::fit_elements;
 //! use sinew_identify::{ElementMethod, LinearMaterial, Section};
 //!
 //! // two equilateral triangles of side 1 m, plane stress with nu = 1/3: springs are exact there
@@ -48,10 +51,12 @@
 //! ```
 
 pub mod baselines;
+pub mod cells;
 pub mod error;
 pub mod error_metrics;
 pub mod fit;
 pub mod geometry;
+pub mod kind;
 pub mod mass;
 pub mod material;
 pub mod mesh;
@@ -64,6 +69,7 @@ pub mod virtual_test;
 
 pub use error::{ElementError, IdentifyError};
 pub use fit::ElementFit;
-pub use geometry::{ElementGeometry, ElementKind};
+pub use geometry::ElementGeometry;
+pub use kind::{ElementKind, ElementMethod};
 pub use material::{LinearMaterial, Plane, Section};
-pub use method::{ElementMethod, fit_element};
+pub use method::fit_element;

@@ -1,105 +1,17 @@
-//! Methods by name, and one element.
+//! One element by a method.
 
-use std::fmt;
 use std::str::FromStr;
-
-use serde::{Deserialize, Serialize};
 
 use crate::baselines;
 use crate::error::{ElementError, IdentifyError};
 use crate::fit::{ElementFit, FitProblem, Sign, block, frobenius, nonnegative, two_norm};
-use crate::geometry::{ElementGeometry, ElementKind};
+use crate::geometry::ElementGeometry;
+use crate::kind::{ElementKind, ElementMethod};
 use crate::material::{LinearMaterial, Section};
 use crate::springs::spring_vectors;
 use crate::stiffness::element_stiffness;
 
-/// How spring constants of an element are found.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum ElementMethod {
-    /// Full Frobenius fit, [`frobenius`](mod@crate::fit::frobenius).
-    #[default]
-    Frobenius,
-    /// Off-diagonal blocks, [`block`](mod@crate::fit::block).
-    Block,
-    /// Induced 2-norm fit with certificate, [`two_norm`](mod@crate::fit::two_norm).
-    TwoNorm,
-    /// Non-negative Frobenius fit, [`nonnegative`](mod@crate::fit::nonnegative).
-    Nonnegative,
-    /// Non-negative 2-norm fit with certificate, [`two_norm`](mod@crate::fit::two_norm).
-    TwoNormNonnegative,
-    /// Van Gelder's simple formula, [`baselines`].
-    VanGelder,
-    /// Van Gelder's formula with Poisson's ratio, [`baselines`].
-    VanGelderFull,
-    /// Lloyd et al., [`baselines`].
-    Lloyd,
-    /// Baudet et al., [`baselines`].
-    Baudet,
-    /// Tensile springs of Delingette 2008, [`baselines`].
-    PaperA,
-}
-
 impl ElementMethod {
-    /// All methods.
-    pub const ALL: [Self; 10] = [
-        Self::Frobenius,
-        Self::Block,
-        Self::TwoNorm,
-        Self::Nonnegative,
-        Self::TwoNormNonnegative,
-        Self::VanGelder,
-        Self::VanGelderFull,
-        Self::Lloyd,
-        Self::Baudet,
-        Self::PaperA,
-    ];
-
-    /// Name in files and on the command line.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Frobenius => "frobenius",
-            Self::Block => "block",
-            Self::TwoNorm => "two-norm",
-            Self::Nonnegative => "nonnegative",
-            Self::TwoNormNonnegative => "two-norm-nonnegative",
-            Self::VanGelder => "van-gelder",
-            Self::VanGelderFull => "van-gelder-full",
-            Self::Lloyd => "lloyd",
-            Self::Baudet => "baudet",
-            Self::PaperA => "paper-a",
-        }
-    }
-
-    /// Whether the formula was recalled from the literature and not read in its original text: reports
-    /// should say so.
-    pub const fn recalled(self) -> bool {
-        matches!(self, Self::VanGelder | Self::VanGelderFull | Self::Lloyd | Self::Baudet)
-    }
-
-    /// Whether there is a formula for elements of `kind`. Baudet's further needs rectangles or cubes.
-    ///
-    /// ```
-    /// use sinew_identify::{ElementKind, ElementMethod};
-    ///
-    /// assert!(ElementMethod::Frobenius.serves(ElementKind::Hexahedron));
-    /// assert!(!ElementMethod::Lloyd.serves(ElementKind::Hexahedron));
-    /// ```
-    pub const fn serves(self, kind: ElementKind) -> bool {
-        use ElementKind::{Hexahedron, Quad, Tetrahedron, Triangle};
-        match self {
-            Self::Frobenius
-            | Self::Block
-            | Self::TwoNorm
-            | Self::Nonnegative
-            | Self::TwoNormNonnegative => true,
-            Self::VanGelder | Self::PaperA => matches!(kind, Triangle | Tetrahedron),
-            Self::VanGelderFull => matches!(kind, Triangle),
-            Self::Lloyd => matches!(kind, Triangle | Quad | Tetrahedron),
-            Self::Baudet => matches!(kind, Quad | Hexahedron),
-        }
-    }
-
     pub(crate) fn not_served(self, kind: ElementKind) -> ElementError {
         let served: Vec<String> = ElementKind::ALL
             .iter()
@@ -107,12 +19,6 @@ impl ElementMethod {
             .map(ElementKind::to_string)
             .collect();
         ElementError::NotServed { method: self, kind, served: served.join(", ") }
-    }
-}
-
-impl fmt::Display for ElementMethod {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
     }
 }
 

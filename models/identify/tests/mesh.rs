@@ -1,7 +1,8 @@
 //! Whole meshes: pooling, congruence, threads, errors, and what spring lattices can be.
 
+use sinew_identify::cells::Cells;
 use sinew_identify::mass::MassLumping;
-use sinew_identify::mesh::{Cells, fit_elements, mesh_masses};
+use sinew_identify::mesh::{fit_elements, mesh_masses};
 use sinew_identify::response::effective_moduli;
 use sinew_identify::springs::pairs;
 use sinew_identify::{

@@ -2,8 +2,9 @@
 
 use serde_json::Value;
 use sinew_identify::baselines::baudet_tension_correction;
+use sinew_identify::cells::Cells;
 use sinew_identify::error_metrics::position_errors;
-use sinew_identify::mesh::{Cells, FittedSprings, fit_elements};
+use sinew_identify::mesh::{FittedSprings, fit_elements};
 use sinew_identify::virtual_test::comparison::{SpringModel, VirtualTest};
 use sinew_identify::virtual_test::facets::{facets_within, loose_nodes, nodes_at, traction_forces};
 use sinew_identify::virtual_test::gauge::tensile_moduli;

@@ -4,7 +4,7 @@
 use super::FitError;
 use glam::DVec3;
 use sinew::engine::mesh::Mesh;
-use sinew_identify::mesh::Cells;
+use sinew_identify::cells::Cells;
 use sinew_identify::virtual_test::facets::{facets_within, nodes_at, traction_forces};
 use sinew_identify::virtual_test::gauge::{MeasuredModuli, displacement_gradient, tensile_moduli};
 use sinew_identify::virtual_test::{Loading, dimension};

@@ -6,10 +6,11 @@ use super::{
     Loading, SpringOptions, VirtualTestError, dimension, finite_elements, linear_springs,
     rest_length_springs,
 };
+use crate::cells::Cells;
 use crate::error_metrics::{PositionErrors, position_errors};
+use crate::kind::ElementMethod;
 use crate::material::{LinearMaterial, Section};
-use crate::mesh::{Cells, FitReport, fit_elements};
-use crate::method::ElementMethod;
+use crate::mesh::{FitReport, fit_elements};
 
 /// A mesh, its materials and a loading.
 #[derive(Clone, Copy, Debug)]
@@ -65,7 +66,7 @@ impl VirtualTest<'_> {
     /// [`VirtualTestError`].
     ///
     /// ```
-    /// use sinew_identify::mesh::Cells;
+    /// use sinew_identify::cells::Cells;
     /// use sinew_identify::virtual_test::Loading;
     /// use sinew_identify::virtual_test::comparison::{SpringModel, VirtualTest};
     /// use sinew_identify::{ElementMethod, LinearMaterial, Section};

@@ -1,7 +1,7 @@
 //! Facets of a mesh, and nodal forces of tractions.
 
+use crate::cells::Cells;
 use crate::geometry::{cross, norm, sub};
-use crate::mesh::Cells;
 
 /// Facets of hexahedra, nodes running round.
 const HEXAHEDRON_FACES: [[usize; 4]; 6] =
@@ -73,7 +73,7 @@ pub fn traction_forces(
 
 /// `integral of N_a dA` of a bilinear facet, 2x2 Gauss points.
 fn quad_areas(x: [[f64; 3]; 4]) -> Vec<f64> {
-    let kind = crate::geometry::ElementKind::Quad;
+    let kind = crate::kind::ElementKind::Quad;
     let mut areas = vec![0.0; 4];
     for (xi, weight) in kind.gauss_points() {
         let gradients = kind.reference_gradients(xi);

@@ -23,10 +23,10 @@ mod springs;
 
 use thiserror::Error;
 
+use crate::cells::Cells;
 use crate::error::IdentifyError;
 use crate::geometry::ElementGeometry;
 use crate::material::{LinearMaterial, Section};
-use crate::mesh::Cells;
 use crate::stiffness::element_stiffness;
 
 use sparse::System;
@@ -202,7 +202,7 @@ pub fn dimension(points: &[[f64; 3]], cells: &Cells<'_>) -> Result<usize, Virtua
 /// [`VirtualTestError`].
 ///
 /// ```
-/// use sinew_identify::mesh::Cells;
+/// use sinew_identify::cells::Cells;
 /// use sinew_identify::virtual_test::{Loading, finite_elements};
 /// use sinew_identify::{LinearMaterial, Section};
 ///
