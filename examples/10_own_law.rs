@@ -10,8 +10,8 @@ use sinew::engine::law::{DisabledLaws, TangentKind};
 use sinew::engine::mesh::generate::box_tets;
 use sinew::engine::scalar::{Real, dot};
 use sinew::models::element::tetrahedron::{Element, TetrahedronTangent};
-use sinew::models::frame::tetrahedra::TetrahedronLaw;
-use sinew::models::laws::LawRow;
+use sinew::models::frame::law::TetrahedronLaw;
+use sinew::models::frame::row::LawRow;
 use sinew::prelude::*;
 
 /// The law; also the mark of its tetrahedra.

@@ -13,9 +13,9 @@ use sinew_engine::isoparametric::{
 use sinew_engine::scalar::{Scalar, xyz};
 use sinew_engine::step::point_ratios;
 use sinew_engine::vertex::{BodyId, Displacement};
-use sinew_models::axes::change::set_axis_modulus;
 use sinew_models::axes::description::AxesError;
 use sinew_models::axes::muscle::{ActivationError, ActivationWork, Muscles};
+use sinew_models::body::axis_modulus::set_axis_modulus;
 use sinew_solvers::explicit::forget_steps;
 use sinew_solvers::implicit::forget_matrices;
 

@@ -4,9 +4,10 @@ use crate::simulation::{BodyHandle, Simulation};
 use sinew_engine::by_precision;
 use sinew_engine::connectivity::ElementKind;
 use sinew_models::body::BodyError;
+use sinew_models::body::present::Resection;
 use sinew_models::resection::{
-    FreshDifference, Removal, RemovalError, RemovalReport, Resection, compare_with_fresh,
-    prepare_removals, remove_elements,
+    FreshDifference, Removal, RemovalError, RemovalReport, compare_with_fresh, prepare_removals,
+    remove_elements,
 };
 
 /// # Removal

@@ -33,7 +33,8 @@ use sinew_engine::vertex::{
 };
 use sinew_engine::workers::Workers;
 use sinew_models::axes::muscle::{self, ActivationWork, Activations, Muscles};
-use sinew_models::edits::{Edit, EditError, EditState, scene_hash};
+use sinew_models::body::edit_log::{Edit, scene_hash};
+use sinew_models::edits::{EditError, EditState};
 use sinew_models::laws::pressure::activate as activate_pressure;
 use sinew_models::resection::RemovalRequest;
 use sinew_solvers::memory::SolverMemory;

@@ -8,7 +8,7 @@ use sinew::engine::element::{TetrahedronIndex, TetrahedronVertices};
 use sinew::engine::mesh::Mesh;
 use sinew::engine::mesh::generate::{box_hexahedra, box_tets};
 use sinew::models::body::VolumeRule;
-use sinew::models::frame::clusters::ClusterIndex;
+use sinew::models::frame::moduli::ClusterIndex;
 use sinew::models::resection::{Region, Removal};
 use sinew::prelude::*;
 use sinew::solvers::settings::Preconditioner;

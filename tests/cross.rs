@@ -7,9 +7,10 @@ use proptest::prelude::*;
 use sinew::engine::load::Pressure;
 use sinew::engine::mesh::Mesh;
 use sinew::models::body::Evaluation;
+use sinew::models::body::present::MassPolicy;
 use sinew::models::body::sheet::{MembraneDescription, MembraneModel};
 use sinew::models::material::field::MaterialField;
-use sinew::models::resection::{MassPolicy, Region, Removal, RemovalReport};
+use sinew::models::resection::{Region, Removal, RemovalReport};
 use sinew::prelude::*;
 
 /// Energies of solid and membrane, the way they are summed; `None` is a body that is all membrane.

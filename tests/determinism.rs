@@ -16,7 +16,7 @@ use sinew::models::axes::field::helicoidal;
 use sinew::models::axes::muscle::MuscleSettings;
 use sinew::models::body::sheet::{MembraneDescription, MembraneModel};
 use sinew::models::body::{Evaluation, VolumeRule};
-use sinew::models::frame::tetrahedra::TetrahedronLaw;
+use sinew::models::frame::law::TetrahedronLaw;
 use sinew::models::laws::pooled::TENSILE;
 use sinew::models::laws::svk::FusedStVK;
 use sinew::models::resection::{Region, Removal};

@@ -12,7 +12,7 @@ use sinew::engine::topology::Topology;
 use sinew::engine::vertex::{Displacement, ElasticForce, FixedAxes, Mass, Velocity};
 use sinew::engine::workers::Workers;
 use sinew::models::body::Evaluation;
-use sinew::models::frame::tetrahedra::ShearModulus;
+use sinew::models::frame::moduli::ShearModulus;
 use sinew::prelude::*;
 
 const EXPLICIT: [Integrator; 2] = [Integrator::SymplecticEuler, Integrator::StormerVerlet];

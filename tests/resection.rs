@@ -5,10 +5,9 @@ use glam::DVec3;
 use proptest::prelude::*;
 use sinew::engine::mesh::Mesh;
 use sinew::engine::mesh::generate::{box_tets, jitter_interior};
+use sinew::models::body::present::MassPolicy;
 use sinew::models::body::{Evaluation, VolumeRule};
-use sinew::models::resection::{
-    MassPolicy, Region, Removal, RemovalError, RemovalLog, RemovalRequest,
-};
+use sinew::models::resection::{Region, Removal, RemovalError, RemovalLog, RemovalRequest};
 use sinew::prelude::*;
 
 const MATERIAL: YoungPoisson =

@@ -11,10 +11,11 @@ use sinew::engine::mesh::generate::{box_hexahedra, box_tets, quad_grid, triangle
 use sinew::engine::order::Order;
 use sinew::models::axes::description::{AxesDescription, AxisAngle, AxisFamily};
 use sinew::models::axes::muscle::MuscleSettings;
+use sinew::models::body::present::MassPolicy;
 use sinew::models::body::sheet::{MembraneDescription, MembraneModel};
 use sinew::models::body::{Evaluation, VolumeRule};
 use sinew::models::material::field::MaterialField;
-use sinew::models::resection::{MassPolicy, Region, Removal, RemovalRequest};
+use sinew::models::resection::{Region, Removal, RemovalRequest};
 use sinew::prelude::*;
 use sinew::replay::Replay;
 use sinew::snapshot::{Snapshot, SnapshotError};

@@ -9,7 +9,7 @@ use sinew::engine::law::{LawBuffers, TangentKind};
 use sinew::engine::matrix::Tangent;
 use sinew::engine::workers::Workers;
 use sinew::models::body::Evaluation;
-use sinew::models::frame::tetrahedra::TetrahedronLaw;
+use sinew::models::frame::law::TetrahedronLaw;
 use sinew::models::laws::svk::FusedStVK;
 use sinew::prelude::*;
 

@@ -10,12 +10,12 @@ use sinew_models::axes::attachment::{self, Attachment};
 use sinew_models::axes::damper::AxialDamper;
 use sinew_models::axes::element::{AXIS_PAIRS, AxisElement, Fibre, Triad, VolumeTerm};
 use sinew_models::axes::printed::{
-    AngularForm, AngularSprings, AxialSprings, Blocks, Curvature, Nodes, RadialSprings, RadiusSum,
-    VolumeForm,
+    AngularForm, AngularSprings, AxialSprings, Curvature, RadialSprings, RadiusSum, VolumeForm,
 };
+use sinew_models::axes::site::{Blocks, Nodes};
 use sinew_models::element::precompute::RestTetrahedron;
 use sinew_models::element::tetrahedron::{Element, TangentKind, TetrahedronTangent};
-use sinew_models::frame::tetrahedra::TetrahedronLaw;
+use sinew_models::frame::law::TetrahedronLaw;
 use sinew_models::laws::linear::Linear;
 use sinew_models::material::LameParameters;
 

@@ -3,26 +3,37 @@
 
 use bevy_ecs::prelude::*;
 use bevy_ecs::query::QueryBuilder;
+use bytemuck::TransparentWrapper;
 use glam::{DVec2, DVec3};
-use sinew_engine::law::{DisabledLaws, ElasticEnergy, EvaluationRequest, LawBuffers, TangentKind};
+use sinew_engine::element::{AxisBlocks, AxisVertices, TETRAHEDRON_EDGES};
+use sinew_engine::law::{
+    DisabledLaws, ElasticEnergy, EvaluationRequest, LawBuffers, LawInfo, TangentKind,
+    partition_laws,
+};
 use sinew_engine::load::{Curve, Pressure};
+use sinew_engine::matrix::{ProductSpans, Tangent};
 use sinew_engine::mesh::Mesh;
 use sinew_engine::mesh::generate::{box_hexahedra, box_tets, quad_grid, triangle_grid};
 use sinew_engine::precision::Precision;
 use sinew_engine::scalar::{Real, Scalar};
 use sinew_engine::schedule::{
-    ActiveLaws, DampingSchedule, Executor, ForceSchedule, changed_laws, install,
+    self, ActiveLaws, DampingSchedule, Executor, ForceSchedule, changed_laws, install,
 };
 use sinew_engine::topology::Topology;
-use sinew_engine::vertex::{Displacement, ElasticForce};
+use sinew_engine::vertex::{BodyId, Displacement, ElasticForce};
+use sinew_engine::workers::Workers;
 use sinew_models::axes::description::{AxesDescription, AxisForm};
+use sinew_models::axes::site::{AxisSite, add_blocks, add_spread, local, spread_over};
 use sinew_models::body::sheet::{MembraneDescription, MembraneModel};
 use sinew_models::body::{BodyDescription, BodyError, Evaluation, Model, VolumeRule, spawn_body};
 use sinew_models::element::tetrahedron::{Element, TetrahedronTangent};
-use sinew_models::frame::tetrahedra::TetrahedronLaw;
+use sinew_models::frame::law::TetrahedronLaw;
+use sinew_models::frame::row::{
+    Elements, LawError, LawRow, LawTable, activate, activate_elements, mark,
+};
+use sinew_models::laws::LAWS;
 use sinew_models::laws::linear::Linear;
 use sinew_models::laws::pressure;
-use sinew_models::laws::{Elements, LAWS, LawError, LawRow, LawTable};
 use sinew_models::material::YoungPoisson;
 use std::collections::BTreeSet;
 
@@ -380,6 +391,94 @@ fn rows_take_the_place_of_shipped_ones() {
     let wrong = BodyDescription { model: Model::Own(hexahedra), ..linear };
     let error = spawn_body(&mut self::world::<f64>(), &wrong).unwrap_err();
     assert!(error.to_string().contains("does not act on tetrahedra"), "{error}");
+}
+
+/// A tie along x in a tetrahedron, as another crate would have it: `W = k/2 (sum_a q_a u_a)^2`.
+#[derive(Component, Clone, Copy)]
+#[component(summary_tick)]
+struct Tie {
+    shape: [f64; 4],
+    stiffness: f64,
+}
+
+static TIES: LawRow = LawRow::of_systems(
+    LawInfo::elastic("ties of a test"),
+    Elements::AxesInTetrahedra,
+    [mark::<Tie>; 2],
+    [ties::<f64>, ties::<f32>],
+);
+
+fn ties<S: Scalar>(world: &mut World, row: &'static LawRow, place: usize) {
+    activate_elements::<AxisVertices, S, (&AxisVertices, &AxisBlocks, &Tie)>(
+        world,
+        row,
+        place,
+        |schedule::Evaluation { workers, .. }, u, (sites, blocks, ties), buffer| {
+            let u = Displacement::peel_slice(u);
+            workers.for_each(&mut buffer.spans, 100 * ties.len(), |_, span| {
+                span.clear_force();
+                span.clear_tangent();
+                span.energy = 0.0;
+                for i in span.elements.clone() {
+                    let Tie { shape, stiffness } = ties[i];
+                    let stretch = spread_over(&shape, &local(u, sites[i].rows()))[0];
+                    span.energy += 0.5 * stiffness * stretch * stretch;
+                    for (&v, q) in sites[i].rows().iter().zip(shape) {
+                        let pull = S::from_f64(-q * stiffness * stretch);
+                        span.add_force(v, [pull, S::ZERO, S::ZERO]);
+                    }
+                    let mut along = [0.0; 9];
+                    along[0] = stiffness;
+                    let mut matrix = [[[0.0; 9]; 4]; 4];
+                    add_spread(&mut matrix, &shape, &shape, &along);
+                    add_blocks(span, &sites[i], &blocks[i], &matrix);
+                }
+            });
+        },
+    );
+}
+
+/// Also that [`activate`] and the ranges take elements that were spawned after their body.
+#[test]
+fn a_law_of_axes_of_another_crate_is_a_row() {
+    let mesh = tetrahedra();
+    let mut world = world::<f64>();
+    spawn_body(&mut world, &BodyDescription::new("b", &mesh, material())).unwrap();
+    let topology = world.resource::<Topology>();
+    let block = |[a, b]: [u32; 2]| topology.find_edge(a, b).unwrap() as u32;
+    let own = topology.bodies[0].tetrahedra.iter().enumerate().map(|(i, t)| {
+        let blocks = TETRAHEDRON_EDGES.map(|pair| block(pair.map(|v| t[v])));
+        let tie = Tie { shape: [-1.0, 0.25, 0.5, 0.25], stiffness: 1.0 + i as f64 };
+        (AxisVertices(*t), AxisBlocks(blocks), BodyId(0), tie)
+    });
+    let own: Vec<_> = own.collect();
+    world.spawn_batch(own.clone());
+    world.get_resource_or_init::<LawTable>().add(&TIES).unwrap();
+    activate::<f64>(&mut world, &TIES);
+    partition_laws::<f64>(&mut world);
+    let others = LAWS.iter().map(|row| row.info.name);
+    world.insert_resource(DisabledLaws(others.collect()));
+    disturb::<f64>(&mut world);
+
+    let energy = energy_of(&mut world);
+    let u: Vec<[f64; 4]> = world.query::<&Displacement<f64>>().iter(&world).map(|u| u.0).collect();
+    let stretch = |(rows, _, _, tie): &(AxisVertices, AxisBlocks, BodyId, Tie)| {
+        let along = rows.0.iter().zip(tie.shape).map(|(&v, q)| q * u[v as usize][0]);
+        along.sum::<f64>()
+    };
+    let expected: f64 = own.iter().map(|a| 0.5 * a.3.stiffness * stretch(a).powi(2)).sum();
+    assert!((energy - expected).abs() < 1e-12 * expected, "{energy} {expected}");
+    // quadratic from rest: f = -K u
+    let (mut spans, mut product) = (ProductSpans::default(), vec![[0.0; 4]; u.len()]);
+    let (topology, workers) = (world.resource::<Topology>(), world.resource::<Workers>());
+    let tangent = world.resource::<Tangent<f64>>();
+    tangent.multiply(topology, workers, &mut spans, &u, &mut product);
+    let forces: Vec<[f64; 4]> =
+        world.query::<&ElasticForce<f64>>().iter(&world).map(|f| f.0).collect();
+    let size = forces.as_flattened().iter().fold(0.0_f64, |most, f| most.max(f.abs()));
+    for (f, k) in forces.as_flattened().iter().zip(product.as_flattened()) {
+        assert!((f + k).abs() < 1e-12 * size, "{f} {k}");
+    }
 }
 
 /// Elements of every row can be found by its mark.

@@ -13,8 +13,8 @@ use sinew_models::element::membrane::{
     Element, RestTriangle, RestTriangleError, SpringConstants, TangentKind, TriangleTangent,
     area_ratio, biquadratic, corotational, linear, plane_stress, quadratic,
 };
+use sinew_models::element::spring::Stretch;
 use sinew_models::element::spring::{tensile_energy, tensile_tension};
-use sinew_models::laws::quadratic::Stretch;
 use sinew_models::material::LameParameters;
 
 type Nodes = [[f64; 3]; 3];

@@ -19,7 +19,7 @@ use sinew_models::element::precompute::{
 };
 use sinew_models::element::spring;
 use sinew_models::element::tetrahedron::{self, Element, TangentKind, compression};
-use sinew_models::frame::tetrahedra::TetrahedronLaw;
+use sinew_models::frame::law::TetrahedronLaw;
 use sinew_models::laws::quadratic::QuadraticSprings;
 use sinew_models::material::{LameParameters, YoungPoisson};
 

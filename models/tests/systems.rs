@@ -21,9 +21,11 @@ use sinew_engine::vertex::{Displacement, ElasticForce, RestPosition};
 use sinew_engine::workers::Workers;
 use sinew_models::body::{BodyDescription, BodyError, Evaluation, Model, spawn_body};
 use sinew_models::element::precompute::{RestTetrahedron, SpringConstants};
+use sinew_models::element::spring::Stretch;
 use sinew_models::element::tetrahedron::{self, Element};
-use sinew_models::frame::tetrahedra::{self, TetrahedronLaw};
-use sinew_models::laws::quadratic::{MassSpring, QuadraticSprings, Stretch};
+use sinew_models::frame::law::TetrahedronLaw;
+use sinew_models::frame::tetrahedra;
+use sinew_models::laws::quadratic::{MassSpring, QuadraticSprings};
 use sinew_models::laws::svk::FusedStVK;
 use sinew_models::material::{LameParameters, YoungPoisson};
 

@@ -10,9 +10,8 @@ use sinew::engine::scalar::Scalar;
 use sinew::engine::topology::Topology;
 use sinew::engine::vertex::Displacement;
 use sinew::engine::workers::Workers;
-use sinew::models::frame::tetrahedra::{
-    CompressionModulus, FirstLameParameter, ShearModulus, TetrahedronColumns, evaluate_columns,
-};
+use sinew::models::frame::moduli::{CompressionModulus, FirstLameParameter, ShearModulus};
+use sinew::models::frame::tetrahedra::{TetrahedronColumns, evaluate_columns};
 use sinew::models::laws::svk::FusedStVK;
 use sinew::prelude::Simulation;
 

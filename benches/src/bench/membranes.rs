@@ -20,7 +20,8 @@ use sinew::models::body::sheet::{MembraneDescription, MembraneModel};
 use sinew::models::element::membrane::{
     Element, RestTriangle, SpringConstants, biquadratic, corotational, plane_stress, quadratic,
 };
-use sinew::models::frame::triangles::{TriangleLaw, multiply};
+use sinew::models::frame::law::TriangleLaw;
+use sinew::models::frame::triangles::multiply;
 use sinew::models::laws::membranes::{
     BiquadraticMembrane, CorotationalMembrane, QuadraticMembrane,
 };

@@ -9,9 +9,10 @@ use bevy_ecs::entity::Entity;
 use glam::{DQuat, DVec2, DVec3};
 use sinew::engine::mesh::generate::{box_tets, irregular_box_tets, sphere_tets, triangle_grid};
 use sinew::engine::mesh::{Mesh, MeshError};
+use sinew::models::body::present::MassPolicy;
 use sinew::models::body::sheet::MembraneDescription;
 use sinew::models::material::field::MaterialField;
-use sinew::models::resection::{MassPolicy, Removal};
+use sinew::models::resection::Removal;
 use sinew::prelude::*;
 use std::sync::Arc;
 

@@ -8,7 +8,8 @@ use super::{Check, Part};
 use glam::DVec3;
 use sinew::engine::mesh::generate::box_tets;
 use sinew::engine::mesh::{Mesh, MeshError};
-use sinew::models::resection::{MassPolicy, Region, Removal};
+use sinew::models::body::present::MassPolicy;
+use sinew::models::resection::{Region, Removal};
 use sinew::prelude::*;
 use std::sync::Arc;
 

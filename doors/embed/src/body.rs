@@ -9,11 +9,12 @@ use serde::Deserialize;
 use sinew::engine::connectivity::ElementKind;
 use sinew::engine::mesh::{CheckOptions, Mesh, check};
 use sinew::engine::surface::SurfaceReader;
+use sinew::models::body::present::MassPolicy;
 use sinew::models::body::sheet::{MembraneSettings, PlaneState};
 use sinew::models::body::{BodyDescription, SoftBody, VolumeRule};
 use sinew::models::material::YoungPoisson;
 use sinew::models::material::field::{MaterialArrays, MaterialField};
-use sinew::models::resection::{MassPolicy, Region, Removal, RemovalReport};
+use sinew::models::resection::{Region, Removal, RemovalReport};
 use sinew::simulation::{BodyHandle, MaterialChange, Simulation};
 use sinew_scene::assemble::{
     BuiltBody, BuiltMembrane, body_mass, count_membrane_vertices, warn_of_findings,

@@ -5,7 +5,7 @@ use sinew_engine::isoparametric::{AxisHexahedronBlocks, AxisHexahedronVertices};
 use sinew_engine::scalar::{Scalar, dot};
 use sinew_models::axes::columns::{FibreData, TriadData, VolumeData};
 use sinew_models::axes::{points as bricks, systems};
-use sinew_models::laws::LawRow;
+use sinew_models::frame::row::LawRow;
 
 use super::solid::HEXAHEDRA;
 use super::{

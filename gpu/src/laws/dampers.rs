@@ -5,7 +5,7 @@ use sinew_engine::element::AxisVertices;
 use sinew_engine::isoparametric::AxisHexahedronVertices;
 use sinew_models::axes::damper::{self, AxialDamper};
 use sinew_models::axes::site::AxisSite;
-use sinew_models::laws::LawRow;
+use sinew_models::frame::row::LawRow;
 
 use super::{DeviceElement, DeviceLaw, ElementColumns, ElementSearch, Find};
 

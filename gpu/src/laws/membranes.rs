@@ -4,10 +4,11 @@
 
 use sinew_engine::isoparametric::{QuadRest, QuadVertices};
 use sinew_engine::scalar::Scalar;
+use sinew_models::frame::row::LawRow;
 use sinew_models::frame::triangles::{
     MembraneCompressionModulus, MembraneData, MembraneFirstModulus, MembraneShearModulus,
 };
-use sinew_models::laws::{LawRow, membranes as membrane};
+use sinew_models::laws::membranes as membrane;
 
 use super::{
     DeviceElement, DeviceLaw, ElementColumns, ElementSearch, STRETCH, TRIANGLES, compression_alone,

@@ -16,8 +16,8 @@ use sinew_engine::isoparametric::HexahedronRest;
 use sinew_engine::law::TangentKind;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::vertex::BodyId;
+use sinew_models::frame::row::{InRecovery, LawRow, LawTable, precision};
 use sinew_models::laws::pooled::{EDGE_CHANGES, SPRING_FORCES};
-use sinew_models::laws::{InRecovery, LawRow, LawTable, precision};
 
 use crate::sources::{ShaderSource, elements};
 

@@ -2,12 +2,10 @@
 
 use sinew_engine::isoparametric::{HexahedronRest, HexahedronVertices};
 use sinew_engine::scalar::Scalar;
-use sinew_models::frame::tetrahedra::{
-    CompressionModulus, FirstLameParameter, ShearModulus, TetrahedronData,
-};
-use sinew_models::laws::{
-    LawRow, corotational, linear, neo_hookean, quadratic, stvk_fem, svk, svk_volume,
-};
+use sinew_models::frame::moduli::{CompressionModulus, FirstLameParameter, ShearModulus};
+use sinew_models::frame::row::LawRow;
+use sinew_models::frame::tetrahedra::TetrahedronData;
+use sinew_models::laws::{corotational, linear, neo_hookean, quadratic, stvk_fem, svk, svk_volume};
 
 use super::{
     DEFORMATION, DeviceElement, DeviceLaw, ElementColumns, ElementSearch, FOUR_VERTICES,

@@ -199,7 +199,7 @@ pub fn fit_each(
 /// Masses (kg) of the nodes of a mesh of density `density` (kg/m^3), summed over the elements.
 ///
 /// # Errors
-/// As [`fit_elements`], and [`ElementError::Density`].
+/// As [`fit_elements`], and [`ElementError::Density`](crate::ElementError::Density).
 ///
 /// ```
 /// use sinew_identify::mass::MassLumping;

@@ -326,3 +326,28 @@ impl<S: Scalar> AxisColumns<S> for VolumeColumns<'_, S> {
         }
     }
 }
+
+/// Which families the axial springs of an axis entity belong to, and what their moduli (Pa) are multiplied
+/// by: share times rest volume (m^3), over the squared chord (m) for printed springs.
+#[derive(Component, Clone, Copy, Debug, PartialEq)]
+#[component(clone_behavior = Ignore)]
+pub struct AxisSource {
+    /// Index of the family of each axis, [`NO_FAMILY`] where there is no spring.
+    pub family: [u32; 3],
+    /// Factor on its modulus.
+    pub weight: [f64; 3],
+}
+
+/// No spring along this axis.
+pub const NO_FAMILY: u32 = u32::MAX;
+
+impl AxisSource {
+    pub(crate) fn new(family: [Option<usize>; 3], weight: [f64; 3]) -> Self {
+        Self { family: family.map(|f| f.map_or(NO_FAMILY, |f| f as u32)), weight }
+    }
+
+    /// Without weight, for removed elements.
+    pub(crate) fn clear(&mut self) {
+        self.weight = [0.0; 3];
+    }
+}

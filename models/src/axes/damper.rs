@@ -24,10 +24,9 @@ use sinew_engine::vertex::Displacement;
 
 use bytemuck::TransparentWrapper;
 
-use super::printed::{Blocks, Nodes, add_spread, spread_over};
-use super::site::{AxisSite, add_blocks, local};
+use super::site::{AxisSite, Blocks, Nodes, add_blocks, add_spread, local, spread_over};
 use crate::element::matrix::add_outer;
-use crate::laws::{Elements, LawRow, mark, partition};
+use crate::frame::row::{Elements, LawRow, mark, partition};
 
 /// A damper along an axis of an element of `N` vertices.
 #[derive(Component, Clone, Copy, Debug, PartialEq)]

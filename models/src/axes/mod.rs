@@ -10,11 +10,9 @@
 //! | [`field`] | fibre fields: where the directions come from |
 //! | [`muscle`] | active fibres |
 //! | [`damper`] | dampers along axes |
-//! | [`change`] | another modulus for the axes of a body |
 //! | [`attachment`], [`printed`], [`printed_system`] | where axes meet faces, and the formulas as printed, for comparison |
 
 pub mod attachment;
-pub mod change;
 pub mod columns;
 pub mod damper;
 pub mod description;

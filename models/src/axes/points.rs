@@ -30,7 +30,7 @@ use super::site::AxisSite;
 use crate::frame::columns::{self, work};
 use crate::frame::gauss::{GaussColumns, GaussElements, GaussLaw};
 use crate::frame::hexahedra::{Brick, Shape, TenNodes, inner_blocks};
-use crate::laws::{Elements, LawRow, activate_elements, mark};
+use crate::frame::row::{Elements, LawRow, activate_elements, mark};
 
 /// A kind of elements in which axes lie at points.
 pub(crate) trait AxisShape<const V: usize, const P: usize, const Q: usize>:

@@ -30,12 +30,8 @@
 use sinew_engine::scalar::{dot, scale, sub};
 
 use super::element::AXIS_PAIRS;
+use super::site::{Blocks, Nodes, add_spread, spread_over};
 use crate::element::matrix::{add_identity, add_outer, transposed};
-
-/// Vectors of the vertices (m, m/s or N).
-pub type Nodes<const N: usize> = [[f64; 3]; N];
-/// Matrix of an element as blocks `[row vertex][column vertex]`, each row-major (N/m).
-pub type Blocks<const N: usize> = [[[f64; 9]; N]; N];
 
 /// Forces of the angular springs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -94,17 +90,6 @@ impl Arm {
     }
 }
 
-/// `sum_j weights_j x_j`.
-pub(crate) fn spread_over<const N: usize>(weights: &[f64; N], x: &Nodes<N>) -> [f64; 3] {
-    let mut sum = [0.0; 3];
-    for j in 0..N {
-        for k in 0..3 {
-            sum[k] += weights[j] * x[j][k];
-        }
-    }
-    sum
-}
-
 /// The chords of three axes.
 fn arms<const N: usize>(spread: &[[f64; N]; 3], x: &Nodes<N>) -> [Arm; 3] {
     spread.map(|weights| Arm::new(spread_over(&weights, x)))
@@ -114,22 +99,6 @@ fn spread_force<const N: usize>(to: &mut Nodes<N>, weights: &[f64; N], force: [f
     for j in 0..N {
         for k in 0..3 {
             to[j][k] += weights[j] * force[k];
-        }
-    }
-}
-
-/// Adds `w_a v_b m` to all blocks.
-pub(crate) fn add_spread<const N: usize>(
-    to: &mut Blocks<N>,
-    w: &[f64; N],
-    v: &[f64; N],
-    m: &[f64; 9],
-) {
-    for a in 0..N {
-        for b in 0..N {
-            for k in 0..9 {
-                to[a][b][k] += w[a] * v[b] * m[k];
-            }
         }
     }
 }

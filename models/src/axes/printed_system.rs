@@ -13,11 +13,11 @@ use sinew_engine::vertex::Displacement;
 use super::attachment::{self, Attachment};
 use super::element::AXIS_PAIRS;
 use super::printed::{
-    AngularForm, AngularSprings, AxialSprings, Blocks, Curvature, Nodes, RadialSprings, RadiusSum,
-    VolumeForm, VolumeSprings,
+    AngularForm, AngularSprings, AxialSprings, Curvature, RadialSprings, RadiusSum, VolumeForm,
+    VolumeSprings,
 };
-use super::site::{AxisSite, add_blocks, local};
-use crate::laws::{Elements, LawRow, activate_elements, mark};
+use super::site::{AxisSite, Blocks, Nodes, add_blocks, local};
+use crate::frame::row::{Elements, LawRow, activate_elements, mark};
 
 /// The springs of Bourguignon & Cani 2000 in their printed form, in tetrahedra.
 pub static IN_TETRAHEDRA: LawRow = LawRow::of_systems(

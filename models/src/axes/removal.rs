@@ -5,7 +5,6 @@ use sinew_engine::element::ShapeGradient;
 use sinew_engine::isoparametric::PointsRest;
 use sinew_engine::scalar::{Scalar, dot};
 
-use super::change::AxisSource;
 use super::columns::*;
 use super::damper::AxialDamper;
 use super::element::{AxisElement, Fibre, Triad, VolumeTerm};

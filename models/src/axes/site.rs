@@ -9,8 +9,12 @@ use sinew_engine::isoparametric::{
 use sinew_engine::law::Span;
 use sinew_engine::scalar::{Scalar, xyz};
 
-use super::printed::{Blocks, Nodes};
-use crate::laws::ElementRows;
+use crate::frame::row::ElementRows;
+
+/// Vectors of the vertices (m, m/s or N).
+pub type Nodes<const N: usize> = [[f64; 3]; N];
+/// Matrix of an element as blocks `[row vertex][column vertex]`, each row-major (N/m).
+pub type Blocks<const N: usize> = [[[f64; 9]; N]; N];
 
 /// Vertex rows of an axis entity in an element of `N` vertices: the column that tells its kind of element.
 pub trait AxisSite<const N: usize>: ElementRows + Copy {
@@ -58,12 +62,12 @@ impl AxisSite<10> for AxisTetrahedron10Vertices {
 }
 
 /// Displacements (m) of the vertices of an element in `f64`.
-pub(crate) fn local<S: Scalar, const N: usize>(u: &[[S; 4]], rows: &[u32; N]) -> Nodes<N> {
+pub fn local<S: Scalar, const N: usize>(u: &[[S; 4]], rows: &[u32; N]) -> Nodes<N> {
     rows.map(|v| xyz(u[v as usize]).map(S::to_f64))
 }
 
 /// Adds the matrix of an element to a range.
-pub(crate) fn add_blocks<S: Scalar, const N: usize, V: AxisSite<N>>(
+pub fn add_blocks<S: Scalar, const N: usize, V: AxisSite<N>>(
     span: &mut Span<S>,
     vertices: &V,
     blocks: &V::Blocks,
@@ -75,5 +79,27 @@ pub(crate) fn add_blocks<S: Scalar, const N: usize, V: AxisSite<N>>(
     }
     for (&block, &[a, b]) in V::blocks(blocks).iter().zip(V::PAIRS) {
         span.add_off_diagonal(block, rows[a], rows[b], &matrix[a][b].map(S::from_f64));
+    }
+}
+
+/// `sum_j weights_j x_j`.
+pub fn spread_over<const N: usize>(weights: &[f64; N], x: &Nodes<N>) -> [f64; 3] {
+    let mut sum = [0.0; 3];
+    for j in 0..N {
+        for k in 0..3 {
+            sum[k] += weights[j] * x[j][k];
+        }
+    }
+    sum
+}
+
+/// Adds `w_a v_b m` to all blocks.
+pub fn add_spread<const N: usize>(to: &mut Blocks<N>, w: &[f64; N], v: &[f64; N], m: &[f64; 9]) {
+    for a in 0..N {
+        for b in 0..N {
+            for k in 0..9 {
+                to[a][b][k] += w[a] * v[b] * m[k];
+            }
+        }
     }
 }

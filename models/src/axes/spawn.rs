@@ -13,16 +13,15 @@ use sinew_engine::isoparametric::{
 use sinew_engine::scalar::Scalar;
 use sinew_engine::vertex::BodyId;
 
-use super::change::AxisSource;
 use super::columns::*;
 use super::damper::{self, AxialDamper};
 use super::description::{AxesDescription, AxisFamily, AxisGroup};
 use super::muscle::{self, Muscle, Muscles};
 use super::points;
 use super::systems;
-use crate::body::SolidPart;
 use crate::frame::hexahedra::{Brick, Shape, TenNodes};
-use crate::laws::{self, LawRow};
+use crate::frame::part::SolidPart;
+use crate::frame::row::{self, LawRow};
 
 /// Rows and blocks of a tetrahedron, and where it comes from.
 pub(super) type Place = (AxisVertices, AxisBlocks, AxisTetrahedron, BodyId);
@@ -161,7 +160,7 @@ pub(super) fn spawn_rows<S: Scalar, B: Bundle<Effect: NoBundleEffect>>(
 ) {
     if !rows.is_empty() {
         world.spawn_batch(rows);
-        laws::activate::<S>(world, law);
+        row::activate::<S>(world, law);
     }
 }
 

@@ -5,14 +5,14 @@ use glam::DVec3;
 use sinew_engine::scalar::Scalar;
 
 use super::attachment::{self, Attachment};
-use super::change::AxisSource;
+use super::columns::AxisSource;
 use super::damper::{self, AxialDamper};
 use super::description::{AxesDescription, AxesError, AxisFamily, AxisForm, AxisGroup};
 use super::element::AXIS_PAIRS;
 use super::printed::VolumeForm;
 use super::printed_system::{self, Printed, PrintedAxes, PrintedElement, PrintedModuli};
 use super::spawn::{hexahedron_rows, spawn_rows, tetrahedron_place, unit};
-use crate::body::SolidPart;
+use crate::frame::part::SolidPart;
 
 /// Checks that every axis in a hexahedron meets two of its faces. In tetrahedra that have a volume it does.
 ///

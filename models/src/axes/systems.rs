@@ -11,8 +11,8 @@ use sinew_engine::schedule::Evaluation;
 use super::columns::*;
 use super::element::AxisElement;
 use crate::frame::columns::{self, LawColumns, TangentSum, add_vertices, work};
+use crate::frame::row::{Elements, LawRow, activate_elements, mark};
 use crate::frame::tetrahedra::add_tangent;
-use crate::laws::{Elements, LawRow, activate_elements, mark};
 
 /// Marks tetrahedra of bodies that consist of axes alone: no law of a material acts on them.
 #[derive(Component, Clone, Copy, Debug, Default)]

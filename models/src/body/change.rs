@@ -1,5 +1,5 @@
 //! Another material for a body that exists: every number derived from it is computed again, as
-//! [`spawn_body`](crate::body::spawn_body) computes it, so that body and a new one agree to the last bit.
+//! [`spawn_body`](crate::body::spawn::spawn_body) computes it, so that body and a new one agree to the last bit.
 
 use bevy_ecs::prelude::*;
 use glam::DVec3;
@@ -14,26 +14,28 @@ use sinew_engine::vertex::{BodyId, Mass, RestPosition};
 use std::borrow::Cow;
 use std::sync::Arc;
 
+use crate::body::description::SoftBody;
+use crate::body::edit_log::{Edit, before_edit, log_edit};
 use crate::body::lumped::ElementSprings;
 use crate::body::matter::{Chosen, Items, Matter, chosen};
-use crate::body::spawn::{moduli_bundle, volumetric_bundle};
-use crate::body::{Model, SoftBody};
-use crate::edits::{Edit, before_edit, log_edit};
-use crate::frame::tetrahedra::{CompressionModulus, FirstLameParameter, ShearModulus};
+use crate::body::present::Resection;
+use crate::body::spawn::volumetric_bundle;
+use crate::frame::moduli::moduli_bundle;
+use crate::frame::moduli::{CompressionModulus, FirstLameParameter, ShearModulus};
+use crate::laws::models::Model;
 use crate::laws::pooled::{
     AngularStiffness, TensileStiffness, TriangleVertices, VolumetricStiffness,
 };
 use crate::laws::quadratic::MassSpring;
 use crate::material::LameParameters;
 use crate::material::field::{FieldError, MaterialArrays, MaterialField};
-use crate::resection::Resection;
 
 /// Gives the solid elements of body number `body` (index into [`Topology::bodies`]) the material of `field`:
 /// moduli, constants of pooled and edge springs, masses. Displacements and velocities stay; so does the
 /// material of its membrane. Arrays of the field are those of the whole mesh, also after removals.
 ///
 /// Removed elements stay removed, and masses are summed over what is left: what
-/// [`MassPolicy::Keep`](crate::resection::MassPolicy::Keep) left of removed elements at vertices that have
+/// [`MassPolicy::Keep`](crate::body::present::MassPolicy::Keep) left of removed elements at vertices that have
 /// others goes; a vertex without elements keeps the mass that it has, whatever the new material.
 ///
 /// What solvers remember is not touched: `sinew::simulation::Simulation::set_material` does that too.
@@ -116,7 +118,8 @@ fn set_moduli<S: Scalar>(
         // removed ones have no volume
         if id.0 as usize == body && volume.0 != S::ZERO {
             let index = t.map_or(first, |t| t.0 as usize) + h.map_or(0, |h| h.0 as usize);
-            (*lambda, *mu, *compression) = moduli_bundle::<S>(lame[index], model);
+            (*lambda, *mu, *compression) =
+                moduli_bundle::<S>(model.lame(lame[index]), model.has_compression());
         }
     }
 }

@@ -5,14 +5,9 @@
 use serde::Serialize;
 use sinew_engine::connectivity::{ByKind, ElementKind};
 use sinew_engine::isoparametric::{HEXAHEDRON_PAIRS, QUAD_PAIRS};
-use sinew_identify::mesh::{Cells, fit_each};
-use sinew_identify::{ElementMethod, IdentifyError, LinearMaterial, Plane, Section};
+use sinew_identify::ElementMethod;
 
-use crate::body::Model;
-use crate::body::matter::Matter;
-use crate::body::sheet::{MembraneSettings, PlaneState};
 use crate::element::precompute::EDGES;
-use crate::material::YoungPoisson;
 use std::collections::BTreeMap;
 
 /// Where the constants of lumped springs come from.
@@ -78,7 +73,7 @@ impl UniformSprings {
     }
 
     /// Constants (N/m) of an element in the order of its pairs; 0 where there is no spring.
-    fn constants(&self, kind: ElementKind) -> Vec<f64> {
+    pub(super) fn constants(&self, kind: ElementKind) -> Vec<f64> {
         let all = self.hexahedron == HexahedronSprings::All || kind != ElementKind::Hexahedron;
         let joined = |pair: &[usize; 2]| all || EDGES_AND_DIAGONALS.contains(pair);
         pairs(kind).iter().map(|p| if joined(p) { self.constant } else { 0.0 }).collect()
@@ -89,9 +84,9 @@ impl UniformSprings {
 /// unless its elements are springs.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ElementSprings {
-    constants: ByKind<Vec<f64>>,
+    pub(super) constants: ByKind<Vec<f64>>,
     /// Whether elements that share a pair share one spring, by kind.
-    uniform: ByKind<bool>,
+    pub(super) uniform: ByKind<bool>,
 }
 
 impl ElementSprings {
@@ -143,7 +138,11 @@ impl GivenSprings {
     }
 
     /// Constant (N/m) of a pair of the vertices of an element, 0 where none is given.
-    fn constants(&self, kind: ElementKind, vertices: &[u32]) -> impl Iterator<Item = f64> {
+    pub(super) fn constants(
+        &self,
+        kind: ElementKind,
+        vertices: &[u32],
+    ) -> impl Iterator<Item = f64> {
         let list = self.0.get(&(kind, ascending(vertices.to_vec())));
         pairs(kind).iter().map(move |pair| {
             let [a, b] = pair.map(|i| vertices[i]);
@@ -178,116 +177,4 @@ pub fn tensile_stiffness(constant: f64, rest: [f64; 3]) -> f64 {
 /// Spring constant (N/m) of a tensile stiffness (N/m^3), `2 L^2 k`.
 pub fn spring_constant(stiffness: f64, rest: [f64; 3]) -> f64 {
     stiffness * (2.0 * rest.iter().map(|x| x * x).sum::<f64>())
-}
-
-/// An element whose springs cannot be found.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[error("no spring constants for {} {index} by method \"{method}\": {source}", .kind.name())]
-pub struct SpringsError {
-    /// Kind of the element.
-    pub kind: ElementKind,
-    /// Index in the user's mesh.
-    pub index: usize,
-    /// The method.
-    pub method: ElementMethod,
-    /// What is wrong.
-    pub source: Box<IdentifyError>,
-}
-
-impl Matter<'_> {
-    /// Spring constants of all elements that are springs.
-    pub(crate) fn element_springs(&self) -> Result<ElementSprings, SpringsError> {
-        let mut springs = ElementSprings::default();
-        let (lists, none) = (self.ordered.elements(), Cells::default());
-        for kind in ElementKind::ALL {
-            let (cells, of_sheet, usual) = match kind {
-                ElementKind::Tetrahedron => {
-                    let cells = Cells { tetrahedra: lists.tetrahedra, ..none };
-                    (cells, false, ElementMethod::PaperA)
-                }
-                ElementKind::Triangle => {
-                    (Cells { triangles: lists.membrane, ..none }, true, ElementMethod::PaperA)
-                }
-                ElementKind::Hexahedron => {
-                    (Cells { hexahedra: lists.hexahedra, ..none }, false, ElementMethod::Frobenius)
-                }
-                ElementKind::Quad => {
-                    (Cells { quads: lists.quads, ..none }, true, ElementMethod::Frobenius)
-                }
-            };
-            let sheet = self.mass_spring_sheet();
-            let is_spring =
-                if of_sheet { sheet.is_some() } else { self.model == Model::MassSpring };
-            if !is_spring || cells.is_empty() {
-                continue;
-            }
-            if let Some(given) = self.given {
-                let user = |row: &u32| self.ordered.vertex_order[*row as usize];
-                let of = |e: usize| cells.element(e).2.iter().map(user).collect::<Vec<_>>();
-                springs.constants[kind] = (0..cells.len())
-                    .flat_map(|e| given.constants(kind, &of(e)).collect::<Vec<_>>())
-                    .collect();
-                continue;
-            }
-            let rule = sheet.filter(|_| of_sheet).map_or(self.spring_rule, |sheet| sheet.springs);
-            if let Some(SpringRule::Uniform(uniform)) = rule {
-                springs.uniform[kind] = true;
-                springs.constants[kind] = uniform.constants(kind).repeat(cells.len());
-                continue;
-            }
-            let (materials, section) = match sheet.filter(|_| of_sheet) {
-                Some(sheet) => (vec![linear(sheet.material)], section(&sheet)),
-                None => {
-                    let of = |e| linear(self.material(kind, e as u32));
-                    let materials = (0..cells.len()).map(of).collect();
-                    (materials, Section::default())
-                }
-            };
-            let method = match rule {
-                Some(SpringRule::Fitted(method)) => method,
-                _ => usual,
-            };
-            springs.constants[kind] =
-                self.constants(&cells, &materials, &section, method).map_err(|(e, source)| {
-                    let index = self.ordered.order(kind)[e] as usize;
-                    SpringsError { kind, index, method, source: Box::new(source) }
-                })?;
-        }
-        if self.given.is_none() {
-            // fits come in lexicographic order
-            springs.constants[ElementKind::Triangle].chunks_exact_mut(3).for_each(<[f64]>::reverse);
-        }
-        Ok(springs)
-    }
-
-    /// Constants (N/m) of elements of one kind; on failure the element, in the order of the layout.
-    fn constants(
-        &self,
-        cells: &Cells,
-        materials: &[LinearMaterial],
-        section: &Section,
-        method: ElementMethod,
-    ) -> Result<Vec<f64>, (usize, IdentifyError)> {
-        let rows = (0..cells.len()).flat_map(|i| cells.element(i).2);
-        let last = rows.max().copied().unwrap_or(0);
-        let points: Vec<[f64; 3]> = (0..=last).map(|row| (self.rest_of)(row).to_array()).collect();
-        let fits = fit_each(&points, cells, materials, section, method).map_err(|source| {
-            let index = if let IdentifyError::Element { index, .. } = source { index } else { 0 };
-            (index, source)
-        })?;
-        Ok((0..cells.len()).flat_map(|i| &fits.of(i).constants).copied().collect())
-    }
-}
-
-fn linear(material: YoungPoisson) -> LinearMaterial {
-    let YoungPoisson { young_modulus, poisson_ratio, .. } = material;
-    LinearMaterial { youngs_modulus: young_modulus, poissons_ratio: poisson_ratio }
-}
-
-fn section(sheet: &MembraneSettings) -> Section {
-    let plane = match sheet.plane {
-        PlaneState::Stress => Plane::Stress,
-        PlaneState::Strain => Plane::Strain,
-    };
-    Section { plane, thickness: sheet.thickness }
 }

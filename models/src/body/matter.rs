@@ -2,12 +2,14 @@
 //! constants of springs. [`spawn_body`](super::spawn_body), [`set_material`](super::change::set_material) and
 //! removals compute them here, in one order of sums, so that they agree to the last bit.
 
+use super::description::SoftBody;
 use super::lumped::{self, ElementSprings, GivenSprings, SpringRule};
-use super::sheet::{MembraneModel, MembraneSettings};
-use super::{Evaluation, Model};
+use super::sheet::{MembraneModel, MembraneSettings, PlaneState};
 use crate::element::membrane::{self, RestTriangle};
 use crate::element::precompute::{ADJACENT_PAIRS, RestTetrahedron, SpringConstants};
-use crate::material::field::MaterialField;
+use crate::frame::rules::Evaluation;
+use crate::laws::models::Model;
+use crate::material::field::{MaterialField, SpringsError};
 use crate::material::{LameParameters, YoungPoisson};
 use glam::DVec3;
 use sinew_engine::connectivity::{ByKind, ElementKind};
@@ -15,8 +17,12 @@ use sinew_engine::element::TETRAHEDRON_FACES;
 use sinew_engine::isoparametric::{RestHexahedron, RestQuad, RestTetrahedron10};
 use sinew_engine::layout::{BodyElements, Cells};
 use sinew_engine::scalar::sub;
+use sinew_identify::cells::Cells as Elements;
 use sinew_identify::mass::{MassLumping, lumped_masses};
-use sinew_identify::{ElementGeometry, Section};
+use sinew_identify::mesh::fit_each;
+use sinew_identify::{
+    ElementGeometry, ElementMethod, IdentifyError, LinearMaterial, Plane, Section,
+};
 
 /// A body as its numbers see it.
 #[derive(Clone, Copy)]
@@ -39,6 +45,19 @@ pub(crate) struct Matter<'a> {
     pub lumping: MassLumping,
     /// Its membrane.
     pub membrane: Option<MembraneSettings>,
+}
+
+impl SoftBody {
+    /// What its numbers follow from; `rest_of` gives the rest position (m) of a vertex row.
+    pub(crate) fn matter<'a>(
+        &'a self,
+        ordered: &'a BodyElements,
+        rest_of: &'a dyn Fn(u32) -> DVec3,
+    ) -> Matter<'a> {
+        let &Self { model, evaluation, spring_rule, masses, membrane, .. } = self;
+        let (field, given, lumping) = (self.field(), self.given.as_deref(), masses.lumping());
+        Matter { ordered, rest_of, field, model, evaluation, spring_rule, given, lumping, membrane }
+    }
 }
 
 /// Items of a body, each of which gets a sum.
@@ -308,4 +327,104 @@ impl PooledSprings<'_> {
             }
         }
     }
+}
+
+impl Matter<'_> {
+    /// Spring constants of all elements that are springs.
+    pub(crate) fn element_springs(&self) -> Result<ElementSprings, SpringsError> {
+        let mut springs = ElementSprings::default();
+        let (lists, none) = (self.ordered.elements(), Elements::default());
+        for kind in ElementKind::ALL {
+            let (cells, of_sheet, usual) = match kind {
+                ElementKind::Tetrahedron => {
+                    let cells = Elements { tetrahedra: lists.tetrahedra, ..none };
+                    (cells, false, ElementMethod::PaperA)
+                }
+                ElementKind::Triangle => {
+                    (Elements { triangles: lists.membrane, ..none }, true, ElementMethod::PaperA)
+                }
+                ElementKind::Hexahedron => (
+                    Elements { hexahedra: lists.hexahedra, ..none },
+                    false,
+                    ElementMethod::Frobenius,
+                ),
+                ElementKind::Quad => {
+                    (Elements { quads: lists.quads, ..none }, true, ElementMethod::Frobenius)
+                }
+            };
+            let sheet = self.mass_spring_sheet();
+            let is_spring =
+                if of_sheet { sheet.is_some() } else { self.model == Model::MassSpring };
+            if !is_spring || cells.is_empty() {
+                continue;
+            }
+            if let Some(given) = self.given {
+                let user = |row: &u32| self.ordered.vertex_order[*row as usize];
+                let of = |e: usize| cells.element(e).2.iter().map(user).collect::<Vec<_>>();
+                springs.constants[kind] = (0..cells.len())
+                    .flat_map(|e| given.constants(kind, &of(e)).collect::<Vec<_>>())
+                    .collect();
+                continue;
+            }
+            let rule = sheet.filter(|_| of_sheet).map_or(self.spring_rule, |sheet| sheet.springs);
+            if let Some(SpringRule::Uniform(uniform)) = rule {
+                springs.uniform[kind] = true;
+                springs.constants[kind] = uniform.constants(kind).repeat(cells.len());
+                continue;
+            }
+            let (materials, section) = match sheet.filter(|_| of_sheet) {
+                Some(sheet) => (vec![linear(sheet.material)], section(&sheet)),
+                None => {
+                    let of = |e| linear(self.material(kind, e as u32));
+                    let materials = (0..cells.len()).map(of).collect();
+                    (materials, Section::default())
+                }
+            };
+            let method = match rule {
+                Some(SpringRule::Fitted(method)) => method,
+                _ => usual,
+            };
+            springs.constants[kind] =
+                self.fitted(&cells, &materials, &section, method).map_err(|(e, source)| {
+                    let index = self.ordered.order(kind)[e] as usize;
+                    SpringsError { kind, index, method, source: Box::new(source) }
+                })?;
+        }
+        if self.given.is_none() {
+            // fits come in lexicographic order
+            springs.constants[ElementKind::Triangle].chunks_exact_mut(3).for_each(<[f64]>::reverse);
+        }
+        Ok(springs)
+    }
+
+    /// Constants (N/m) of elements of one kind; on failure the element, in the order of the layout.
+    fn fitted(
+        &self,
+        cells: &Elements,
+        materials: &[LinearMaterial],
+        section: &Section,
+        method: ElementMethod,
+    ) -> Result<Vec<f64>, (usize, IdentifyError)> {
+        let rows = (0..cells.len()).flat_map(|i| cells.element(i).2);
+        let last = rows.max().copied().unwrap_or(0);
+        let points: Vec<[f64; 3]> = (0..=last).map(|row| (self.rest_of)(row).to_array()).collect();
+        let fits = fit_each(&points, cells, materials, section, method).map_err(|source| {
+            let index = if let IdentifyError::Element { index, .. } = source { index } else { 0 };
+            (index, source)
+        })?;
+        Ok((0..cells.len()).flat_map(|i| &fits.of(i).constants).copied().collect())
+    }
+}
+
+fn linear(material: YoungPoisson) -> LinearMaterial {
+    let YoungPoisson { young_modulus, poisson_ratio, .. } = material;
+    LinearMaterial { youngs_modulus: young_modulus, poissons_ratio: poisson_ratio }
+}
+
+fn section(sheet: &MembraneSettings) -> Section {
+    let plane = match sheet.plane {
+        PlaneState::Stress => Plane::Stress,
+        PlaneState::Strain => Plane::Strain,
+    };
+    Section { plane, thickness: sheet.thickness }
 }

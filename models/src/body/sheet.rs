@@ -14,21 +14,22 @@ use sinew_engine::scalar::Scalar;
 use sinew_engine::step::report_areas;
 use thiserror::Error;
 
-use crate::body::Evaluation;
 use crate::body::lumped::SpringRule;
-use crate::body::spawn::Offsets;
 use crate::element::membrane::{RestTriangle, RestTriangleError, plane_strain, plane_stress};
+use crate::frame::part::Offsets;
 use crate::frame::quads::Quadrilateral;
+use crate::frame::row;
+use crate::frame::rules::Evaluation;
 use crate::frame::triangles::{
     MembraneCompressionModulus, MembraneFirstModulus, MembraneShearModulus,
 };
+use crate::laws::membranes;
 use crate::laws::membranes::{
     BIQUADRATIC, BIQUADRATIC_QUADS, BiquadraticMembrane, COROTATIONAL, COROTATIONAL_QUADS,
     CorotationalMembrane, LINEAR, LINEAR_QUADS, LinearMembrane, PooledMembrane, QUADRATIC,
     QuadraticMembrane,
 };
 use crate::laws::quadratic::MassSpring;
-use crate::laws::{self, membranes};
 use crate::material::{LameParameters, MaterialError, YoungPoisson};
 
 /// Energy of a membrane.
@@ -429,11 +430,11 @@ impl Sheet {
         }
         macro_rules! spawn_both {
             ($law:ident, $triangles:expr, $quads:expr) => {
-                spawn_as!(triangles, $law, laws::activate::<S>(world, $triangles));
+                spawn_as!(triangles, $law, row::activate::<S>(world, $triangles));
                 spawn_as!(
                     quads,
                     Quadrilateral::<$law>::default(),
-                    laws::activate::<S>(world, $quads)
+                    row::activate::<S>(world, $quads)
                 );
             };
         }
@@ -441,16 +442,16 @@ impl Sheet {
             MembraneModel::Biquadratic | MembraneModel::CompressibleBiquadratic => {
                 if self.settings.is_pooled() {
                     spawn_as!(triangles, PooledMembrane, {
-                        laws::activate::<S>(world, &membranes::PROJECTION);
+                        row::activate::<S>(world, &membranes::PROJECTION);
                         if self.settings.compression() > 0.0 {
-                            laws::activate::<S>(world, &membranes::COMPRESSION);
+                            row::activate::<S>(world, &membranes::COMPRESSION);
                         }
                     });
                     // a quadrilateral has no springs to pool
                     spawn_as!(
                         quads,
                         Quadrilateral::<BiquadraticMembrane>::default(),
-                        laws::activate::<S>(world, &BIQUADRATIC_QUADS)
+                        row::activate::<S>(world, &BIQUADRATIC_QUADS)
                     );
                 } else {
                     spawn_both!(BiquadraticMembrane, &BIQUADRATIC, &BIQUADRATIC_QUADS);
@@ -458,7 +459,7 @@ impl Sheet {
             }
             // refused for quadrilaterals
             MembraneModel::Quadratic => {
-                spawn_as!(triangles, QuadraticMembrane, laws::activate::<S>(world, &QUADRATIC));
+                spawn_as!(triangles, QuadraticMembrane, row::activate::<S>(world, &QUADRATIC));
             }
             MembraneModel::Linear => {
                 spawn_both!(LinearMembrane, &LINEAR, &LINEAR_QUADS);

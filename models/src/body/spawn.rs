@@ -3,20 +3,19 @@
 use bevy_ecs::bundle::NoBundleEffect;
 use bevy_ecs::prelude::*;
 use glam::DVec3;
+use sinew_engine::by_precision;
 use sinew_engine::connectivity::ElementKind;
 use sinew_engine::element::{
-    EdgeBlock, EdgeChange, EdgeTension, EdgeVertices, RestVolume, ShapeGradientBundle,
-    TetrahedronBlocks, TetrahedronEdges, TetrahedronIndex, TetrahedronVertices, TriangleEdges,
-    rest_edge_bundle, shape_gradient_bundle,
+    EdgeBlock, EdgeChange, EdgeTension, EdgeVertices, TetrahedronEdges, TriangleEdges,
+    rest_edge_bundle,
 };
-use sinew_engine::isoparametric::{
-    HEXAHEDRON_PAIRS, HexahedronBlocks, HexahedronIndex, HexahedronRest, HexahedronVertices,
-    RestHexahedron, RestTetrahedron10, Tetrahedron10Blocks, Tetrahedron10Rest,
-    Tetrahedron10Vertices,
-};
+use sinew_engine::isoparametric::{HEXAHEDRON_PAIRS, RestHexahedron, RestTetrahedron10};
 use sinew_engine::law::{BodiesWithoutRecovery, partition_laws};
 use sinew_engine::layout::{BodyLayout, ElementLists};
+use sinew_engine::memory;
+use sinew_engine::precision::Precision;
 use sinew_engine::scalar::Scalar;
+use sinew_engine::surface::SurfaceReader;
 use sinew_engine::topology::{BodyRows, ElementTables, Topology};
 use sinew_engine::vertex::{
     BodyId, Displacement, ElasticForce, ExternalForce, FixedAxes, Mass, Position,
@@ -25,31 +24,52 @@ use sinew_engine::vertex::{
 use std::sync::Arc;
 
 use super::clusters;
+use super::description::{BodyDescription, BodyError, SoftBody};
 use super::lumped::{GivenSprings, SpringRule};
 use super::matter::{Items, Matter, PooledSprings, chosen};
 use super::sheet::{MembraneDescription, MembraneModel, Sheet};
-use super::{BodyDescription, BodyError, Evaluation, Model, SoftBody, VolumeRule};
+use super::surface::read_surface;
 use crate::axes::description::{AxesError, AxisForm, BodyAxes};
 use crate::axes::spawn::spawn_axes;
 use crate::axes::spawn_printed::{check_chords, spawn_printed};
 use crate::axes::systems::AxesOnly;
 use crate::element::precompute::{RestTetrahedron, SpringConstants};
-use crate::frame::clusters::ClusterIndex;
-use crate::frame::means::Pressures;
-use crate::frame::tetrahedra::{CompressionModulus, FirstLameParameter, ShearModulus};
+use crate::frame::part::{
+    Offsets, RestShapes, SolidPart, spawn_hexahedra, spawn_tetrahedra, spawn_tetrahedra10,
+};
+use crate::frame::row::{self, Elements, LawError, LawRow, LawTable};
+use crate::frame::rules::{Evaluation, VolumeRule};
+use crate::laws::models::Model;
 use crate::laws::pooled::{
     self, AngularStiffness, TensileStiffness, TensileTension, TriangleVertices, VolumetricStiffness,
 };
 use crate::laws::quadratic::{self, MassSpring};
-use crate::laws::{self, Elements, LawError, LawRow, LawTable, svk};
+use crate::laws::svk;
 use crate::material::LameParameters;
 use crate::material::field::MaterialArrays;
 use crate::resection;
 
-pub(super) fn spawn<S: Scalar>(
-    world: &mut World,
-    body: &BodyDescription,
-) -> Result<Entity, BodyError> {
+/// Builds a body: orders the mesh, precomputes stiffnesses, spawns one entity per vertex, tetrahedron
+/// and membrane triangle (per edge and triangle too when springs are pooled) and puts the laws it needs into
+/// the force schedule. Its number type is the world's [`Precision`].
+///
+/// # Errors
+/// When material or mesh cannot be used, or the world has no [`Precision`]; nothing is spawned then.
+pub fn spawn_body(world: &mut World, body: &BodyDescription) -> Result<Entity, BodyError> {
+    let (triangles, quads) =
+        body.membrane.as_ref().map_or((0, 0), |m| (m.triangles.len(), m.quads.len()));
+    let counts = [body.tetrahedra.len(), body.hexahedra.len(), triangles, quads];
+    memory::fits(&format!("body `{}`", body.name), || memory::of_body(counts, body.middles.len()))?;
+    match world.get_resource::<Precision>() {
+        Some(&precision) => {
+            world.insert_resource(SurfaceReader(read_surface));
+            by_precision!(precision, spawn(world, body))
+        }
+        None => Err(BodyError::NoPrecision { body: body.name.to_string() }),
+    }
+}
+
+fn spawn<S: Scalar>(world: &mut World, body: &BodyDescription) -> Result<Entity, BodyError> {
     let name = || body.name.to_string();
     let of_membrane = |source| BodyError::Membrane { body: name(), source };
     let (membrane, user_lame) = check(world, body)?;
@@ -90,8 +110,10 @@ pub(super) fn spawn<S: Scalar>(
 
     // from here on nothing can fail
     let all = chosen(ordered, |_, _| true);
-    let lame: [Vec<LameParameters>; 2] = [ElementKind::Tetrahedron, ElementKind::Hexahedron]
-        .map(|kind| all[kind].iter().map(|&e| user_lame[matter.place(kind, e)]).collect());
+    let lame: [Vec<LameParameters>; 2] =
+        [ElementKind::Tetrahedron, ElementKind::Hexahedron].map(|kind| {
+            all[kind].iter().map(|&e| model.lame(user_lame[matter.place(kind, e)])).collect()
+        });
     let mut masses = matter.masses(Items::All(layout.vertex_order.len()), &all);
     body.masses.apply(&mut masses);
     let edges = Items::All(layout.cells.edges.len());
@@ -108,16 +130,17 @@ pub(super) fn spawn<S: Scalar>(
         (_, None) if layout.tetrahedra.is_empty() => Vec::new(),
         (_, None) => clusters::grow(layout.vertex_order.len(), &layout.tetrahedra, &lame[0]),
     };
-    let part =
-        SolidPart { layout: &layout, rest_of: &rest_of, rest: &rest, lame, model, clusters, at };
+    let compression = model.has_compression();
+    let (layout, rest_of, rest) = (&layout, &rest_of, &rest);
+    let part = SolidPart { layout, rest_of, rest, lame, compression, clusters, at };
     part.spawn_vertices::<S>(world, &masses);
     part.spawn_edges::<S>(world, &mass_spring);
     let edge_rows = part.spawn_pooled_springs::<S>(world, &pooled);
     if matches!(model, Model::MassSpring | Model::Axes) {
         world.resource_mut::<BodiesWithoutRecovery>().insert(at.body.0 as usize);
     }
-    let law = model.law().map(|row| laws::in_table(world, row).1);
-    part.spawn::<S>(world, law, (evaluation, body.volume), &edge_rows);
+    let law = model.law().map(|row| row::in_table(world, row).1);
+    part.spawn::<S>(world, model, law, (evaluation, body.volume), &edge_rows);
     if let Some(sheet) = &sheet {
         sheet.spawn::<S>(world, &layout, at);
     }
@@ -349,33 +372,6 @@ fn add_rows(
     Offsets { vertex, block, body: BodyId(index as u32) }
 }
 
-/// Where the rows of a body begin.
-#[derive(Clone, Copy)]
-pub(crate) struct Offsets {
-    pub vertex: u32,
-    pub block: u32,
-    pub body: BodyId,
-}
-
-impl Offsets {
-    /// Rows of vertices of a body in the world.
-    pub fn vertices<const N: usize>(&self, local: &[u32; N]) -> [u32; N] {
-        local.map(|v| v + self.vertex)
-    }
-
-    /// Blocks of edges of a body in the tangent of the world.
-    pub fn blocks<const N: usize>(&self, local: &[u32; N]) -> [u32; N] {
-        local.map(|b| b + self.block)
-    }
-}
-
-/// Rest shapes of the solid elements of a body, in the order of its layout.
-pub(crate) struct RestShapes {
-    pub tetrahedra: Vec<RestTetrahedron>,
-    pub tetrahedra10: Vec<RestTetrahedron10>,
-    pub hexahedra: Vec<RestHexahedron>,
-}
-
 impl RestShapes {
     fn new(
         name: &str,
@@ -411,53 +407,6 @@ impl RestShapes {
     }
 }
 
-/// A body on its way into the world, with what its solid elements are made of.
-pub struct SolidPart<'a> {
-    pub(crate) layout: &'a BodyLayout,
-    /// Rest position (m) of a vertex row.
-    pub(crate) rest_of: &'a dyn Fn(u32) -> DVec3,
-    pub(crate) rest: &'a RestShapes,
-    /// Lamé parameters of tetrahedra and of hexahedra.
-    lame: [Vec<LameParameters>; 2],
-    model: Model,
-    /// Cluster of every tetrahedron, where the body has them.
-    clusters: Vec<u32>,
-    pub(crate) at: Offsets,
-}
-
-/// Components of a tetrahedron, without the mark of its law.
-type TetrahedronBundle<S> = (
-    TetrahedronVertices,
-    TetrahedronBlocks,
-    TetrahedronIndex,
-    BodyId,
-    ShapeGradientBundle<S>,
-    RestVolume<S>,
-    Moduli<S>,
-);
-
-/// Components of a hexahedron, likewise.
-type HexahedronBundle<S> = (
-    HexahedronVertices,
-    HexahedronBlocks,
-    HexahedronIndex,
-    BodyId,
-    HexahedronRest<S>,
-    RestVolume<S>,
-    Moduli<S>,
-);
-
-/// Components of a ten-node tetrahedron, likewise.
-type Tetrahedron10Bundle<S> = (
-    Tetrahedron10Vertices,
-    Tetrahedron10Blocks,
-    TetrahedronIndex,
-    BodyId,
-    Tetrahedron10Rest<S>,
-    RestVolume<S>,
-    Moduli<S>,
-);
-
 impl SolidPart<'_> {
     fn spawn_vertices<S: Scalar>(&self, world: &mut World, masses: &[f64]) {
         let order = self.layout.vertex_order.iter().zip(masses);
@@ -480,65 +429,11 @@ impl SolidPart<'_> {
         world.spawn_batch(vertices.collect::<Vec<_>>());
     }
 
-    fn tetrahedra<S: Scalar>(&self) -> impl Iterator<Item = TetrahedronBundle<S>> {
-        let Self { layout, model, at, .. } = self;
-        let elements = layout.tetrahedra.iter().zip(&layout.cells.tetrahedron_edges);
-        let numbers = self.rest.tetrahedra.iter().zip(&self.lame[0]);
-        let elements = elements.zip(&layout.tetrahedron_order).zip(numbers);
-        elements.map(move |(((t, e), &original), (rest, &lame))| {
-            let d = [rest.gradients[1], rest.gradients[2], rest.gradients[3]];
-            (
-                TetrahedronVertices(at.vertices(t)),
-                TetrahedronBlocks(at.blocks(e)),
-                TetrahedronIndex(original),
-                at.body,
-                shape_gradient_bundle::<S>(d),
-                RestVolume(S::from_f64(rest.volume)),
-                moduli_bundle::<S>(lame, *model),
-            )
-        })
-    }
-
-    fn hexahedra<S: Scalar>(&self) -> impl Iterator<Item = HexahedronBundle<S>> {
-        let Self { layout, model, at, .. } = self;
-        let elements = layout.hexahedra.iter().zip(&layout.cells.hexahedron_edges);
-        let numbers = self.rest.hexahedra.iter().zip(&self.lame[1]);
-        let elements = elements.zip(&layout.hexahedron_order).zip(numbers);
-        elements.map(move |(((h, e), &original), (rest, &lame))| {
-            (
-                HexahedronVertices(at.vertices(h)),
-                HexahedronBlocks(at.blocks(e)),
-                HexahedronIndex(original),
-                at.body,
-                rest.component::<S>(),
-                RestVolume(S::from_f64(rest.total_volume())),
-                moduli_bundle::<S>(lame, *model),
-            )
-        })
-    }
-
-    fn tetrahedra10<S: Scalar>(&self) -> impl Iterator<Item = Tetrahedron10Bundle<S>> {
-        let Self { layout, model, at, .. } = self;
-        let elements = layout.tetrahedra10.iter().zip(&layout.cells.tetrahedron10_edges);
-        let numbers = self.rest.tetrahedra10.iter().zip(&self.lame[0]);
-        let elements = elements.zip(&layout.tetrahedron_order).zip(numbers);
-        elements.map(move |(((t, e), &original), (rest, &lame))| {
-            (
-                Tetrahedron10Vertices(at.vertices(t)),
-                Tetrahedron10Blocks(at.blocks(e)),
-                TetrahedronIndex(original),
-                at.body,
-                rest.component::<S>(),
-                RestVolume(S::from_f64(rest.total_volume())),
-                moduli_bundle::<S>(lame, *model),
-            )
-        })
-    }
-
     /// Spawns the elements with the mark of their law.
     fn spawn<S: Scalar>(
         &self,
         world: &mut World,
+        model: Model,
         law: Option<&'static LawRow>,
         (evaluation, volume): (Evaluation, VolumeRule),
         edge_rows: &[u32],
@@ -551,10 +446,10 @@ impl SolidPart<'_> {
                 // without one it was refused before
                 Some(law) => {
                     if let Some(law) = law.in_tetrahedra(volume) {
-                        laws::in_table(world, law).1.spawn::<S>(world, self);
+                        row::in_table(world, law).1.spawn::<S>(world, self);
                     }
                 }
-                None if self.model == Model::MassSpring => {
+                None if model == Model::MassSpring => {
                     spawn_tetrahedra::<MassSpring, S>(world, self);
                 }
                 None => spawn_tetrahedra::<AxesOnly, S>(world, self),
@@ -565,7 +460,7 @@ impl SolidPart<'_> {
                 // without one it was refused before
                 Some(law) => {
                     if let Some(law) = law.in_tetrahedra10(volume) {
-                        laws::in_table(world, law).1.spawn::<S>(world, self);
+                        row::in_table(world, law).1.spawn::<S>(world, self);
                     }
                 }
                 None => spawn_tetrahedra10::<AxesOnly, S>(world, self),
@@ -576,10 +471,10 @@ impl SolidPart<'_> {
                 // without one it was refused before
                 Some(law) => {
                     if let Some(law) = law.in_hexahedra(volume) {
-                        laws::in_table(world, law).1.spawn::<S>(world, self);
+                        row::in_table(world, law).1.spawn::<S>(world, self);
                     }
                 }
-                None if self.model == Model::MassSpring => {
+                None if model == Model::MassSpring => {
                     spawn_hexahedra::<MassSpring, S>(world, self);
                 }
                 None => spawn_hexahedra::<AxesOnly, S>(world, self),
@@ -597,9 +492,9 @@ impl SolidPart<'_> {
             (tetrahedron, TetrahedronEdges(e.map(|e| edge_rows[e as usize])), constants)
         });
         world.spawn_batch(elements.collect::<Vec<_>>());
-        laws::activate::<S>(world, &svk::PROJECTION);
-        if self.model.has_compression() {
-            laws::activate::<S>(world, &svk::COMPRESSION);
+        row::activate::<S>(world, &svk::PROJECTION);
+        if self.compression {
+            row::activate::<S>(world, &svk::COMPRESSION);
         }
     }
 
@@ -608,7 +503,7 @@ impl SolidPart<'_> {
         let edges: Vec<_> = self.edges::<S>(tensile).map(|edge| (edge, MassSpring)).collect();
         if !edges.is_empty() {
             world.spawn_batch(edges);
-            laws::activate::<S>(world, &quadratic::EDGE_SPRINGS);
+            row::activate::<S>(world, &quadratic::EDGE_SPRINGS);
         }
     }
 
@@ -650,7 +545,7 @@ impl SolidPart<'_> {
         });
         world.spawn_batch(triangles.collect::<Vec<_>>());
         for row in pooled::SPRINGS {
-            laws::activate::<S>(world, row);
+            row::activate::<S>(world, row);
         }
         rows
     }
@@ -672,66 +567,6 @@ impl SolidPart<'_> {
             )
         })
     }
-}
-
-/// Spawns the tetrahedra of a body with the mark `M` of their law.
-pub(crate) fn spawn_tetrahedra<M: Component + Default, S: Scalar>(
-    world: &mut World,
-    part: &SolidPart,
-) {
-    let marked = part.tetrahedra::<S>().map(|t| (t, M::default()));
-    world.spawn_batch(marked.collect::<Vec<_>>());
-}
-
-/// Spawns the tetrahedra of a body in clusters with the mark `M` of their law.
-pub(crate) fn spawn_clustered<M: Component + Default, S: Scalar>(
-    world: &mut World,
-    part: &SolidPart,
-) {
-    let taken = world.query::<&ClusterIndex>().iter(world).map(|own| own.0 + 1).max();
-    let first = taken.unwrap_or(0);
-    let marked = part
-        .tetrahedra::<S>()
-        .zip(&part.clusters)
-        .map(|(t, &own)| (t, ClusterIndex(first + own), Pressures::<S>::default(), M::default()));
-    world.spawn_batch(marked.collect::<Vec<_>>());
-}
-
-/// Spawns the hexahedra of a body with `M`, the mark of their law and columns of its own.
-pub(crate) fn spawn_hexahedra<M, S>(world: &mut World, part: &SolidPart)
-where
-    M: Bundle<Effect: NoBundleEffect> + Default,
-    S: Scalar,
-{
-    let marked = part.hexahedra::<S>().map(|h| (h, M::default()));
-    world.spawn_batch(marked.collect::<Vec<_>>());
-}
-
-/// Spawns the ten-node tetrahedra of a body, likewise.
-pub(crate) fn spawn_tetrahedra10<M, S>(world: &mut World, part: &SolidPart)
-where
-    M: Bundle<Effect: NoBundleEffect> + Default,
-    S: Scalar,
-{
-    let marked = part.tetrahedra10::<S>().map(|t| (t, M::default()));
-    world.spawn_batch(marked.collect::<Vec<_>>());
-}
-
-/// Columns of the moduli of a solid element.
-type Moduli<S> = (FirstLameParameter<S>, ShearModulus<S>, CompressionModulus<S>);
-
-/// Moduli of a solid element.
-pub(super) fn moduli_bundle<S: Scalar>(lame: LameParameters, model: Model) -> Moduli<S> {
-    let compression = if model.has_compression() { lame.lambda + lame.mu } else { 0.0 };
-    let lame = match model {
-        Model::Axes => LameParameters { lambda: 0.0, mu: 0.0 },
-        _ => lame,
-    };
-    (
-        FirstLameParameter(S::from_f64(lame.lambda)),
-        ShearModulus(S::from_f64(lame.mu)),
-        CompressionModulus(S::from_f64(compression)),
-    )
 }
 
 /// Columns of the volumetric springs of a pooled tetrahedron.

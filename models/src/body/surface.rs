@@ -1,7 +1,7 @@
 //! The surface of a body, for contact.
 
-use super::SoftBody;
-use crate::resection::Resection;
+use super::description::SoftBody;
+use super::present::Resection;
 use bevy_ecs::prelude::*;
 use glam::DVec3;
 use sinew_engine::connectivity::{Connectivity, ElementKind};

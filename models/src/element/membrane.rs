@@ -67,7 +67,7 @@ use thiserror::Error;
 use crate::element::matrix::{
     add_identity, add_outer, dense, part_of_tension, symmetrise, transposed,
 };
-use crate::laws::quadratic::Stretch;
+use crate::element::spring::Stretch;
 use crate::material::LameParameters;
 
 /// Moduli of plane stress times the thickness, N/m: `lambda = E t nu/(1 - nu^2)`, `mu = E t/(2 (1 +

@@ -1,5 +1,6 @@
 //! Single elements: plain functions on plain values.
 
+pub mod corotational;
 pub(crate) mod matrix;
 pub mod membrane;
 pub mod precompute;

@@ -24,6 +24,8 @@
 
 use sinew_engine::scalar::{Real, add, dot, scale, sub};
 
+use crate::element::matrix::{add_identity, add_outer};
+
 /// Squared-length change `delta` (m^2) of an edge from `a` to `b`; `rest` is `X_a - X_b`.
 #[inline(always)]
 pub fn squared_length_change<S: Real>(rest: [S; 3], u_a: [S; 3], u_b: [S; 3]) -> S {
@@ -83,6 +85,49 @@ pub fn edge_stiffness_product<S: Real>(
 ) -> [S; 3] {
     let half = add(scale(edge, rate), scale(sub(v_a, v_b), tension));
     add(half, half)
+}
+
+/// How far an edge is stretched.
+#[derive(Clone, Copy, Debug)]
+pub struct Stretch<R> {
+    /// Deformed edge `x` (m).
+    pub edge: [R; 3],
+    /// `2 L (l - L)` (m^2).
+    pub change: R,
+    /// `h = 2 L/l`: derivative of `change` by the edge is `h x`.
+    pub slope: R,
+    /// `1/l^2` (1/m^2).
+    pub inverse_square: R,
+}
+
+impl<R: Real> Stretch<R> {
+    /// Of an edge with rest vector `rest` (m) whose ends are displaced by `relative` (m) against each
+    /// other.
+    #[inline(always)]
+    pub fn new(rest: [R; 3], relative: [R; 3]) -> Self {
+        let edge = add(rest, relative);
+        let delta = dot(relative, add(rest, edge));
+        // the edges of a removed tetrahedron have no length; without moduli any will do
+        let rest2 = dot(rest, rest);
+        let rest2 = R::select(R::less(R::ZERO, rest2), rest2, R::ONE);
+        let length2 = (rest2 + delta).max(R::from_f64(1e-12) * rest2);
+        // 1/(L l): neither length is needed, only their ratio
+        let p = (rest2 * length2).recip_sqrt();
+        let shrink = rest2 * p;
+        Self {
+            edge,
+            change: (delta + delta) * length2.mul_add(p, R::ONE).recip(),
+            slope: shrink + shrink,
+            inverse_square: shrink * p,
+        }
+    }
+
+    /// `c (I - n n^T)` added to `m`.
+    #[inline(always)]
+    pub(crate) fn add_geometric(&self, m: &mut [R; 9], c: R) {
+        add_outer(m, scale(self.edge, -(c * self.inverse_square)), self.edge);
+        add_identity(m, c);
+    }
 }
 
 #[cfg(test)]

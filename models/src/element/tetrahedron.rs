@@ -57,7 +57,7 @@ pub struct Element<S> {
     /// Modulus `kappa` of the compression term, Pa: `lambda + mu`, or 0 to leave the term out.
     pub compression: S,
     /// Pressure (Pa, positive in expansion) that acts on `J - 1` besides that of the element: that of the elements whose
-    /// mean volume is kept. 0 without; only laws with [`VOLUME`](crate::frame::tetrahedra::TetrahedronLaw) read it.
+    /// mean volume is kept. 0 without; only laws with [`VOLUME`](crate::frame::law::TetrahedronLaw) read it.
     pub pressure: S,
     /// Modulus `kappa` (Pa) of a term `kappa/2 x^4`; 0 without, and read by the same laws.
     pub quartic: S,

@@ -22,25 +22,21 @@ use bevy_ecs::query::ContiguousQueryData;
 use bytemuck::TransparentWrapper;
 use sinew_engine::element::{TetrahedronVertices, displacement_gradient};
 use sinew_engine::lanes::{Kernel, Lanes, MAX_LANES};
-use sinew_engine::scalar::{Real, Scalar, mat_vec};
+use sinew_engine::law::LawInfo;
+use sinew_engine::scalar::{Scalar, mat_vec};
 use sinew_engine::schedule::Evaluation;
 use sinew_engine::vertex::Displacement;
 use sinew_engine::workers::Workers;
 
 use std::marker::PhantomData;
 
-use super::means::{self, ClusterPressure, KeptByMean, MeanLaw, PredictedPressure, VolumeMeasure};
-use super::tetrahedra::{
-    TetrahedronColumns, TetrahedronData, TetrahedronLaw, evaluate_spans, for_batches,
-};
-use crate::element::tetrahedron::Element;
-use crate::laws::{LawRow, activate_elements};
-
-/// Cluster that a tetrahedron belongs to; numbers are unique in a world and otherwise without meaning.
-#[derive(Component, Clone, Copy, Debug, PartialEq, Eq, TransparentWrapper)]
-#[component(summary_tick, clone_behavior = Ignore)]
-#[repr(transparent)]
-pub struct ClusterIndex(pub u32);
+use super::law::TetrahedronLaw;
+use super::means::{self, KeptByMean, MeanLaw};
+use super::moduli::{ClusterIndex, ClusterPressure, PredictedPressure};
+use super::part::spawn_clustered;
+use super::row::{Activate, Elements, InRecovery, LawRow, Mark, Measure, activate_elements, mark};
+use super::rules::{VolumeMeasure, in_cluster, shared_part};
+use super::tetrahedra::{TetrahedronColumns, TetrahedronData, evaluate_spans, for_batches};
 
 /// Law `L` with the large part of its volume term by clusters; also the mark of its tetrahedra.
 #[derive(Component, Clone, Copy, Debug)]
@@ -53,23 +49,26 @@ impl<L: Send + Sync + 'static> Default for ByClusters<L> {
     }
 }
 
-/// Part of `lambda` that stays with every element.
-#[inline(always)]
-fn own_part<R: Real>(lambda: R, mu: R) -> R {
-    lambda.min(R::from_f64(0.25) * mu)
-}
-
-/// Part of `lambda` that acts on the mean of the cluster.
-pub(crate) fn shared_part(lambda: f64, mu: f64) -> f64 {
-    lambda - own_part(lambda, mu)
-}
-
-/// An element as the laws see it: without the part of `lambda` that its cluster has. `lambda/mu` is 9 at nu = 0.45.
-#[inline(always)]
-pub(crate) fn in_cluster<R: Real>(e: Element<R>) -> Element<R> {
-    let stiff = R::less(R::from_f64(8.999) * e.mu, e.lambda);
-    let quartic = R::select(stiff, R::from_f64(10.0) * e.mu, R::ZERO);
-    Element { lambda: own_part(e.lambda, e.mu), quartic, ..e }
+impl LawRow {
+    /// Law `L` of tetrahedra with its volume term by clusters ([`super::clusters`]), under another name; `measure` is that of
+    /// the system that finds their means.
+    pub const fn tetrahedra_by_clusters<L: TetrahedronLaw>(
+        name: &'static str,
+        measure: &'static str,
+    ) -> Self {
+        let activate: [Activate; 2] = [activate::<L, f64>, activate::<L, f32>];
+        let mark: [Mark; 2] = [mark::<ByClusters<L>>; 2];
+        Self {
+            recovery: InRecovery::StandIn,
+            energy: Some(|e, u| L::energy(&in_cluster(*e), u)),
+            spawn: Some([
+                spawn_clustered::<ByClusters<L>, f64>,
+                spawn_clustered::<ByClusters<L>, f32>,
+            ]),
+            measure: Measure::of::<L>(measure),
+            ..Self::of_systems(LawInfo::elastic(name), Elements::Tetrahedra, mark, activate)
+        }
+    }
 }
 
 /// Query data of tetrahedra in clusters.

@@ -22,7 +22,7 @@ pub(crate) use scalar_columns;
 
 /// Columns of the elements of a law, with what the law makes of them. Functions are generic over the register
 /// type; mark implementations `#[inline(always)]`.
-pub(crate) trait LawColumns<S: Scalar>: Sync {
+pub trait LawColumns<S: Scalar>: Sync {
     /// As [`Kernel::WIDE`].
     const WIDE: bool = true;
     /// Whether the lanes of a register are the Gauss points of one element, not one element each.
@@ -38,7 +38,7 @@ pub(crate) trait LawColumns<S: Scalar>: Sync {
 }
 
 /// Nanoseconds per element, roughly, from those of energy, force and tangent.
-pub(crate) fn work(request: &EvaluationRequest, [energy, force, tangent]: [usize; 3]) -> usize {
+pub fn work(request: &EvaluationRequest, [energy, force, tangent]: [usize; 3]) -> usize {
     energy * usize::from(request.energy)
         + force * usize::from(request.force)
         + tangent * usize::from(request.tangent.is_some())
@@ -47,7 +47,7 @@ pub(crate) fn work(request: &EvaluationRequest, [energy, force, tangent]: [usize
 /// Energy, force and tangent of every range into its private arrays, as far as they are asked for; `work` is
 /// that of all elements (ns). Silent for bodies that recover: the corotational energy that stands in for
 /// their material has one minimum only as long as nothing is added to it.
-pub(crate) fn evaluate<S: Scalar, C: LawColumns<S>>(
+pub fn evaluate<S: Scalar, C: LawColumns<S>>(
     columns: &C,
     Evaluation { request, workers, recovering }: Evaluation,
     work: usize,
@@ -63,7 +63,7 @@ pub(crate) fn evaluate<S: Scalar, C: LawColumns<S>>(
 }
 
 /// Energy, force and tangent of one range, as far as they are asked for.
-pub(crate) fn evaluate_span<S: Scalar, C: LawColumns<S>>(
+pub fn evaluate_span<S: Scalar, C: LawColumns<S>>(
     columns: &C,
     request: &EvaluationRequest,
     workers: &Workers,
@@ -147,7 +147,7 @@ impl<S: Scalar, C: LawColumns<S>> Batch<S> for ForceBatch<'_, S, C> {
 }
 
 /// Sum of the tangents of a range.
-pub(crate) struct TangentSum<'a, S> {
+pub struct TangentSum<'a, S> {
     /// The range with its arrays.
     pub span: &'a mut Span<S>,
     /// What is asked for.
@@ -184,7 +184,7 @@ pub(crate) fn sum(sums: [f64; MAX_LANES]) -> f64 {
 
 /// Rows of all vertices of the elements at the start of `nodes`.
 #[inline(always)]
-pub(crate) fn load_vertices<L: Lanes, const V: usize>(
+pub fn load_vertices<L: Lanes, const V: usize>(
     rows: &[[L::Scalar; 4]],
     nodes: &[[u32; V]],
 ) -> [[L; 3]; V] {
@@ -198,7 +198,7 @@ pub(crate) fn load_vertices<L: Lanes, const V: usize>(
 /// Adds to the rows of all vertices of the elements at the start of `nodes`; `row` is that of the first entry
 /// of `to`.
 #[inline(always)]
-pub(crate) fn add_vertices<L: Lanes, const V: usize>(
+pub fn add_vertices<L: Lanes, const V: usize>(
     values: [[L; 3]; V],
     to: &mut [[L::Scalar; 4]],
     row: usize,
@@ -210,7 +210,7 @@ pub(crate) fn add_vertices<L: Lanes, const V: usize>(
 }
 
 /// Columns of a law whose tangent can be multiplied without assembly.
-pub(crate) trait LawProducts<S: Scalar, const V: usize>: Sync {
+pub trait LawProducts<S: Scalar, const V: usize>: Sync {
     /// As [`Kernel::WIDE`].
     const WIDE: bool;
     /// Vertex rows of all elements.
@@ -226,7 +226,7 @@ pub(crate) trait LawProducts<S: Scalar, const V: usize>: Sync {
 
 /// Adds the product `K v` of a law's tangent to `result`, `work` (ns) being that of one element. Uses the
 /// private force arrays of `buffer`.
-pub(crate) fn multiply<S: Scalar, C: LawProducts<S, V>, const V: usize>(
+pub fn multiply<S: Scalar, C: LawProducts<S, V>, const V: usize>(
     columns: &C,
     kind: TangentKind,
     direction: &[[S; 4]],

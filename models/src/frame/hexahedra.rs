@@ -37,7 +37,7 @@ use sinew_engine::isoparametric::{
     Tetrahedron10Vertices, load_points, load_weights, point_differences,
 };
 use sinew_engine::lanes::{Kernel, Lanes};
-use sinew_engine::law::{EvaluationRequest, LawBuffer, Span, TangentKind};
+use sinew_engine::law::{EvaluationRequest, LawBuffer, LawInfo, Span, TangentKind};
 use sinew_engine::scalar::{Real, Scalar, mat_vec};
 use sinew_engine::schedule::Evaluation;
 use sinew_engine::vertex::Displacement;
@@ -45,18 +45,24 @@ use sinew_engine::workers::Workers;
 
 use std::marker::PhantomData;
 
-use super::clusters::ClusterIndex;
 use super::columns::{evaluate_span, work};
 use super::gauss::{
     Assemble, AtPoints, GaussColumns, GaussElements, GaussLaw, PointTangents, total,
 };
-use super::means::{self, ClusterPressure, KeptByMean, MeanLaw, PredictedPressure, VolumeMeasure};
-use super::tetrahedra::{CompressionModulus, FirstLameParameter, ShearModulus, TetrahedronLaw};
+use super::law::TetrahedronLaw;
+use super::means::{self, KeptByMean, MeanLaw};
+use super::moduli::{
+    ClusterIndex, ClusterPressure, CompressionModulus, FirstLameParameter, PredictedPressure,
+    Pressures, ShearModulus,
+};
+use super::part::{spawn_hexahedra, spawn_tetrahedra10};
+use super::row::{
+    Activate, ElementRows, Elements, InRecovery, LawRow, Mark, Measure, activate_elements, mark,
+};
+use super::rules::VolumeMeasure;
+use super::stand_in::Corotational;
 use crate::element::projection;
 use crate::element::tetrahedron::{self, Element, TetrahedronTangent};
-use crate::laws::corotational::Corotational;
-use crate::laws::svk::FusedStVK;
-use crate::laws::{ElementRows, LawRow, activate_elements};
 
 /// Law `L` at the Gauss points of hexahedra; also the mark of its hexahedra.
 pub type Hexahedral<L> = AtPoints<L, 8>;
@@ -112,6 +118,101 @@ impl Shape<10, 45, 4> for TenNodes {
     }
 }
 
+impl LawRow {
+    /// Law `L` of tetrahedra at the Gauss points of hexahedra, under another name.
+    pub const fn hexahedra<L: TetrahedronLaw>(name: &'static str) -> Self {
+        Self {
+            spawn: Some([
+                spawn_hexahedra::<Hexahedral<L>, f64>,
+                spawn_hexahedra::<Hexahedral<L>, f32>,
+            ]),
+            ..Self::at_points::<L>(
+                name,
+                Elements::Hexahedra,
+                [mark::<Hexahedral<L>>; 2],
+                [activate::<L, Brick, f64, 8, 28, 8>, activate::<L, Brick, f32, 8, 28, 8>],
+            )
+        }
+    }
+
+    /// The same with its volume term by the mean of each hexahedron; `measure` as for clusters.
+    pub const fn hexahedra_by_mean<L: TetrahedronLaw>(
+        name: &'static str,
+        measure: &'static str,
+    ) -> Self {
+        Self {
+            measure: Measure::of::<L>(measure),
+            spawn: Some([
+                spawn_hexahedra::<(Hexahedral<ByMean<L>>, Pressures<f64>), f64>,
+                spawn_hexahedra::<(Hexahedral<ByMean<L>>, Pressures<f32>), f32>,
+            ]),
+            ..Self::at_points::<L>(
+                name,
+                Elements::Hexahedra,
+                [mark::<Hexahedral<ByMean<L>>>; 2],
+                [
+                    activate_by_mean::<L, Brick, f64, 8, 28, 8>,
+                    activate_by_mean::<L, Brick, f32, 8, 28, 8>,
+                ],
+            )
+        }
+    }
+
+    /// Law `L` of tetrahedra at the Gauss points of ten-node tetrahedra, under another name.
+    pub const fn tetrahedra10<L: TetrahedronLaw>(name: &'static str) -> Self {
+        Self {
+            spawn: Some([
+                spawn_tetrahedra10::<Quadratic<L>, f64>,
+                spawn_tetrahedra10::<Quadratic<L>, f32>,
+            ]),
+            ..Self::at_points::<L>(
+                name,
+                Elements::Tetrahedra10,
+                [mark::<Quadratic<L>>; 2],
+                [activate::<L, TenNodes, f64, 10, 45, 4>, activate::<L, TenNodes, f32, 10, 45, 4>],
+            )
+        }
+    }
+
+    /// The same with its volume term by the mean of each ten-node tetrahedron; `measure` as for clusters.
+    pub const fn tetrahedra10_by_mean<L: TetrahedronLaw>(
+        name: &'static str,
+        measure: &'static str,
+    ) -> Self {
+        let mark: [Mark; 2] = [mark::<Quadratic<ByMean<L>>>; 2];
+        Self {
+            measure: Measure::of::<L>(measure),
+            spawn: Some([
+                spawn_tetrahedra10::<(Quadratic<ByMean<L>>, Pressures<f64>), f64>,
+                spawn_tetrahedra10::<(Quadratic<ByMean<L>>, Pressures<f32>), f32>,
+            ]),
+            ..Self::at_points::<L>(
+                name,
+                Elements::Tetrahedra10,
+                mark,
+                [
+                    activate_by_mean::<L, TenNodes, f64, 10, 45, 4>,
+                    activate_by_mean::<L, TenNodes, f32, 10, 45, 4>,
+                ],
+            )
+        }
+    }
+
+    const fn at_points<L: TetrahedronLaw>(
+        name: &'static str,
+        elements: Elements,
+        mark: [Mark; 2],
+        activate: [Activate; 2],
+    ) -> Self {
+        Self {
+            tangent: L::contributes,
+            recovery: InRecovery::StandIn,
+            energy: Some(|e, u| L::energy(e, u)),
+            ..Self::of_systems(LawInfo::elastic(name), elements, mark, activate)
+        }
+    }
+}
+
 /// Columns of elements, as slices.
 pub(crate) struct Columns<'a, S: Scalar, const V: usize, const P: usize, const Q: usize> {
     elements: GaussElements<'a, S, V, 3, P, Q>,
@@ -133,9 +234,11 @@ impl<S: Scalar, const V: usize, const P: usize, const Q: usize> Columns<'_, S, V
 /// A tetrahedron that stands for a Gauss point, and its displacements (m).
 type Point<L> = (Element<L>, [[L; 3]; 4]);
 
-/// The tetrahedra that stand for the Gauss points from `first` on of an element, and their displacements (m).
+/// The tetrahedra that stand for the Gauss points from `first` on of an element, and their displacements (m); volumes
+/// are multiplied into the moduli, or not.
 #[inline(always)]
-fn points<Law: TetrahedronLaw, L: Lanes, const V: usize, const Q: usize>(
+fn points<L: Lanes, const V: usize, const Q: usize>(
+    folds_volume: bool,
     derivatives: &Derivatives<L::Scalar, V, 3, Q>,
     rest: &PointsRest<L::Scalar, Q>,
     moduli: [L::Scalar; 3],
@@ -145,7 +248,7 @@ fn points<Law: TetrahedronLaw, L: Lanes, const V: usize, const Q: usize>(
     let u = point_differences::<L, V, Q>(derivatives, u, first);
     let volume = load_weights::<L, Q>(&rest.volume, first);
     let gradients = rest.gradients::<L>(first);
-    let (folded, volume) = if Law::FOLDS_VOLUME { (volume, L::ONE) } else { (L::ONE, volume) };
+    let (folded, volume) = if folds_volume { (volume, L::ONE) } else { (L::ONE, volume) };
     let [lambda, mu, compression] = moduli.map(|x| L::splat(x) * folded);
     let (pressure, quartic, slack) = (L::ZERO, L::ZERO, L::ZERO);
     (Element { gradients, volume, lambda, mu, compression, pressure, quartic, slack }, u)
@@ -193,7 +296,8 @@ impl<Law: TetrahedronLaw, E, S: Scalar, const V: usize, const P: usize, const Q:
     ) -> Point<L> {
         let columns = self.columns;
         let (derivatives, rest) = (&columns.elements.derivatives, &columns.rest[i]);
-        let (e, u) = points::<Law, L, V, Q>(derivatives, rest, columns.moduli(i), u, first);
+        let (e, u) =
+            points::<L, V, Q>(Law::FOLDS_VOLUME, derivatives, rest, columns.moduli(i), u, first);
         if !(Law::VOLUME.is_some() && self.by_mean) {
             return (e, u);
         }
@@ -539,7 +643,7 @@ impl<S: Scalar, const V: usize, const P: usize, const Q: usize> Kernel<f64>
             let mut all = PointTangents::ZERO;
             let mut any = false;
             for first in (0..Q).step_by(L::COUNT) {
-                let (e, u) = points::<FusedStVK, L, V, Q>(derivatives, &rest, moduli, &u, first);
+                let (e, u) = points::<L, V, Q>(true, derivatives, &rest, moduli, &u, first);
                 let g = displacement_gradient(&e.gradients, &u);
                 let (clamped, core) = projection::projected_blocks(&e, &g);
                 let mut inner = inner_blocks(&tetrahedron::tangent_parts(&e, &u, true, true));

@@ -17,11 +17,10 @@ use bevy_ecs::prelude::*;
 use bevy_ecs::query::{ContiguousQueryData, ReadOnlyQueryData};
 use bytemuck::TransparentWrapper;
 use sinew_engine::columns::single_table;
-use sinew_engine::element::volume_change;
 use sinew_engine::law::{EvaluationRequest, LawBuffer, LawBuffers, RecoveringBodies};
 use sinew_engine::matrix::{LowRank, LowRankPattern, PredictedValues};
 use sinew_engine::report::VolumeReport;
-use sinew_engine::scalar::{Real, Scalar};
+use sinew_engine::scalar::Scalar;
 use sinew_engine::schedule::{
     ForceSystems, StepSchedule, StepSystems, activate_systems, declare_inputs,
 };
@@ -33,59 +32,9 @@ use std::collections::BTreeMap;
 use std::marker::PhantomData;
 use std::sync::{Arc, MutexGuard};
 
-use super::clusters::ClusterIndex;
-use super::columns::scalar_columns;
-use crate::element::matrix::add_identity;
-use crate::element::tetrahedron::cofactor;
-use crate::laws::corotational::{Polar, rotation};
-use crate::laws::{LawRow, Measure};
-
-scalar_columns! {
-    /// Pressure of the cluster of an element (Pa), positive in expansion; found anew by every evaluation.
-    ClusterPressure,
-    /// The same as tangents take it ([`PredictedValues`]).
-    PredictedPressure,
-}
-
-/// The columns of pressures.
-pub type Pressures<S> = (ClusterPressure<S>, PredictedPressure<S>);
-
-/// The change of volume `m` that the volume term of a law is a function of, from `G = F - I`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum VolumeMeasure {
-    /// `J - 1`.
-    Jacobian,
-    /// `tr G`, which the turning of an element changes.
-    TraceOfStrain,
-    /// `tr S - 3` with the polar decomposition `F = R S`.
-    TraceOfStretch,
-}
-
-impl VolumeMeasure {
-    /// `m`.
-    #[inline(always)]
-    pub fn change<R: Real>(self, g: &[R; 9]) -> R {
-        match self {
-            Self::Jacobian => volume_change(g),
-            Self::TraceOfStrain => g[0] + g[4] + g[8],
-            Self::TraceOfStretch => Polar::new(g).trace(),
-        }
-    }
-
-    /// `dm/dF`, row-major.
-    #[inline(always)]
-    pub fn slope<R: Real>(self, g: &[R; 9]) -> [R; 9] {
-        match self {
-            Self::Jacobian => cofactor(g),
-            Self::TraceOfStrain => {
-                let mut identity = [R::ZERO; 9];
-                add_identity(&mut identity, R::ONE);
-                identity
-            }
-            Self::TraceOfStretch => rotation(g),
-        }
-    }
-}
+use super::moduli::{ClusterIndex, ClusterPressure, PredictedPressure};
+use super::row::{LawRow, Measure};
+use super::rules::VolumeMeasure;
 
 /// Elements of `V` vertices that keep means of their volumes, as slices.
 pub(crate) trait KeptByMean<S: Scalar, const V: usize>: Sync {

@@ -9,7 +9,7 @@ use sinew_engine::isoparametric::{
     Derivatives, QuadBlocks, QuadRest, QuadVertices, load_points, load_weights, quad_differences,
 };
 use sinew_engine::lanes::Lanes;
-use sinew_engine::law::{LawBuffer, RecoveringBodies, TangentKind};
+use sinew_engine::law::{LawBuffer, LawInfo, RecoveringBodies, TangentKind};
 use sinew_engine::scalar::{Real, Scalar};
 use sinew_engine::schedule::Evaluation;
 use sinew_engine::vertex::Displacement;
@@ -18,14 +18,26 @@ use std::marker::PhantomData;
 
 use super::columns::{self, work};
 use super::gauss::{AtPoints, GaussColumns, GaussElements, GaussLaw};
-use super::triangles::{
-    MembraneCompressionModulus, MembraneFirstModulus, MembraneShearModulus, TriangleLaw,
-};
+use super::law::TriangleLaw;
+use super::row::{Activate, Elements, InRecovery, LawRow, activate_elements, mark};
+use super::triangles::{MembraneCompressionModulus, MembraneFirstModulus, MembraneShearModulus};
 use crate::element::membrane::Element;
-use crate::laws::{LawRow, activate_elements};
 
 /// Law `L` at the Gauss points of quadrilaterals; also the mark of its quadrilaterals.
 pub type Quadrilateral<L> = AtPoints<L, 4>;
+
+impl LawRow {
+    /// Law `L` of triangles at the Gauss points of quadrilaterals, under another name.
+    pub const fn quads<L: TriangleLaw>(name: &'static str) -> Self {
+        let activate: [Activate; 2] = [activate::<L, f64>, activate::<L, f32>];
+        let (info, elements) = (LawInfo::elastic(name), Elements::Quads);
+        Self {
+            tangent: L::contributes,
+            recovery: InRecovery::Unchanged,
+            ..Self::of_systems(info, elements, [mark::<Quadrilateral<L>>; 2], activate)
+        }
+    }
+}
 
 /// A triangle that stands for a Gauss point, and its displacements (m).
 type Point<L> = (Element<L>, [[L; 3]; 3]);

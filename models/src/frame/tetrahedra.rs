@@ -1,5 +1,4 @@
-//! Laws evaluated tetrahedron by tetrahedron: the trait that they implement, their columns, and the passes for
-//! energy, force and tangent.
+//! Laws evaluated tetrahedron by tetrahedron: their columns, and the passes for energy, force and tangent.
 
 use bevy_ecs::prelude::*;
 use bevy_ecs::query::ContiguousQueryData;
@@ -11,7 +10,7 @@ use sinew_engine::element::{
 };
 use sinew_engine::lanes::{Kernel, Lanes, MAX_LANES, padded};
 use sinew_engine::law::{
-    EvaluationRequest, LawBuffer, LawBuffers, RecoveringBodies, Span, TangentKind,
+    EvaluationRequest, LawBuffer, LawBuffers, LawInfo, RecoveringBodies, Span, TangentKind,
 };
 use sinew_engine::scalar::{Real, Scalar};
 use sinew_engine::schedule::Evaluation;
@@ -20,76 +19,42 @@ use sinew_engine::workers::Workers;
 
 use std::marker::PhantomData;
 
-use super::clusters;
-use super::columns::{self, LawProducts, add_vertices, scalar_columns, sum, work};
-use super::means::VolumeMeasure;
+use super::columns::{self, LawProducts, add_vertices, sum, work};
+use super::law::TetrahedronLaw;
+use super::moduli::{CompressionModulus, FirstLameParameter, ShearModulus};
+use super::part::spawn_tetrahedra;
+use super::row::{Activate, Elements, InRecovery, LawRow, activate_elements, mark};
+use super::rules;
+use super::stand_in::Corotational;
 use crate::element::projection;
 use crate::element::tetrahedron::{self, Element, TetrahedronTangent};
-use crate::laws::corotational::Corotational;
-use crate::laws::{LawRow, activate_elements};
 
-scalar_columns! {
-    /// First Lamé parameter lambda of a tetrahedron (Pa).
-    FirstLameParameter,
-    /// Shear modulus mu of a tetrahedron (Pa).
-    ShearModulus,
-    /// Modulus of the compression term of a tetrahedron (Pa): lambda + mu, or 0 for a body without it.
-    CompressionModulus,
-}
+impl LawRow {
+    /// Law `L` of tetrahedra.
+    pub const fn tetrahedra<L: TetrahedronLaw<Mark = L> + Component + Default>() -> Self {
+        Self {
+            elements: Elements::Tetrahedra,
+            spawn: Some([spawn_tetrahedra::<L, f64>, spawn_tetrahedra::<L, f32>]),
+            ..Self::pooled_tetrahedra::<L>()
+        }
+    }
 
-/// A law whose energy is a sum over tetrahedra of a function of their four displacements.
-///
-/// The functions are written for [`Real`], that is for one tetrahedron or for a register full of
-/// them.
-pub trait TetrahedronLaw: Send + Sync + 'static {
-    /// Name shown in reports; unique.
-    const NAME: &'static str;
-    /// Component of the tetrahedra it acts on, and of no others; mostly the law itself.
-    type Mark: Component;
-    /// Whether it contributes energy and force.
-    const FORCES: bool = true;
-    /// Whether the corotational energy takes its place for bodies that recover: so for one law of every
-    /// body, the others fall silent.
-    const STANDS_IN: bool = true;
-    /// Whether it contributes to a tangent of this kind.
-    fn contributes(_: TangentKind) -> bool {
-        true
+    /// This law by the kernels of the corotational one, with the tangent that holds rotations.
+    pub(crate) const fn warped(self) -> Self {
+        Self { activate: [activate_warped::<f64>, activate_warped::<f32>], ..self }
     }
-    /// Energy (J).
-    fn energy<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> R;
-    /// Forces (N), `None` when there are none in any lane.
-    fn forces<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> Option<[[R; 3]; 4]>;
-    /// Tangent (N/m). `Projected` is asked for only of laws that have no stress projection, and of
-    /// elements in which that has nothing to clamp.
-    fn tangent<R: Real>(
-        e: &Element<R>,
-        u: &[[R; 3]; 4],
-        kind: TangentKind,
-    ) -> TetrahedronTangent<R>;
-    /// Product (N) of the tangent with the displacements `v` (m).
-    #[inline(always)]
-    fn product<R: Real>(
-        e: &Element<R>,
-        u: &[[R; 3]; 4],
-        v: &[[R; 3]; 4],
-        kind: TangentKind,
-    ) -> [[R; 3]; 4] {
-        Self::tangent(e, u, kind).product(v)
-    }
-    /// Whether it is compiled for AVX-512 too ([`Kernel::WIDE`]).
-    const WIDE: bool = true;
-    /// Whether the volume is multiplied into the moduli beforehand and elements come with volume 1.
-    const FOLDS_VOLUME: bool = true;
-    /// What its volume term is a function of, if it reads [`Element::pressure`]: the volume part of such a law can be that of
-    /// several elements or points.
-    const VOLUME: Option<VolumeMeasure> = None;
-    /// Whether `Projected` clamps the eigenvalues of the St Venant-Kirchhoff stress; otherwise
-    /// [`tangent`](Self::tangent) has a semidefinite form of its own.
-    const STRESS_PROJECTION: bool = true;
-    /// Without stress projection: where the projected tangent differs from the exact one.
-    #[inline(always)]
-    fn is_clamped<R: Real>(_: &Element<R>, _: &[[R; 3]; 4]) -> R::Mask {
-        R::less(R::ONE, R::ZERO)
+
+    /// Law `L` of the tetrahedra of pooled bodies.
+    pub(crate) const fn pooled_tetrahedra<L: TetrahedronLaw>() -> Self {
+        let activate: [Activate; 2] = [activate::<L, f64>, activate::<L, f32>];
+        let (info, elements) = (LawInfo::elastic(L::NAME), Elements::PooledTetrahedra);
+        Self {
+            forces: L::FORCES,
+            tangent: L::contributes,
+            recovery: if L::STANDS_IN { InRecovery::StandIn } else { InRecovery::Silent },
+            energy: Some(|e, u| L::energy(e, u)),
+            ..Self::of_systems(info, elements, [mark::<L::Mark>; 2], activate)
+        }
     }
 }
 
@@ -192,7 +157,7 @@ impl<'a, S: Scalar> TetrahedronColumns<'a, S> {
         };
         let e = if Law::VOLUME.is_some() && !self.pressure.is_empty() {
             let pressure = L::load(&self.pressure[first..]);
-            clusters::in_cluster(Element { pressure, ..plain })
+            rules::in_cluster(Element { pressure, ..plain })
         } else {
             plain
         };

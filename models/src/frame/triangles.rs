@@ -1,5 +1,4 @@
-//! Laws evaluated membrane triangle by membrane triangle: the trait that they implement, their columns, and the
-//! passes for energy, force and tangent.
+//! Laws evaluated membrane triangle by membrane triangle: their columns, and the passes for energy, force and tangent.
 
 use bevy_ecs::prelude::*;
 use bevy_ecs::query::ContiguousQueryData;
@@ -8,9 +7,9 @@ use sinew_engine::columns::single_table;
 use sinew_engine::element::{MembraneBlocks, MembraneRest, MembraneShapes, MembraneVertices};
 use sinew_engine::lanes::{Lanes, MAX_LANES};
 use sinew_engine::law::{
-    EvaluationRequest, LawBuffer, LawBuffers, RecoveringBodies, Span, TangentKind,
+    EvaluationRequest, LawBuffer, LawBuffers, LawInfo, RecoveringBodies, Span, TangentKind,
 };
-use sinew_engine::scalar::{Real, Scalar};
+use sinew_engine::scalar::Scalar;
 use sinew_engine::schedule::Evaluation;
 use sinew_engine::vertex::Displacement;
 use sinew_engine::workers::Workers;
@@ -20,8 +19,9 @@ use std::marker::PhantomData;
 use super::columns::{
     self, LawColumns, LawProducts, TangentSum, add_vertices, scalar_columns, work,
 };
+use super::law::TriangleLaw;
+use super::row::{Activate, Elements, InRecovery, LawRow, activate_elements, mark};
 use crate::element::membrane::{Element, TriangleTangent};
-use crate::laws::{LawRow, activate_elements};
 
 scalar_columns! {
     /// First modulus of plane stress times thickness of a membrane triangle (N/m).
@@ -32,40 +32,17 @@ scalar_columns! {
     MembraneCompressionModulus,
 }
 
-/// A law whose energy is a sum over membrane triangles of a function of their three displacements.
-pub trait TriangleLaw: Send + Sync + 'static {
-    /// Name shown in reports; unique.
-    const NAME: &'static str;
-    /// Component of the triangles it acts on, and of no others; mostly the law itself.
-    type Mark: Component;
-    /// Whether it contributes energy and force.
-    const FORCES: bool = true;
-    /// Whether it is compiled for AVX-512 too ([`Kernel::WIDE`](sinew_engine::lanes::Kernel::WIDE)).
-    const WIDE: bool = true;
-    /// Whether it contributes to a tangent of this kind.
-    fn contributes(_: TangentKind) -> bool {
-        true
-    }
-    /// Energy (J).
-    fn energy<R: Real>(e: &Element<R>, u: &[[R; 3]; 3]) -> R;
-    /// Forces (N).
-    fn forces<R: Real>(e: &Element<R>, u: &[[R; 3]; 3]) -> [[R; 3]; 3];
-    /// Tangent (N/m).
-    fn tangent<R: Real>(e: &Element<R>, u: &[[R; 3]; 3], kind: TangentKind) -> TriangleTangent<R>;
-    /// Product (N) of the tangent with the displacements `v` (m).
-    #[inline(always)]
-    fn product<R: Real>(
-        e: &Element<R>,
-        u: &[[R; 3]; 3],
-        v: &[[R; 3]; 3],
-        kind: TangentKind,
-    ) -> [[R; 3]; 3] {
-        Self::tangent(e, u, kind).product(v)
-    }
-    /// Where the projected tangent differs from the exact one.
-    #[inline(always)]
-    fn is_clamped<R: Real>(_: &Element<R>, _: &[[R; 3]; 3]) -> R::Mask {
-        R::less(R::ONE, R::ZERO)
+impl LawRow {
+    /// Law `L` of membrane triangles.
+    pub const fn triangles<L: TriangleLaw>() -> Self {
+        let activate: [Activate; 2] = [activate::<L, f64>, activate::<L, f32>];
+        let (info, elements) = (LawInfo::elastic(L::NAME), Elements::Triangles);
+        Self {
+            forces: L::FORCES,
+            tangent: L::contributes,
+            recovery: InRecovery::Unchanged,
+            ..Self::of_systems(info, elements, [mark::<L::Mark>; 2], activate)
+        }
     }
 }
 

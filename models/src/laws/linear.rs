@@ -19,14 +19,14 @@ use sinew_engine::element::displacement_gradient;
 use sinew_engine::law::TangentKind;
 use sinew_engine::scalar::Real;
 
+use crate::element::corotational::warped;
 use crate::element::matrix::symmetric;
 use crate::element::tetrahedron::{
     Element, TetrahedronTangent, assemble, nodal_forces, small_strain_density, small_strain_stress,
 };
-use crate::frame::means::VolumeMeasure;
-use crate::frame::tetrahedra::TetrahedronLaw;
-use crate::laws::LawRow;
-use crate::laws::corotational::warped;
+use crate::frame::law::TetrahedronLaw;
+use crate::frame::row::LawRow;
+use crate::frame::rules::VolumeMeasure;
 
 /// Entries xx, yy, zz, yz, xz, xy of the strain.
 #[inline(always)]

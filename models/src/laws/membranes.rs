@@ -7,11 +7,11 @@ use bevy_ecs::prelude::Component;
 use sinew_engine::law::TangentKind;
 use sinew_engine::scalar::Real;
 
-use super::LawRow;
 use crate::element::membrane::{
     Element, TriangleTangent, biquadratic, corotational, linear, quadratic,
 };
-use crate::frame::triangles::TriangleLaw;
+use crate::frame::law::TriangleLaw;
+use crate::frame::row::LawRow;
 
 /// Biquadratic springs (TRBS), one triangle at a time; also the mark of its triangles.
 #[derive(Component, Clone, Copy, Debug, Default)]

@@ -3,7 +3,9 @@
 use serde::{Deserialize, Serialize};
 
 use super::{corotational, linear, neo_hookean, quadratic, stvk_fem, svk, svk_volume};
-use crate::laws::LawRow;
+use crate::frame::row::LawRow;
+use crate::frame::rules::Evaluation;
+use crate::material::LameParameters;
 
 /// What a model is made of.
 #[derive(Clone, Copy, Debug)]
@@ -86,6 +88,14 @@ impl Model {
         self.row().law
     }
 
+    /// What its law sees of the Lamé parameters of a material: nothing where axes are all that there is.
+    pub(crate) fn lame(self, material: LameParameters) -> LameParameters {
+        match self {
+            Self::Axes => LameParameters { lambda: 0.0, mu: 0.0 },
+            _ => material,
+        }
+    }
+
     /// Whether it has the compression term of Delingette 2008, section 4.
     pub fn has_compression(self) -> bool {
         self.row().compression
@@ -105,7 +115,7 @@ impl Model {
         self.law().is_some_and(|row| row.tetrahedra10.is_some())
     }
 
-    /// Whether its volume term can act on means of several elements or points ([`VolumeRule::Clusters`]).
+    /// Whether its volume term can act on means of several elements or points ([`VolumeRule::Clusters`](crate::frame::rules::VolumeRule::Clusters)).
     pub fn keeps_mean_volume(self) -> bool {
         self.law().is_some_and(|row| row.by_clusters.is_some())
     }
@@ -115,26 +125,4 @@ impl Model {
     pub fn supports(self, evaluation: Evaluation) -> bool {
         evaluation == Evaluation::Fused || self.row().pooled
     }
-}
-
-/// What keeps its volume.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum VolumeRule {
-    /// Every element, a hexahedron or ten-node tetrahedron at each of its points (default): it locks towards nu = 0.5.
-    #[default]
-    Elements,
-    /// Means: that of the points of a hexahedron or a ten-node tetrahedron ([`crate::frame::hexahedra`]).
-    Clusters,
-}
-
-/// How the energy is summed; the result is the same to rounding.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Evaluation {
-    /// One pass over tetrahedra (default, the faster one).
-    #[default]
-    Fused,
-    /// Independent systems over edges, triangles and tetrahedra.
-    Pooled,
 }

@@ -30,7 +30,7 @@
 //! ```
 //! use sinew_models::material::YoungPoisson;
 //! use sinew_models::element::precompute::RestTetrahedron;
-//! use sinew_models::frame::tetrahedra::TetrahedronLaw;
+//! use sinew_models::frame::law::TetrahedronLaw;
 //! use sinew_models::laws::neo_hookean::NeoHookean;
 //! use sinew_models::element::tetrahedron::{Element, TangentKind};
 //!
@@ -57,9 +57,9 @@ use crate::element::projection::{Spectrum, Svd, clamped_blocks, signed_svd};
 use crate::element::tetrahedron::{
     CORE, Element, TetrahedronTangent, assemble, cofactor, green_strain, nodal_forces,
 };
-use crate::frame::means::VolumeMeasure;
-use crate::frame::tetrahedra::TetrahedronLaw;
-use crate::laws::LawRow;
+use crate::frame::law::TetrahedronLaw;
+use crate::frame::row::LawRow;
+use crate::frame::rules::VolumeMeasure;
 
 /// `l` from the moduli of small strain.
 #[inline(always)]

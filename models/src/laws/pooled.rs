@@ -49,14 +49,20 @@ use crate::element::precompute::OPPOSITE_EDGES;
 use crate::element::spring::{coupling_energy, edge_force, tensile_energy, tensile_tension};
 use crate::element::tetrahedron::TetrahedronTangent;
 use crate::frame::columns::{LawColumns, TangentSum, evaluate_span, scalar_columns, work};
+use crate::frame::row::{ElementRows, Elements, LawRow, mark, partition};
 use crate::frame::tetrahedra::add_tangent;
-use crate::laws::{ElementRows, Elements, LawRow, mark, partition};
 
 /// Vertex rows of a triangle, ascending.
 #[derive(Component, Clone, Copy, Debug, PartialEq, Eq, TransparentWrapper)]
 #[component(clone_behavior = Ignore)]
 #[repr(transparent)]
 pub struct TriangleVertices(pub [u32; 3]);
+
+impl ElementRows for TriangleVertices {
+    fn vertex_rows(&self) -> &[u32] {
+        &self.0
+    }
+}
 
 scalar_columns! {
     /// Tensile stiffness `k` of an edge (N/m^3).

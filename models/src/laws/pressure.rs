@@ -46,8 +46,8 @@ use std::time::Instant;
 
 use crate::element::membrane::TriangleTangent;
 use crate::frame::columns::{LawColumns, TangentSum, add_vertices, evaluate_span, load_vertices};
+use crate::frame::row::{self, Elements, InRecovery, LawRow, mark};
 use crate::frame::triangles::add_tangent;
-use crate::laws::{self, Elements, InRecovery, LawRow, mark};
 
 /// Volume (m^3) that a triangle of rest edges `X_1 - X_0`, `X_2 - X_0` sweeps from rest to displacements
 /// `u`, positive along its normal.
@@ -152,7 +152,7 @@ fn activate_law_of_pressure<S: Scalar>(world: &mut World) {
         schedules.entry(StepSchedule).add_systems(
             collect_faces::<S>.after(StepSystems::Prepare).before(StepSystems::Integrate),
         );
-        laws::activate::<S>(world, &ROW);
+        row::activate::<S>(world, &ROW);
     }
     collect_faces::<S>(world);
 }

@@ -41,56 +41,13 @@ use sinew_engine::law::{LawInfo, RecoveringBodies, TangentKind};
 use sinew_engine::scalar::{Real, Scalar, add, cross, dot, scale, sub};
 use sinew_engine::schedule::Evaluation;
 
-use crate::element::matrix::{add_identity, add_outer, part_of_tension, symmetrise};
-use crate::element::spring::{tensile_energy, tensile_tension};
+use crate::element::matrix::{add_outer, part_of_tension, symmetrise};
+use crate::element::spring::{Stretch, tensile_energy, tensile_tension};
 use crate::element::tetrahedron::{CORE, Element, TetrahedronTangent, assemble};
 use crate::frame::columns::{self, LawColumns, TangentSum, add_vertices, work};
-use crate::frame::tetrahedra::TetrahedronLaw;
+use crate::frame::law::TetrahedronLaw;
+use crate::frame::row::{Elements, InRecovery, LawRow, activate_elements, mark};
 use crate::laws::pooled::{TensileStiffness, add_edge_tangent};
-use crate::laws::{Elements, InRecovery, LawRow, activate_elements, mark};
-
-/// How far an edge is stretched.
-#[derive(Clone, Copy, Debug)]
-pub struct Stretch<R> {
-    /// Deformed edge `x` (m).
-    pub edge: [R; 3],
-    /// `2 L (l - L)` (m^2).
-    pub change: R,
-    /// `h = 2 L/l`: derivative of `change` by the edge is `h x`.
-    pub slope: R,
-    /// `1/l^2` (1/m^2).
-    pub inverse_square: R,
-}
-
-impl<R: Real> Stretch<R> {
-    /// Of an edge with rest vector `rest` (m) whose ends are displaced by `relative` (m) against each
-    /// other.
-    #[inline(always)]
-    pub fn new(rest: [R; 3], relative: [R; 3]) -> Self {
-        let edge = add(rest, relative);
-        let delta = dot(relative, add(rest, edge));
-        // the edges of a removed tetrahedron have no length; without moduli any will do
-        let rest2 = dot(rest, rest);
-        let rest2 = R::select(R::less(R::ZERO, rest2), rest2, R::ONE);
-        let length2 = (rest2 + delta).max(R::from_f64(1e-12) * rest2);
-        // 1/(L l): neither length is needed, only their ratio
-        let p = (rest2 * length2).recip_sqrt();
-        let shrink = rest2 * p;
-        Self {
-            edge,
-            change: (delta + delta) * length2.mul_add(p, R::ONE).recip(),
-            slope: shrink + shrink,
-            inverse_square: shrink * p,
-        }
-    }
-
-    /// `c (I - n n^T)` added to `m`.
-    #[inline(always)]
-    pub(crate) fn add_geometric(&self, m: &mut [R; 9], c: R) {
-        add_outer(m, scale(self.edge, -(c * self.inverse_square)), self.edge);
-        add_identity(m, c);
-    }
-}
 
 /// Ends of the edges of a tetrahedron in the order of [`EDGES`](crate::element::precompute::EDGES), such that
 /// the edge is `x_plus - x_minus`.

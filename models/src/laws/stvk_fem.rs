@@ -18,8 +18,8 @@ use sinew_engine::scalar::{Real, dot, mat_vec};
 
 use crate::element::matrix::{add_identity, column, deformation, rows, symmetrise};
 use crate::element::tetrahedron::{CORE, Element, TetrahedronTangent, assemble, nodal_forces};
-use crate::frame::tetrahedra::TetrahedronLaw;
-use crate::laws::LawRow;
+use crate::frame::law::TetrahedronLaw;
+use crate::frame::row::LawRow;
 
 /// `F` and `E`, row-major.
 #[inline(always)]

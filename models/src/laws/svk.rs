@@ -7,9 +7,9 @@ use sinew_engine::element::TetrahedronEdges;
 use sinew_engine::law::TangentKind;
 use sinew_engine::scalar::Real;
 
-use super::LawRow;
 use crate::element::tetrahedron::{self, Element, TetrahedronTangent};
-use crate::frame::tetrahedra::TetrahedronLaw;
+use crate::frame::law::TetrahedronLaw;
+use crate::frame::row::LawRow;
 
 /// Tangents and products of the compression term, with or without the elastic part.
 macro_rules! tangents {

@@ -24,7 +24,7 @@
 //! use sinew_models::material::YoungPoisson;
 //! use sinew_models::element::precompute::RestTetrahedron;
 //! use sinew_models::element::tetrahedron::Element;
-//! use sinew_models::frame::tetrahedra::TetrahedronLaw;
+//! use sinew_models::frame::law::TetrahedronLaw;
 //! use sinew_models::laws::svk_volume::StVKVolume;
 //!
 //! let material = YoungPoisson { young_modulus: 3e3, poisson_ratio: 0.49, density: 1000.0 };
@@ -48,9 +48,9 @@ use crate::element::tetrahedron::{
     CORE, Element, TetrahedronTangent, assemble, cofactor, elastic_stress, green_strain,
     nodal_forces, second_piola_kirchhoff,
 };
-use crate::frame::means::VolumeMeasure;
-use crate::frame::tetrahedra::TetrahedronLaw;
-use crate::laws::LawRow;
+use crate::frame::law::TetrahedronLaw;
+use crate::frame::row::LawRow;
+use crate::frame::rules::VolumeMeasure;
 
 /// The element without its first modulus, which acts on the volume alone.
 #[inline(always)]

@@ -1,10 +1,11 @@
 //! A material that varies from element to element.
 
 use serde::{Deserialize, Serialize};
+use sinew_engine::connectivity::ElementKind;
+use sinew_identify::{ElementMethod, IdentifyError};
 use std::sync::Arc;
 use thiserror::Error;
 
-use crate::body::lumped::SpringsError;
 use crate::material::{LameParameters, MaterialError, YoungPoisson};
 
 /// Material of every solid element of a body: one material, and arrays that replace single constants of
@@ -60,6 +61,20 @@ impl MaterialArrays {
             density: self.density.as_deref(),
         }
     }
+}
+
+/// An element whose springs cannot be found.
+#[derive(Clone, Debug, PartialEq, Error)]
+#[error("no spring constants for {} {index} by method \"{method}\": {source}", .kind.name())]
+pub struct SpringsError {
+    /// Kind of the element.
+    pub kind: ElementKind,
+    /// Index in the user's mesh.
+    pub index: usize,
+    /// The method.
+    pub method: ElementMethod,
+    /// What is wrong.
+    pub source: Box<IdentifyError>,
 }
 
 /// A field that cannot be used.

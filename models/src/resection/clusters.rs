@@ -5,13 +5,13 @@ use sinew_engine::connectivity::ElementKind;
 use sinew_engine::scalar::Scalar;
 use std::collections::BTreeSet;
 
-use super::BodyResection;
-use super::state::State;
-use crate::body::SoftBody;
+use super::state::{Queries, State};
 use crate::body::clusters::{FEW, neighbours, pieces};
+use crate::body::description::SoftBody;
 use crate::body::matter::Chosen;
-use crate::frame::clusters::ClusterIndex;
+use crate::body::present::BodyResection;
 use crate::frame::means::Sums;
+use crate::frame::moduli::ClusterIndex;
 
 /// Tetrahedra.
 const KIND: ElementKind = ElementKind::Tetrahedron;
@@ -80,7 +80,7 @@ impl BodyResection {
         // those that take others in had their energies too
         let taking: BTreeSet<u32> = moves.iter().map(|m| m.1).collect();
         let taking: BTreeSet<u32> = taking.difference(&clusters).copied().collect();
-        let mut queries = super::Queries::<S>::new(world);
+        let mut queries = Queries::<S>::new(world);
         energy += self.cluster_energy(&State::new(self, world, soft, &mut queries), world, &taking);
         for &(element, cluster) in &moves {
             let entity = self.rows.elements[KIND][element as usize];
@@ -89,7 +89,7 @@ impl BodyResection {
             }
         }
         clusters.extend(taking);
-        let mut queries = super::Queries::<S>::new(world);
+        let mut queries = Queries::<S>::new(world);
         energy - self.cluster_energy(&State::new(self, world, soft, &mut queries), world, &clusters)
     }
 

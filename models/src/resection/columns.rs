@@ -9,7 +9,7 @@ use sinew_engine::isoparametric::{HexahedronRest, QuadRest, Tetrahedron10Rest};
 use sinew_engine::scalar::Scalar;
 
 use crate::axes::columns::*;
-use crate::frame::tetrahedra::{CompressionModulus, FirstLameParameter, ShearModulus};
+use crate::frame::moduli::{CompressionModulus, FirstLameParameter, ShearModulus};
 use crate::frame::triangles::{
     MembraneCompressionModulus, MembraneFirstModulus, MembraneShearModulus,
 };

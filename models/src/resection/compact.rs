@@ -4,7 +4,6 @@
 //! table are despawned, so that entities, tables and their order stay as a freshly spawned body would
 //! have them. Vertex rows do not change.
 
-use super::Resection;
 use bevy_ecs::prelude::*;
 use sinew_engine::columns::{can_move_rows, move_rows_to_front};
 use sinew_engine::connectivity::{ByKind, ElementKind};
@@ -22,6 +21,7 @@ use sinew_engine::scalar::Scalar;
 use sinew_engine::topology::{ElementTables, Topology};
 use sinew_engine::vertex::BodyId;
 
+use crate::body::present::Resection;
 use crate::laws::pooled::TriangleVertices;
 
 /// Rows of one table of elements.

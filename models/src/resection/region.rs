@@ -8,9 +8,11 @@ use sinew_engine::element::{displacement_gradient, volume_change};
 use sinew_engine::scalar::{Scalar, sub};
 use sinew_engine::topology::Topology;
 
+use super::report::RemovalError;
 use super::state::{Point, Queries, State};
-use super::{BodyResection, Chosen, RemovalError};
-use crate::body::SoftBody;
+use crate::body::description::SoftBody;
+use crate::body::matter::Chosen;
+use crate::body::present::BodyResection;
 use crate::element::membrane;
 use crate::element::tetrahedron::{Element, green_strain, second_piola_kirchhoff};
 

@@ -5,7 +5,8 @@ use sinew_engine::connectivity::{ElementKind, Touched};
 use sinew_engine::topology::BodyRows;
 use std::time::Duration;
 
-use super::{BodyResection, Chosen};
+use crate::body::matter::Chosen;
+use crate::body::present::BodyResection;
 
 /// What a removal did.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]

@@ -6,7 +6,8 @@ use sinew_engine::order::Order;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::schedule::{StepSchedule, StepSystems};
 
-use super::{Removal, RemovalError, RemovalReport, remove_batch};
+use super::remove::{Removal, remove_batch};
+use super::report::{RemovalError, RemovalReport};
 
 /// Asks for a removal in [`StepSystems::Edit`] of the next step; the entity is despawned then.
 /// Requests are carried out in the order in which they came.

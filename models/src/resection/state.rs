@@ -10,19 +10,24 @@ use sinew_engine::scalar::Scalar;
 use sinew_engine::topology::Topology;
 use sinew_engine::vertex::{Displacement, RestPosition};
 
-use super::{BodyResection, Chosen, IN_SUMS, RemovalReport};
+use super::report::RemovalReport;
 use crate::axes;
-use crate::body::SoftBody;
-use crate::body::matter::Matter;
+use crate::body::description::SoftBody;
+use crate::body::matter::{Chosen, Matter};
+use crate::body::present::BodyResection;
 use crate::body::sheet::MembraneModel;
 use crate::element::membrane;
 use crate::element::tetrahedron::Element;
-use crate::frame::clusters::shared_part;
 use crate::frame::hexahedra::{Brick, TenNodes};
-use crate::frame::means::{Sums, VolumeMeasure};
-use crate::frame::tetrahedra::{CompressionModulus, FirstLameParameter, ShearModulus};
+use crate::frame::means::Sums;
+use crate::frame::moduli::{CompressionModulus, FirstLameParameter, ShearModulus};
+use crate::frame::rules::{VolumeMeasure, shared_part};
 use crate::frame::{hexahedra, quads};
 use crate::material::LameParameters;
+
+/// Kinds of elements in the order in which their energies are added up.
+const IN_SUMS: [ElementKind; 4] =
+    [ElementKind::Tetrahedron, ElementKind::Hexahedron, ElementKind::Triangle, ElementKind::Quad];
 
 /// Rest positions and displacements (m) of all vertices of a world, as one body numbers them.
 pub(super) struct Vertices<'a, S: Scalar> {

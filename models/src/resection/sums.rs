@@ -8,14 +8,13 @@ use sinew_engine::scalar::{Scalar, sub};
 use sinew_engine::topology::Topology;
 use sinew_engine::vertex::{Mass, Velocity};
 
+use super::report::RemovalReport;
 use super::state::{ModuliData, Vertices, numbers};
-use super::{BodyResection, Chosen, RemovalReport};
-use crate::body::MassRule;
-use crate::body::SoftBody;
-use crate::body::matter::Items;
-use crate::element::spring::tensile_energy;
+use crate::body::description::{MassRule, SoftBody};
+use crate::body::matter::{Chosen, Items};
+use crate::body::present::BodyResection;
+use crate::element::spring::{Stretch, tensile_energy};
 use crate::laws::pooled::{AngularStiffness, TensileStiffness};
-use crate::laws::quadratic::Stretch;
 use crate::material::LameParameters;
 
 impl BodyResection {

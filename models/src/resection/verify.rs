@@ -1,14 +1,17 @@
 //! Holds a body that lost elements against one that is built anew from what is left.
 
-use super::Resection;
 use super::columns::{AtRemoval, Order, Quantity, quantities};
 use crate::axes::columns::{AxisAngleStiffness, FibreActive, VolumeAlone};
 use crate::axes::muscle::{Muscles, copy_activations};
-use crate::body::{BodyDescription, BodyError, SoftBody, VolumeRule, spawn_body};
-use crate::frame::clusters::ClusterIndex;
+use crate::body::description::{BodyDescription, BodyError, SoftBody};
+use crate::body::present::Resection;
+use crate::body::spawn::spawn_body;
+use crate::frame::moduli::ClusterIndex;
+use crate::frame::row::ElementRows;
+use crate::frame::rules::VolumeRule;
 use crate::laws::pooled::TriangleVertices;
+use crate::laws::pressure;
 use crate::laws::quadratic::MassSpring;
-use crate::laws::{ElementRows, pressure};
 use bevy_ecs::prelude::*;
 use bevy_ecs::query::QueryFilter;
 use glam::DVec3;

@@ -2,7 +2,8 @@
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
-use sinew::models::resection::{MassPolicy, Region, Removal, RemovalError};
+use sinew::models::body::present::MassPolicy;
+use sinew::models::resection::{Region, Removal, RemovalError};
 use sinew::simulation::{BodyHandle, Simulation};
 
 /// A resection in the simulation, and what it has done so far.

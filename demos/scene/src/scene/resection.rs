@@ -2,7 +2,7 @@
 
 use super::conditions::SphereRegion;
 use serde::{Deserialize, Serialize};
-use sinew::models::resection::MassPolicy;
+use sinew::models::body::present::MassPolicy;
 
 /// Elements that are removed while the scene runs; exactly one of `tetrahedra`, `triangles`, `sphere`,
 /// `tool`, `strain` and `stress`. Dynamic scenes.

@@ -4,37 +4,12 @@ use bevy_ecs::prelude::*;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::vertex::BodyId;
 
-use super::columns::*;
-use super::description::{AxesError, ModulusOf};
-use super::muscle::Muscles;
-use super::printed_system::PrintedAxes;
-use crate::body::SoftBody;
-use crate::edits::{Edit, before_edit, log_edit};
-
-/// Which families the axial springs of an axis entity belong to, and what their moduli (Pa) are multiplied
-/// by: share times rest volume (m^3), over the squared chord (m) for printed springs.
-#[derive(Component, Clone, Copy, Debug, PartialEq)]
-#[component(clone_behavior = Ignore)]
-pub struct AxisSource {
-    /// Index of the family of each axis, [`NO_FAMILY`] where there is no spring.
-    pub family: [u32; 3],
-    /// Factor on its modulus.
-    pub weight: [f64; 3],
-}
-
-/// No spring along this axis.
-pub const NO_FAMILY: u32 = u32::MAX;
-
-impl AxisSource {
-    pub(crate) fn new(family: [Option<usize>; 3], weight: [f64; 3]) -> Self {
-        Self { family: family.map(|f| f.map_or(NO_FAMILY, |f| f as u32)), weight }
-    }
-
-    /// Without weight, for removed elements.
-    pub(crate) fn clear(&mut self) {
-        self.weight = [0.0; 3];
-    }
-}
+use super::description::SoftBody;
+use super::edit_log::{Edit, before_edit, log_edit};
+use crate::axes::columns::*;
+use crate::axes::description::{AxesError, ModulusOf};
+use crate::axes::muscle::Muscles;
+use crate::axes::printed_system::PrintedAxes;
 
 /// Gives a family of axes of body number `body` another modulus (Pa). Displacements, activations and
 /// everything else stay.

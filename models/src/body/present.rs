@@ -1,18 +1,57 @@
-//! In which rows of the tables the elements of a body stand.
+//! What a body still has of its elements once some were removed, and in which rows of the tables they stand.
 
 use bevy_ecs::prelude::*;
-use sinew_engine::connectivity::{ByKind, ElementKind};
+use serde::{Deserialize, Serialize};
+use sinew_engine::connectivity::{ByKind, Connectivity, ElementKind};
 use sinew_engine::element::{AxisTetrahedron, EdgeVertices, MembraneIndex, TetrahedronIndex};
 use sinew_engine::isoparametric::{AxisHexahedron, HexahedronIndex, QuadIndex};
 use sinew_engine::topology::Topology;
 use sinew_engine::vertex::BodyId;
 
-use super::{BodyResection, Resection};
 use crate::laws::pooled::TriangleVertices;
 use crate::laws::quadratic::MassSpring;
 
+/// What becomes of the mass of the vertices of removed elements.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum MassPolicy {
+    /// Their masses are summed again over the elements that are left: removed matter is gone
+    /// (default). A vertex without element has no mass then and stays where it is.
+    #[default]
+    Recompute,
+    /// Vertices keep their masses; one without element flies freely.
+    Keep,
+}
+
+/// What bodies keep for removals, from [`prepare_removals`](crate::resection::prepare_removals) on.
+#[derive(Resource, Clone, Debug, Default)]
+pub struct Resection {
+    pub(crate) bodies: Vec<Option<BodyResection>>,
+}
+
+impl Resection {
+    /// Connectivity of a body, `None` while nothing was prepared for or removed from it.
+    pub fn connectivity(&self, body: usize) -> Option<&Connectivity> {
+        Some(&self.bodies.get(body)?.as_ref()?.connectivity)
+    }
+}
+
+#[derive(Clone, Debug)]
+pub(crate) struct BodyResection {
+    pub connectivity: Connectivity,
+    /// Index of the user -> element.
+    pub element_of: ByKind<Vec<u32>>,
+    /// Entities in whose rows the elements stand; a placeholder for those that have no row.
+    pub rows: Entities,
+    /// Removed elements that still have a row.
+    pub dead: ByKind<usize>,
+    /// Number of connected pieces.
+    pub pieces: usize,
+}
+
+/// Entities in whose rows the elements of a body stand.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Entities {
+pub(crate) struct Entities {
     pub elements: ByKind<Vec<Entity>>,
     /// Edges of pooled springs, and those that are springs by themselves.
     pub edges: [Vec<Entity>; 2],
@@ -32,19 +71,19 @@ impl Entities {
 
 impl BodyResection {
     /// Edge between two vertices of the body.
-    pub(super) fn edge(&self, vertices: [u32; 2]) -> Option<usize> {
+    pub fn edge(&self, vertices: [u32; 2]) -> Option<usize> {
         self.connectivity.cells.edges.binary_search(&vertices).ok()
     }
 
     /// Triangle between three vertices of the body.
-    pub(super) fn triangle(&self, vertices: [u32; 3]) -> Option<usize> {
+    pub fn triangle(&self, vertices: [u32; 3]) -> Option<usize> {
         self.connectivity.cells.triangles.binary_search(&vertices).ok()
     }
 }
 
 impl Resection {
     /// Finds the entities in whose rows the elements of the prepared bodies stand.
-    pub(super) fn find_rows(&mut self, world: &mut World) {
+    pub(crate) fn find_rows(&mut self, world: &mut World) {
         let topology = world.resource::<Topology>();
         let first: Vec<u32> = topology.bodies.iter().map(|b| b.vertices.start).collect();
         for own in self.bodies.iter_mut().flatten() {
@@ -101,4 +140,10 @@ impl Resection {
             }
         });
     }
+}
+
+/// Takes up what was kept for removals, with the rows as they stand now.
+pub(crate) fn rows_again(world: &mut World, mut resection: Resection) {
+    resection.find_rows(world);
+    world.insert_resource(resection);
 }

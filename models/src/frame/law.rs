@@ -1,0 +1,107 @@
+//! What a law implements: [`TetrahedronLaw`] on tetrahedra and at the points of solid elements, [`TriangleLaw`] on
+//! membrane triangles and at the points of quadrilaterals.
+
+use bevy_ecs::prelude::Component;
+use sinew_engine::law::TangentKind;
+use sinew_engine::scalar::Real;
+
+use super::rules::VolumeMeasure;
+use crate::element::membrane::{self, TriangleTangent};
+use crate::element::tetrahedron::{Element, TetrahedronTangent};
+
+/// A law whose energy is a sum over tetrahedra of a function of their four displacements.
+///
+/// The functions are written for [`Real`], that is for one tetrahedron or for a register full of
+/// them.
+pub trait TetrahedronLaw: Send + Sync + 'static {
+    /// Name shown in reports; unique.
+    const NAME: &'static str;
+    /// Component of the tetrahedra it acts on, and of no others; mostly the law itself.
+    type Mark: Component;
+    /// Whether it contributes energy and force.
+    const FORCES: bool = true;
+    /// Whether the corotational energy takes its place for bodies that recover: so for one law of every
+    /// body, the others fall silent.
+    const STANDS_IN: bool = true;
+    /// Whether it contributes to a tangent of this kind.
+    fn contributes(_: TangentKind) -> bool {
+        true
+    }
+    /// Energy (J).
+    fn energy<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> R;
+    /// Forces (N), `None` when there are none in any lane.
+    fn forces<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> Option<[[R; 3]; 4]>;
+    /// Tangent (N/m). `Projected` is asked for only of laws that have no stress projection, and of
+    /// elements in which that has nothing to clamp.
+    fn tangent<R: Real>(
+        e: &Element<R>,
+        u: &[[R; 3]; 4],
+        kind: TangentKind,
+    ) -> TetrahedronTangent<R>;
+    /// Product (N) of the tangent with the displacements `v` (m).
+    #[inline(always)]
+    fn product<R: Real>(
+        e: &Element<R>,
+        u: &[[R; 3]; 4],
+        v: &[[R; 3]; 4],
+        kind: TangentKind,
+    ) -> [[R; 3]; 4] {
+        Self::tangent(e, u, kind).product(v)
+    }
+    /// Whether it is compiled for AVX-512 too ([`Kernel::WIDE`](sinew_engine::lanes::Kernel::WIDE)).
+    const WIDE: bool = true;
+    /// Whether the volume is multiplied into the moduli beforehand and elements come with volume 1.
+    const FOLDS_VOLUME: bool = true;
+    /// What its volume term is a function of, if it reads [`Element::pressure`]: the volume part of such a law can be that of
+    /// several elements or points.
+    const VOLUME: Option<VolumeMeasure> = None;
+    /// Whether `Projected` clamps the eigenvalues of the St Venant-Kirchhoff stress; otherwise
+    /// [`tangent`](Self::tangent) has a semidefinite form of its own.
+    const STRESS_PROJECTION: bool = true;
+    /// Without stress projection: where the projected tangent differs from the exact one.
+    #[inline(always)]
+    fn is_clamped<R: Real>(_: &Element<R>, _: &[[R; 3]; 4]) -> R::Mask {
+        R::less(R::ONE, R::ZERO)
+    }
+}
+
+/// A law whose energy is a sum over membrane triangles of a function of their three displacements.
+pub trait TriangleLaw: Send + Sync + 'static {
+    /// Name shown in reports; unique.
+    const NAME: &'static str;
+    /// Component of the triangles it acts on, and of no others; mostly the law itself.
+    type Mark: Component;
+    /// Whether it contributes energy and force.
+    const FORCES: bool = true;
+    /// Whether it is compiled for AVX-512 too ([`Kernel::WIDE`](sinew_engine::lanes::Kernel::WIDE)).
+    const WIDE: bool = true;
+    /// Whether it contributes to a tangent of this kind.
+    fn contributes(_: TangentKind) -> bool {
+        true
+    }
+    /// Energy (J).
+    fn energy<R: Real>(e: &membrane::Element<R>, u: &[[R; 3]; 3]) -> R;
+    /// Forces (N).
+    fn forces<R: Real>(e: &membrane::Element<R>, u: &[[R; 3]; 3]) -> [[R; 3]; 3];
+    /// Tangent (N/m).
+    fn tangent<R: Real>(
+        e: &membrane::Element<R>,
+        u: &[[R; 3]; 3],
+        kind: TangentKind,
+    ) -> TriangleTangent<R>;
+    /// Product (N) of the tangent with the displacements `v` (m).
+    #[inline(always)]
+    fn product<R: Real>(
+        e: &membrane::Element<R>,
+        u: &[[R; 3]; 3],
+        v: &[[R; 3]; 3],
+        kind: TangentKind,
+    ) -> [[R; 3]; 3] {
+        Self::tangent(e, u, kind).product(v)
+    }
+    /// Where the projected tangent differs from the exact one.
+    #[inline(always)]
+    fn is_clamped<R: Real>(_: &membrane::Element<R>, _: &[[R; 3]; 3]) -> R::Mask {
+        R::less(R::ONE, R::ZERO)
+    }
+}
