@@ -6,20 +6,25 @@ use std::path::PathBuf;
 use glam::{DQuat, DVec3};
 use proptest::prelude::*;
 use serde_json::Value;
+use sinew_engine::isoparametric::{AxisHexahedronVertices, RestHexahedron};
+use sinew_engine::topology::Topology;
+use sinew_engine::workers::Workers;
 use sinew_models::axes::attachment::{self, Attachment};
 use sinew_models::axes::damper::AxialDamper;
+use sinew_models::axes::description::{AxesDescription, AxisForm};
 use sinew_models::axes::element::{AXIS_PAIRS, AxisElement, Fibre, Triad, VolumeTerm};
 use sinew_models::axes::printed::{
     AngularForm, AngularSprings, AxialSprings, Curvature, RadialSprings, RadiusSum, VolumeForm,
 };
 use sinew_models::axes::site::{Blocks, Nodes};
+use sinew_models::body::{BodyDescription, Model};
 use sinew_models::element::precompute::RestTetrahedron;
 use sinew_models::element::tetrahedron::{Element, TangentKind, TetrahedronTangent};
 use sinew_models::frame::law::TetrahedronLaw;
 use sinew_models::laws::linear::Linear;
-use sinew_models::material::LameParameters;
+use sinew_models::material::{LameParameters, YoungPoisson};
 
-use crate::common::{Worst, max_abs, max_difference, symmetric_eigen};
+use crate::common::{Worst, max_abs, max_difference, symmetric_eigen, world};
 
 fn load() -> Value {
     let path = match std::env::var_os("SINEW_REFERENCE") {
@@ -556,5 +561,59 @@ fn active_stress_follows_its_curve() {
         // the face through vertex 0 of area 1/2 carries a third at its vertices, vertex 1 all of it
         let stress = -e.forces(&u)[1][0] / shape.volume;
         assert!((stress - expected).abs() < 1e-12 * peak, "{stretch}: {stress} {expected}");
+    }
+}
+
+/// Of one hexahedron of a body, vertex by vertex, whatever the order in which the engine holds them.
+#[test]
+fn radial_dampers_are_those_of_the_paper() {
+    let corner = |i: usize| DVec3::new((i & 1) as f64, (i >> 1 & 1) as f64, (i >> 2) as f64);
+    // an irregular hexahedron in the order of VTK, moved and moving
+    let points = [0, 1, 3, 2, 4, 5, 7, 6].map(|i| {
+        let x = corner(i);
+        x + 0.1 * DVec3::new(x.y * x.z, 0.5 * x.x, -x.x * x.y)
+    });
+    let u: Nodes<8> = std::array::from_fn(|a| [0.02 * a as f64, -0.01, 0.03 * (a % 3) as f64]);
+    let v: Nodes<8> = std::array::from_fn(|a| [(a * a % 5) as f64, (a % 2) as f64, -1.0]);
+    let centre = points.iter().sum::<DVec3>() / 8.0;
+    let rest = points.map(|x| x.distance(centre));
+    let own = points.map(|x| x.to_array());
+    let volume = RestHexahedron::new(own).unwrap().total_volume();
+    let viscosity = 0.7;
+    let damping = 9.0 * viscosity * volume / rest.iter().map(|r| r * r).sum::<f64>();
+    let springs = RadialSprings { rest, stiffness: 0.0, damping };
+    let x = std::array::from_fn(|a| (points[a] + DVec3::from_array(u[a])).to_array());
+    for (form, of_springs) in [
+        (AxisForm::Printed, VolumeForm::Printed),
+        (AxisForm::PrintedBalanced, VolumeForm::Balanced),
+    ] {
+        let expected = springs.damping_forces(&x, &v, of_springs);
+        let material = YoungPoisson { young_modulus: 1e3, poisson_ratio: 0.3, density: 1e3 };
+        let axes = AxesDescription {
+            volume_viscosity: viscosity,
+            form,
+            ..AxesDescription::isotropic(material.lame().unwrap())
+        };
+        let body = BodyDescription {
+            hexahedra: &[[0, 1, 2, 3, 4, 5, 6, 7]],
+            axes: Some(axes),
+            model: Model::Axes,
+            ..BodyDescription::from_parts("b", &points, &[], material)
+        };
+        let mut world = world::<f64>(&body, &points, Workers::serial());
+        let order = world.resource::<Topology>().bodies[0].vertex_order.clone();
+        let mut sum = [[0.0; 3]; 8];
+        let mut query = world.query::<(&AxisHexahedronVertices, &AxialDamper<8>)>();
+        for (rows, damper) in query.iter(&world) {
+            let user = rows.0.map(|row| order[row as usize] as usize);
+            for (f, at) in damper.forces(&user.map(|a| u[a]), &user.map(|a| v[a])).iter().zip(user)
+            {
+                (0..3).for_each(|k| sum[at][k] += f[k]);
+            }
+        }
+        assert_eq!(query.iter(&world).count(), 8);
+        let largest = max_abs(expected.as_flattened());
+        let far = max_difference(sum.as_flattened(), expected.as_flattened());
+        assert!(far < 1e-13 * largest, "{form:?}: {far} of {largest}");
     }
 }

@@ -6,8 +6,8 @@ use sinew_engine::mesh::generate::{
     box_hexahedra, box_tets, cup_hexahedra, cylinder_tets, jitter_interior,
 };
 use sinew_models::axes::field::{
-    self, FibreError, FibreField, Laplace, circular, from_cell_data, from_formula, helicoidal,
-    hemicircular, to_cell_data,
+    self, FibreError, FibreField, Laplace, angles_by_formula, circular, from_cell_data,
+    from_formula, helicoidal, hemicircular, to_cell_data,
 };
 
 fn block() -> Mesh {
@@ -60,6 +60,65 @@ fn formulas() {
     for (bad, part) in [("x +", "formula of y"), ("2*w", "variables"), ("0*x", "no direction")] {
         let error = from_formula(&mesh, ["0", bad, "0"]).unwrap_err().to_string();
         assert!(error.contains(part), "{error}");
+    }
+}
+
+/// One tetrahedron whose barycentre is `centre` to the last bit, if that has few binary digits.
+fn tetrahedron_about(centre: DVec3) -> Mesh {
+    let corners = [DVec3::splat(-0.25), DVec3::X, DVec3::Y, DVec3::Z];
+    let corners = corners.map(|c| centre + c - DVec3::splat(0.1875));
+    Mesh { points: corners.to_vec(), tetrahedra: vec![[0, 1, 2, 3]], ..Mesh::default() }
+}
+
+#[test]
+fn formulas_have_the_values_of_arithmetic() {
+    let (x, y, z) = (0.25_f64, -1.5_f64, 2.0_f64);
+    let mesh = tetrahedron_about(DVec3::new(x, y, z));
+    for (text, value) in [
+        ("-y", -y),
+        (" 1 + 2*x - y/ z/4 ", 1.0 + 2.0 * x - y / z / 4.0),
+        ("-z^2", -4.0),
+        ("(-z)^2", 4.0),
+        ("2^z^3", 256.0),
+        ("2^-z", 0.25),
+        ("1e-3 + 2.5E2*.5 - 3.", 1e-3 + 125.0 - 3.0),
+        ("2 - -3", 5.0),
+        ("atan2(y, x) + min(x, y)*max(x, pow(z, 3))", y.atan2(x) + y * 8.0),
+        ("sin(pi/6) + cos(tau) + ln(e)", (std::f64::consts::PI / 6.0).sin() + 2.0),
+        ("sqrt(abs(y)) * exp(x)", 1.5_f64.sqrt() * x.exp()),
+        ("z*sin((x - 1)*(y + 2))", z * ((x - 1.0) * (y + 2.0)).sin()),
+    ] {
+        let found = angles_by_formula(&mesh, [text, "0"]).unwrap()[0][0];
+        assert!((found - value).abs() <= 1e-15 * value.abs(), "{text}: {found} {value}");
+    }
+}
+
+#[test]
+fn what_cannot_be_read_is_named() {
+    let mesh = tetrahedron_about(DVec3::ZERO);
+    let deep = "(".repeat(100_000);
+    for (text, said) in [
+        ("", "missing at the end"),
+        ("x +", "missing at the end"),
+        ("2*w", "`w` is none of the variables x, y, z and the functions abs"),
+        ("sinus(x)", "`sinus`"),
+        ("sin x", "`(` is missing before `x`"),
+        ("sin(x", "`)` is missing at the end"),
+        ("atan2(x)", "`,` is missing before `)`"),
+        ("2x", "`x` is left over"),
+        ("x)", "`)` is left over"),
+        ("1.2.3", "`1.2.3` is no number"),
+        ("1e", "`1e` is no number"),
+        ("x % y", "`% y` is left over"),
+        ("*x", "missing before `*x`"),
+        ("µ", "`µ`"),
+        (&deep, "within each other"),
+    ] {
+        let error = angles_by_formula(&mesh, ["0", text]);
+        let Err(FibreError::Formula { component: "elevation", reason: error, .. }) = error else {
+            panic!("{text} was read")
+        };
+        assert!(error.contains(said), "{text}: {error}");
     }
 }
 

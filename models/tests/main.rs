@@ -2,11 +2,14 @@
 
 mod axes;
 mod axes_fields;
+mod clusters;
 mod common;
 mod comparison;
+mod element;
 mod isoparametric;
 mod lanes;
 mod laws;
+mod material;
 mod membrane;
 mod membrane_systems;
 mod properties;

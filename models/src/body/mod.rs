@@ -2,7 +2,7 @@
 
 pub mod axis_modulus;
 pub mod change;
-pub(crate) mod clusters;
+pub mod clusters;
 pub mod description;
 pub mod edit_log;
 pub mod lumped;

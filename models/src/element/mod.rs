@@ -4,6 +4,6 @@ pub mod corotational;
 pub(crate) mod matrix;
 pub mod membrane;
 pub mod precompute;
-pub(crate) mod projection;
+pub mod projection;
 pub mod spring;
 pub mod tetrahedron;

@@ -202,15 +202,18 @@ pub(crate) fn clamped_blocks<R: Real>(
 }
 
 /// `F = U diag(s) V^T` with rotations `U`, `V` given by rows, and `s_1 >= s_2 >= |s_3|`.
-pub(crate) struct Svd<R> {
+pub struct Svd<R> {
+    /// Rows of `U`.
     pub u: [[R; 3]; 3],
+    /// Singular values.
     pub s: [R; 3],
+    /// Rows of `V`.
     pub v: [[R; 3]; 3],
 }
 
 /// Distance from 1 to the next larger number of a lane.
 #[inline(always)]
-pub(crate) fn rounding<R: Real>() -> R {
+pub fn rounding<R: Real>() -> R {
     // a number between the two distances is rounded away in single precision
     let double = R::any(R::less(R::ONE, R::from_f64(1.0 + 1e-10)));
     R::from_f64(if double { f64::EPSILON } else { f64::from(f32::EPSILON) })
@@ -223,7 +226,7 @@ const MAX_SWEEPS: usize = 30;
 /// orthogonal, which diagonalises `F^T F` without forming it, so small singular values keep their
 /// digits. Any finite `F` will do; missing directions of a singular one are filled in.
 #[inline(always)]
-pub(crate) fn signed_svd<R: Real>(f: &[[R; 3]; 3]) -> Svd<R> {
+pub fn signed_svd<R: Real>(f: &[[R; 3]; 3]) -> Svd<R> {
     R::apart(SignedSvd(*f))
 }
 
@@ -291,7 +294,7 @@ fn svd_of<R: Real>(f: &[[R; 3]; 3]) -> Svd<R> {
 /// Eigenvalues and eigenvectors (columns) of symmetric matrices by cyclic Jacobi rotations, where
 /// `wanted` holds; elsewhere the values mean nothing.
 #[inline(always)]
-pub(crate) fn symmetric_eigen<R: Real>(a: [[R; 3]; 3], wanted: R::Mask) -> ([R; 3], [[R; 3]; 3]) {
+pub fn symmetric_eigen<R: Real>(a: [[R; 3]; 3], wanted: R::Mask) -> ([R; 3], [[R; 3]; 3]) {
     R::apart(SymmetricEigen(a, wanted))
 }
 
@@ -357,7 +360,7 @@ fn chosen<R: Real>(mask: R::Mask, yes: [R; 3], no: [R; 3]) -> [R; 3] {
 
 /// Leading minors all positive; `false` in doubt.
 #[inline(always)]
-pub(crate) fn is_positive_definite<R: Real>(a: &[[R; 3]; 3], margin: f64) -> R::Mask {
+pub fn is_positive_definite<R: Real>(a: &[[R; 3]; 3], margin: f64) -> R::Mask {
     let m1 = a[0][0];
     let m2 = a[0][0] * a[1][1] - a[0][1] * a[1][0];
     let m3 = dot(a[0], cross(a[1], a[2]));
@@ -390,78 +393,4 @@ fn column<R: Real>(m: &[[R; 3]; 3], j: usize) -> [R; 3] {
 #[inline(always)]
 fn transpose<R: Real>(m: &[[R; 3]; 3]) -> [[R; 3]; 3] {
     [column(m, 0), column(m, 1), column(m, 2)]
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Largest deviation of `U diag(s) V^T` from `F`, of `U`, `V` from rotations.
-    fn svd_errors(f: &[[f64; 3]; 3]) -> (f64, f64) {
-        let Svd { u, s, v } = signed_svd(f);
-        let (mut back, mut rotation) = (0.0_f64, 0.0_f64);
-        for i in 0..3 {
-            for j in 0..3 {
-                let product = u[i][0] * s[0] * v[j][0] + u[i][1] * s[1] * v[j][1];
-                back = back.max((product + u[i][2] * s[2] * v[j][2] - f[i][j]).abs());
-                let one = if i == j { 1.0 } else { 0.0 };
-                rotation = rotation.max((dot(u[i], u[j]) - one).abs());
-                rotation = rotation.max((dot(v[i], v[j]) - one).abs());
-            }
-        }
-        for m in [u, v] {
-            rotation = rotation.max((dot(m[0], cross(m[1], m[2])) - 1.0).abs());
-        }
-        assert!(s[0] >= s[1] && s[1] >= s[2].abs() - 1e-15 * s[0], "{s:?}");
-        (back, rotation)
-    }
-
-    #[test]
-    fn decomposition_holds_for_regular_singular_and_inverted_matrices() {
-        let outer = |a: [f64; 3], b: [f64; 3]| [scale(b, a[0]), scale(b, a[1]), scale(b, a[2])];
-        let rank_one = outer([1.0, -2.0, 0.5], [0.3, 0.2, 0.7]);
-        let mut rank_two = rank_one;
-        let more = outer([0.1, 0.4, -0.9], [-0.5, 0.6, 0.1]);
-        for i in 0..3 {
-            for j in 0..3 {
-                rank_two[i][j] += more[i][j];
-            }
-        }
-        let diagonal = |x, y, z| [[x, 0.0, 0.0], [0.0, y, 0.0], [0.0, 0.0, z]];
-        let matrices = [
-            [[0.0; 3]; 3],
-            diagonal(1.0, 1.0, 1.0),
-            diagonal(-1.0, -1.0, -1.0),
-            diagonal(1.0, 1.0, -1.0),
-            diagonal(0.5, 1.0, 2.0),
-            diagonal(0.0, 0.0, 3.0),
-            diagonal(0.0, -2.0, 0.0),
-            diagonal(1e-12, 1.0, 1e-9),
-            [[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]],
-            [[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]],
-            [[1.0, 1e-9, 0.0], [-1e-9, 1.0, 1e-8], [0.0, -1e-8, 1.0]],
-            [[1.0, 1e3, -1e3], [0.0, 1.0, 5.0], [0.0, 0.0, 1.0]],
-            rank_one,
-            rank_two,
-        ];
-        for f in matrices {
-            let size = f.iter().flatten().fold(1e-300_f64, |m, x| m.max(x.abs()));
-            let (back, rotation) = svd_errors(&f);
-            assert!(back <= 1e-14 * size && rotation < 1e-14, "{f:?}: {back:e} {rotation:e}");
-        }
-        let Svd { s, .. } = signed_svd(&diagonal(-1.0, 2.0, 3.0));
-        assert!((s[2] + 1.0).abs() < 1e-15);
-    }
-
-    #[test]
-    fn small_eigensystem_is_right() {
-        let a = [[2.0, -1.0, 0.5], [-1.0, 2.0, 0.25], [0.5, 0.25, -3.0]];
-        let (values, v) = symmetric_eigen(a, true);
-        for n in 0..3 {
-            for i in 0..3 {
-                let x = [v[0][n], v[1][n], v[2][n]];
-                assert!((dot(a[i], x) - values[n] * x[i]).abs() < 1e-14);
-            }
-        }
-    }
 }

@@ -192,36 +192,3 @@ impl MaterialField<'_> {
             .collect()
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn bad_values_name_the_tetrahedron() {
-        let base = YoungPoisson { young_modulus: 1e4, poisson_ratio: 0.3, density: 1e3 };
-        let bad = [0.3, 0.5, 0.3];
-        let field = MaterialField { poisson_ratio: Some(&bad), ..base.into() };
-        let error = field.validate(3, 0).unwrap_err();
-        assert_eq!(
-            error,
-            FieldError::Tetrahedron {
-                tetrahedron: 1,
-                source: Box::new(MaterialError::PoissonRatioTooHigh { value: 0.5 })
-            }
-        );
-        assert!(error.to_string().contains("tetrahedron 1"), "{error}");
-        let error = field.validate(2, 0).unwrap_err();
-        assert!(error.to_string().contains("3 values for 2 solid elements"), "{error}");
-        let bad = [1e3, f64::NAN];
-        let field = MaterialField { density: Some(&bad), ..base.into() };
-        assert!(matches!(
-            field.validate(2, 0),
-            Err(FieldError::Tetrahedron { tetrahedron: 1, .. })
-        ));
-        let error = field.validate(1, 1).unwrap_err();
-        assert!(error.to_string().contains("hexahedron 0"), "{error}");
-        let field = MaterialField { young_modulus: Some(&bad[..1]), ..base.into() };
-        assert_eq!(field.lame(1, 0).unwrap().len(), 1);
-    }
-}
