@@ -382,7 +382,7 @@ fn ten_nodes_have_no_printed_axes() {
     let axes = Some(axes);
     let body = BodyDescription { axes, ..BodyDescription::new("bar", &mesh, soft(5e3, 0.4)) };
     let error = refused(&body);
-    assert!(error.contains("energy-consistent") && error.contains("`bar`"), "{error}");
+    assert!(error.contains("energy_consistent") && error.contains("`bar`"), "{error}");
 }
 
 fn bar_with_muscle(muscle: MuscleSettings) -> (Mesh, AxesDescription<'static>) {

@@ -254,11 +254,8 @@ fn every_row_of_the_table_is_reached_in_single_precision() {
 fn names_are_unique() {
     let names: BTreeSet<_> = LAWS.iter().map(|row| row.info.name).collect();
     assert_eq!(names.len(), LAWS.len());
-    let others = |row: &&'static LawRow| {
-        [row.hexahedra, row.by_mean, row.by_clusters, row.tetrahedra10, row.by_mean10]
-    };
-    for row in LAWS.iter().flat_map(others).flatten() {
-        assert!(LAWS.contains(&row), "{} is a row of its own", row.info.name);
+    for row in LAWS.iter().flat_map(|row| row.family) {
+        assert!(LAWS.contains(row), "{} is a row of its own", row.info.name);
     }
 }
 
@@ -387,7 +384,8 @@ fn rows_take_the_place_of_shipped_ones() {
     let mut table = LawTable::default();
     assert_eq!(table.replace(&LAPLACIAN), Err(LawError::Unknown(Laplacian::NAME)));
     // a law of other elements
-    let hexahedra: &'static LawRow = Model::Linear.law().unwrap().hexahedra.unwrap();
+    let linear_law = Model::Linear.law().unwrap();
+    let hexahedra = linear_law.in_elements(Elements::Hexahedra, VolumeRule::Elements).unwrap();
     let wrong = BodyDescription { model: Model::Own(hexahedra), ..linear };
     let error = spawn_body(&mut self::world::<f64>(), &wrong).unwrap_err();
     assert!(error.to_string().contains("does not act on tetrahedra"), "{error}");

@@ -306,7 +306,7 @@ pub enum BodyError {
         /// Name of the body.
         body: String,
         /// Why not, and what to do.
-        problem: &'static str,
+        problem: String,
     },
     /// A membrane that cannot be built.
     #[error("membrane of body `{body}`: {source}")]

@@ -243,13 +243,15 @@ fn check<'a>(
 fn check_clusters(body: &BodyDescription, lame: &[LameParameters]) -> Result<(), BodyError> {
     let given = body.clusters.map_or(body.tetrahedra.len(), <[u32]>::len);
     let problem = if !body.model.keeps_mean_volume() {
-        "needs a model whose volume term can act on means: take \"svk_volume\" or \"neo_hookean\""
+        let those = Model::names_of(Model::keeps_mean_volume);
+        format!("needs a model whose volume term can act on means: take {those}")
     } else if body.evaluation != Evaluation::Fused {
-        "cannot be summed by pooled springs: take \"fused\""
+        "cannot be summed by pooled springs: take \"fused\"".into()
     } else if given != body.tetrahedra.len() {
         "was given a list of clusters of another length: it must name one for every tetrahedron"
+            .into()
     } else if lame.iter().any(|lame| lame.lambda < 0.0) {
-        "needs a Poisson's ratio of 0 or more: leave it out"
+        "needs a Poisson's ratio of 0 or more: leave it out".into()
     } else {
         return Ok(());
     };
@@ -263,7 +265,7 @@ fn check_tetrahedra10(body: &BodyDescription) -> Result<(), BodyError> {
         format!("but {given} of {all} tetrahedra have vertices on their edges: give all or none")
     } else if body.axes.as_ref().is_some_and(|axes| axes.form != AxisForm::EnergyConsistent) {
         "which have no axes in a printed form: give it linear tetrahedra, or axes of the form \
-         \"energy-consistent\""
+         \"energy_consistent\""
             .into()
     } else if !body.model.serves_tetrahedra10() && body.model != Model::Axes {
         let name = body.model.name();
@@ -438,46 +440,37 @@ impl SolidPart<'_> {
         (evaluation, volume): (Evaluation, VolumeRule),
         edge_rows: &[u32],
     ) {
-        if !self.rest.tetrahedra.is_empty() {
+        type Alone = fn(&mut World, &SolidPart);
+        // without a law: springs, or axes alone
+        let kinds: [(Elements, bool, [Alone; 2]); 3] = [
+            (
+                Elements::Tetrahedra,
+                self.rest.tetrahedra.is_empty(),
+                [spawn_tetrahedra::<MassSpring, S>, spawn_tetrahedra::<AxesOnly, S>],
+            ),
+            (
+                Elements::Tetrahedra10,
+                self.rest.tetrahedra10.is_empty(),
+                [spawn_tetrahedra10::<AxesOnly, S>; 2],
+            ),
+            (
+                Elements::Hexahedra,
+                self.rest.hexahedra.is_empty(),
+                [spawn_hexahedra::<MassSpring, S>, spawn_hexahedra::<AxesOnly, S>],
+            ),
+        ];
+        for (elements, none, alone) in kinds {
+            let pooled = evaluation == Evaluation::Pooled && elements == Elements::Tetrahedra;
             match law {
-                Some(_) if evaluation == Evaluation::Pooled => {
-                    self.spawn_pooled::<S>(world, edge_rows);
-                }
+                _ if none => {}
+                Some(_) if pooled => self.spawn_pooled::<S>(world, edge_rows),
                 // without one it was refused before
                 Some(law) => {
-                    if let Some(law) = law.in_tetrahedra(volume) {
+                    if let Some(law) = law.in_elements(elements, volume) {
                         row::in_table(world, law).1.spawn::<S>(world, self);
                     }
                 }
-                None if model == Model::MassSpring => {
-                    spawn_tetrahedra::<MassSpring, S>(world, self);
-                }
-                None => spawn_tetrahedra::<AxesOnly, S>(world, self),
-            }
-        }
-        if !self.rest.tetrahedra10.is_empty() {
-            match law {
-                // without one it was refused before
-                Some(law) => {
-                    if let Some(law) = law.in_tetrahedra10(volume) {
-                        row::in_table(world, law).1.spawn::<S>(world, self);
-                    }
-                }
-                None => spawn_tetrahedra10::<AxesOnly, S>(world, self),
-            }
-        }
-        if !self.rest.hexahedra.is_empty() {
-            match law {
-                // without one it was refused before
-                Some(law) => {
-                    if let Some(law) = law.in_hexahedra(volume) {
-                        row::in_table(world, law).1.spawn::<S>(world, self);
-                    }
-                }
-                None if model == Model::MassSpring => {
-                    spawn_hexahedra::<MassSpring, S>(world, self);
-                }
-                None => spawn_hexahedra::<AxesOnly, S>(world, self),
+                None => alone[usize::from(model == Model::Axes)](world, self),
             }
         }
     }

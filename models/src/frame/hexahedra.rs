@@ -28,6 +28,7 @@
 //!
 //! Nothing is added before: the solved problems of `sinew validate` have no point below `J` = 0.8, and the same equilibria.
 
+use bevy_ecs::bundle::NoBundleEffect;
 use bevy_ecs::prelude::*;
 use bevy_ecs::query::ContiguousQueryData;
 use bytemuck::TransparentWrapper;
@@ -55,7 +56,7 @@ use super::moduli::{
     ClusterIndex, ClusterPressure, CompressionModulus, FirstLameParameter, PredictedPressure,
     Pressures, ShearModulus,
 };
-use super::part::{spawn_hexahedra, spawn_tetrahedra10};
+use super::part::{SolidPart, spawn_hexahedra, spawn_tetrahedra10};
 use super::row::{
     Activate, ElementRows, Elements, InRecovery, LawRow, Mark, Measure, activate_elements, mark,
 };
@@ -79,8 +80,15 @@ pub(crate) trait Shape<const V: usize, const P: usize, const Q: usize>: 'static 
     type Vertices: ElementRows + TransparentWrapper<[u32; V]>;
     /// Column of tangent blocks.
     type Blocks: Component + TransparentWrapper<[u32; P]>;
+    /// What it is called in rows of laws.
+    const ELEMENTS: Elements;
     /// As [`Kernel::WIDE`], where the law says so too.
     const WIDE: bool;
+    /// Spawns those of a body with `M`, the mark of their law and columns of its own.
+    fn spawn<M, S>(world: &mut World, part: &SolidPart)
+    where
+        M: Bundle<Effect: NoBundleEffect> + Default,
+        S: Scalar;
     /// Derivatives of the shape functions.
     fn derivatives<S: Scalar>() -> Derivatives<S, V, 3, Q>;
     /// Derivatives where a body that recovers has the points of its elements.
@@ -95,7 +103,15 @@ pub(crate) struct Brick;
 impl Shape<8, 28, 8> for Brick {
     type Vertices = HexahedronVertices;
     type Blocks = HexahedronBlocks;
+    const ELEMENTS: Elements = Elements::Hexahedra;
     const WIDE: bool = true;
+    fn spawn<M, S>(world: &mut World, part: &SolidPart)
+    where
+        M: Bundle<Effect: NoBundleEffect> + Default,
+        S: Scalar,
+    {
+        spawn_hexahedra::<M, S>(world, part);
+    }
     fn derivatives<S: Scalar>() -> Derivatives<S, 8, 3, 8> {
         Derivatives::hexahedron()
     }
@@ -107,7 +123,15 @@ pub(crate) struct TenNodes;
 impl Shape<10, 45, 4> for TenNodes {
     type Vertices = Tetrahedron10Vertices;
     type Blocks = Tetrahedron10Blocks;
+    const ELEMENTS: Elements = Elements::Tetrahedra10;
     const WIDE: bool = false;
+    fn spawn<M, S>(world: &mut World, part: &SolidPart)
+    where
+        M: Bundle<Effect: NoBundleEffect> + Default,
+        S: Scalar,
+    {
+        spawn_tetrahedra10::<M, S>(world, part);
+    }
     fn derivatives<S: Scalar>() -> Derivatives<S, 10, 3, 4> {
         Derivatives::tetrahedron10()
     }
@@ -121,18 +145,7 @@ impl Shape<10, 45, 4> for TenNodes {
 impl LawRow {
     /// Law `L` of tetrahedra at the Gauss points of hexahedra, under another name.
     pub const fn hexahedra<L: TetrahedronLaw>(name: &'static str) -> Self {
-        Self {
-            spawn: Some([
-                spawn_hexahedra::<Hexahedral<L>, f64>,
-                spawn_hexahedra::<Hexahedral<L>, f32>,
-            ]),
-            ..Self::at_points::<L>(
-                name,
-                Elements::Hexahedra,
-                [mark::<Hexahedral<L>>; 2],
-                [activate::<L, Brick, f64, 8, 28, 8>, activate::<L, Brick, f32, 8, 28, 8>],
-            )
-        }
+        Self::by_points::<L, Brick, 8, 28, 8>(name)
     }
 
     /// The same with its volume term by the mean of each hexahedron; `measure` as for clusters.
@@ -140,38 +153,12 @@ impl LawRow {
         name: &'static str,
         measure: &'static str,
     ) -> Self {
-        Self {
-            measure: Measure::of::<L>(measure),
-            spawn: Some([
-                spawn_hexahedra::<(Hexahedral<ByMean<L>>, Pressures<f64>), f64>,
-                spawn_hexahedra::<(Hexahedral<ByMean<L>>, Pressures<f32>), f32>,
-            ]),
-            ..Self::at_points::<L>(
-                name,
-                Elements::Hexahedra,
-                [mark::<Hexahedral<ByMean<L>>>; 2],
-                [
-                    activate_by_mean::<L, Brick, f64, 8, 28, 8>,
-                    activate_by_mean::<L, Brick, f32, 8, 28, 8>,
-                ],
-            )
-        }
+        Self::by_mean::<L, Brick, 8, 28, 8>(name, measure)
     }
 
     /// Law `L` of tetrahedra at the Gauss points of ten-node tetrahedra, under another name.
     pub const fn tetrahedra10<L: TetrahedronLaw>(name: &'static str) -> Self {
-        Self {
-            spawn: Some([
-                spawn_tetrahedra10::<Quadratic<L>, f64>,
-                spawn_tetrahedra10::<Quadratic<L>, f32>,
-            ]),
-            ..Self::at_points::<L>(
-                name,
-                Elements::Tetrahedra10,
-                [mark::<Quadratic<L>>; 2],
-                [activate::<L, TenNodes, f64, 10, 45, 4>, activate::<L, TenNodes, f32, 10, 45, 4>],
-            )
-        }
+        Self::by_points::<L, TenNodes, 10, 45, 4>(name)
     }
 
     /// The same with its volume term by the mean of each ten-node tetrahedron; `measure` as for clusters.
@@ -179,22 +166,42 @@ impl LawRow {
         name: &'static str,
         measure: &'static str,
     ) -> Self {
-        let mark: [Mark; 2] = [mark::<Quadratic<ByMean<L>>>; 2];
+        Self::by_mean::<L, TenNodes, 10, 45, 4>(name, measure)
+    }
+
+    const fn by_points<L, E, const V: usize, const P: usize, const Q: usize>(
+        name: &'static str,
+    ) -> Self
+    where
+        L: TetrahedronLaw,
+        E: Shape<V, P, Q>,
+    {
+        let activate: [Activate; 2] =
+            [activate::<L, E, f64, V, P, Q>, activate::<L, E, f32, V, P, Q>];
+        Self {
+            spawn: Some([E::spawn::<AtPoints<L, V>, f64>, E::spawn::<AtPoints<L, V>, f32>]),
+            ..Self::at_points::<L>(name, E::ELEMENTS, [mark::<AtPoints<L, V>>; 2], activate)
+        }
+    }
+
+    const fn by_mean<L, E, const V: usize, const P: usize, const Q: usize>(
+        name: &'static str,
+        measure: &'static str,
+    ) -> Self
+    where
+        L: TetrahedronLaw,
+        E: Shape<V, P, Q>,
+    {
+        let mark: [Mark; 2] = [mark::<AtPoints<ByMean<L>, V>>; 2];
+        let activate: [Activate; 2] =
+            [activate_by_mean::<L, E, f64, V, P, Q>, activate_by_mean::<L, E, f32, V, P, Q>];
         Self {
             measure: Measure::of::<L>(measure),
             spawn: Some([
-                spawn_tetrahedra10::<(Quadratic<ByMean<L>>, Pressures<f64>), f64>,
-                spawn_tetrahedra10::<(Quadratic<ByMean<L>>, Pressures<f32>), f32>,
+                E::spawn::<(AtPoints<ByMean<L>, V>, Pressures<f64>), f64>,
+                E::spawn::<(AtPoints<ByMean<L>, V>, Pressures<f32>), f32>,
             ]),
-            ..Self::at_points::<L>(
-                name,
-                Elements::Tetrahedra10,
-                mark,
-                [
-                    activate_by_mean::<L, TenNodes, f64, 10, 45, 4>,
-                    activate_by_mean::<L, TenNodes, f32, 10, 45, 4>,
-                ],
-            )
+            ..Self::at_points::<L>(name, E::ELEMENTS, mark, activate)
         }
     }
 

@@ -4,12 +4,11 @@ use bevy_ecs::bundle::NoBundleEffect;
 use bevy_ecs::prelude::*;
 use glam::DVec3;
 use sinew_engine::element::{
-    RestVolume, ShapeGradientBundle, TetrahedronBlocks, TetrahedronIndex, TetrahedronVertices,
-    shape_gradient_bundle,
+    RestVolume, TetrahedronBlocks, TetrahedronIndex, TetrahedronVertices, shape_gradient_bundle,
 };
 use sinew_engine::isoparametric::{
-    HexahedronBlocks, HexahedronIndex, HexahedronRest, HexahedronVertices, RestHexahedron,
-    RestTetrahedron10, Tetrahedron10Blocks, Tetrahedron10Rest, Tetrahedron10Vertices,
+    HexahedronBlocks, HexahedronIndex, HexahedronVertices, PointsRest, RestHexahedron, RestPoints,
+    RestTetrahedron10, Tetrahedron10Blocks, Tetrahedron10Vertices,
 };
 use sinew_engine::layout::BodyLayout;
 use sinew_engine::scalar::Scalar;
@@ -61,94 +60,76 @@ pub struct SolidPart<'a> {
     pub(crate) at: Offsets,
 }
 
-/// Components of a tetrahedron, without the mark of its law.
-type TetrahedronBundle<S> = (
-    TetrahedronVertices,
-    TetrahedronBlocks,
-    TetrahedronIndex,
-    BodyId,
-    ShapeGradientBundle<S>,
-    RestVolume<S>,
-    Moduli<S>,
-);
-
-/// Components of a hexahedron, likewise.
-type HexahedronBundle<S> = (
-    HexahedronVertices,
-    HexahedronBlocks,
-    HexahedronIndex,
-    BodyId,
-    HexahedronRest<S>,
-    RestVolume<S>,
-    Moduli<S>,
-);
-
-/// Components of a ten-node tetrahedron, likewise.
-type Tetrahedron10Bundle<S> = (
-    Tetrahedron10Vertices,
-    Tetrahedron10Blocks,
-    TetrahedronIndex,
-    BodyId,
-    Tetrahedron10Rest<S>,
-    RestVolume<S>,
-    Moduli<S>,
-);
-
 impl SolidPart<'_> {
-    pub(crate) fn tetrahedra<S: Scalar>(&self) -> impl Iterator<Item = TetrahedronBundle<S>> {
-        let Self { layout, compression, at, .. } = self;
-        let elements = layout.tetrahedra.iter().zip(&layout.cells.tetrahedron_edges);
-        let numbers = self.rest.tetrahedra.iter().zip(&self.lame[0]);
-        let elements = elements.zip(&layout.tetrahedron_order).zip(numbers);
-        elements.map(move |(((t, e), &original), (rest, &lame))| {
-            let d = [rest.gradients[1], rest.gradients[2], rest.gradients[3]];
-            (
-                TetrahedronVertices(at.vertices(t)),
-                TetrahedronBlocks(at.blocks(e)),
-                TetrahedronIndex(original),
-                at.body,
-                shape_gradient_bundle::<S>(d),
-                RestVolume(S::from_f64(rest.volume)),
-                moduli_bundle::<S>(lame, *compression),
-            )
+    /// Components of the elements of a kind, from `bundle` and what all kinds have.
+    fn elements<S: Scalar, R, B, const V: usize, const P: usize>(
+        &self,
+        (nodes, edges): (&[[u32; V]], &[[u32; P]]),
+        order: &[u32],
+        (rest, lame): (&[R], &[LameParameters]),
+        bundle: impl Fn([u32; V], [u32; P], u32, &R) -> B,
+    ) -> impl Iterator<Item = (B, BodyId, Moduli<S>)> {
+        let Self { compression, at, .. } = self;
+        let elements = nodes.iter().zip(edges).zip(order).zip(rest.iter().zip(lame));
+        elements.map(move |(((nodes, edges), &original), (rest, &lame))| {
+            let own = bundle(at.vertices(nodes), at.blocks(edges), original, rest);
+            (own, at.body, moduli_bundle::<S>(lame, *compression))
         })
     }
 
-    fn hexahedra<S: Scalar>(&self) -> impl Iterator<Item = HexahedronBundle<S>> {
-        let Self { layout, compression, at, .. } = self;
-        let elements = layout.hexahedra.iter().zip(&layout.cells.hexahedron_edges);
-        let numbers = self.rest.hexahedra.iter().zip(&self.lame[1]);
-        let elements = elements.zip(&layout.hexahedron_order).zip(numbers);
-        elements.map(move |(((h, e), &original), (rest, &lame))| {
-            (
-                HexahedronVertices(at.vertices(h)),
-                HexahedronBlocks(at.blocks(e)),
-                HexahedronIndex(original),
-                at.body,
-                rest.component::<S>(),
-                RestVolume(S::from_f64(rest.total_volume())),
-                moduli_bundle::<S>(lame, *compression),
-            )
-        })
+    /// Components of the tetrahedra, without the mark of their law.
+    pub(crate) fn tetrahedra<S: Scalar>(
+        &self,
+    ) -> impl Iterator<Item = impl Bundle<Effect: NoBundleEffect>> {
+        let Self { layout, rest, lame, .. } = self;
+        self.elements::<S, _, _, 4, 6>(
+            (&layout.tetrahedra, &layout.cells.tetrahedron_edges),
+            &layout.tetrahedron_order,
+            (&rest.tetrahedra, &lame[0]),
+            |nodes, edges, original, rest| {
+                let d = [rest.gradients[1], rest.gradients[2], rest.gradients[3]];
+                (
+                    (TetrahedronVertices(nodes), TetrahedronBlocks(edges)),
+                    TetrahedronIndex(original),
+                    shape_gradient_bundle::<S>(d),
+                    RestVolume(S::from_f64(rest.volume)),
+                )
+            },
+        )
     }
 
-    fn tetrahedra10<S: Scalar>(&self) -> impl Iterator<Item = Tetrahedron10Bundle<S>> {
-        let Self { layout, compression, at, .. } = self;
-        let elements = layout.tetrahedra10.iter().zip(&layout.cells.tetrahedron10_edges);
-        let numbers = self.rest.tetrahedra10.iter().zip(&self.lame[0]);
-        let elements = elements.zip(&layout.tetrahedron_order).zip(numbers);
-        elements.map(move |(((t, e), &original), (rest, &lame))| {
-            (
-                Tetrahedron10Vertices(at.vertices(t)),
-                Tetrahedron10Blocks(at.blocks(e)),
-                TetrahedronIndex(original),
-                at.body,
-                rest.component::<S>(),
-                RestVolume(S::from_f64(rest.total_volume())),
-                moduli_bundle::<S>(lame, *compression),
-            )
-        })
+    fn hexahedra<S: Scalar>(&self) -> impl Iterator<Item = impl Bundle<Effect: NoBundleEffect>> {
+        let Self { layout, rest, lame, .. } = self;
+        self.elements::<S, _, _, 8, 28>(
+            (&layout.hexahedra, &layout.cells.hexahedron_edges),
+            &layout.hexahedron_order,
+            (&rest.hexahedra, &lame[1]),
+            |nodes, edges, original, rest| {
+                let own = (HexahedronVertices(nodes), HexahedronBlocks(edges));
+                (own, HexahedronIndex(original), points_bundle::<S, 8>(rest))
+            },
+        )
     }
+
+    fn tetrahedra10<S: Scalar>(&self) -> impl Iterator<Item = impl Bundle<Effect: NoBundleEffect>> {
+        let Self { layout, rest, lame, .. } = self;
+        self.elements::<S, _, _, 10, 45>(
+            (&layout.tetrahedra10, &layout.cells.tetrahedron10_edges),
+            &layout.tetrahedron_order,
+            (&rest.tetrahedra10, &lame[0]),
+            |nodes, edges, original, rest| {
+                let own = (Tetrahedron10Vertices(nodes), Tetrahedron10Blocks(edges));
+                (own, TetrahedronIndex(original), points_bundle::<S, 4>(rest))
+            },
+        )
+    }
+}
+
+/// Rest shape and volume of an element with Gauss points.
+fn points_bundle<S: Scalar, const Q: usize>(
+    rest: &RestPoints<Q>,
+) -> (PointsRest<S, Q>, RestVolume<S>) {
+    (rest.component::<S>(), RestVolume(S::from_f64(rest.total_volume())))
 }
 
 /// Spawns the tetrahedra of a body with the mark `M` of their law.

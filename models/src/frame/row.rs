@@ -113,16 +113,8 @@ pub struct LawRow {
     pub is_damper: bool,
     /// Energy of one of its tetrahedra.
     pub energy: Option<TetrahedronEnergy>,
-    /// The same law in hexahedra.
-    pub hexahedra: Option<&'static LawRow>,
-    /// The same law in hexahedra, its volume term by the mean of each.
-    pub by_mean: Option<&'static LawRow>,
-    /// The same law in ten-node tetrahedra.
-    pub tetrahedra10: Option<&'static LawRow>,
-    /// The same law in ten-node tetrahedra, its volume term by the mean of each.
-    pub by_mean10: Option<&'static LawRow>,
-    /// The same law in tetrahedra, its volume term by clusters of them.
-    pub by_clusters: Option<&'static LawRow>,
+    /// Rows of the same law in other elements, and with its volume term by means.
+    pub family: &'static [&'static LawRow],
     /// What runs before the law, if anything does.
     pub measure: Option<Measure>,
     pub(crate) mark: [Mark; 2],
@@ -166,11 +158,7 @@ impl LawRow {
             recovery: if info.is_load { InRecovery::Unchanged } else { InRecovery::Silent },
             is_damper: false,
             energy: None,
-            hexahedra: None,
-            by_mean: None,
-            tetrahedra10: None,
-            by_mean10: None,
-            by_clusters: None,
+            family: &[],
             measure: None,
             mark,
             activate,
@@ -200,53 +188,20 @@ impl LawRow {
         Self { recovery, ..self }
     }
 
-    /// This law with the row of the same law in ten-node tetrahedra.
-    pub const fn with_tetrahedra10(self, row: &'static LawRow) -> Self {
-        Self { tetrahedra10: Some(row), ..self }
+    /// This law with its rows in other elements and by means.
+    pub const fn with_family(self, family: &'static [&'static LawRow]) -> Self {
+        Self { family, ..self }
     }
 
-    /// This law with the row of the same law in ten-node tetrahedra, its volume term by the mean of each.
-    pub const fn with_mean10(self, row: &'static LawRow) -> Self {
-        Self { by_mean10: Some(row), ..self }
-    }
-
-    /// This law with the row of the same law in hexahedra.
-    pub const fn with_hexahedra(self, row: &'static LawRow) -> Self {
-        Self { hexahedra: Some(row), ..self }
-    }
-
-    /// This law with the row of the same law in hexahedra, its volume term by the mean of each.
-    pub const fn with_mean(self, row: &'static LawRow) -> Self {
-        Self { by_mean: Some(row), ..self }
-    }
-
-    /// This law with the row of the same law by clusters of tetrahedra.
-    pub const fn with_clusters(self, row: &'static LawRow) -> Self {
-        Self { by_clusters: Some(row), ..self }
-    }
-
-    /// The same law in the tetrahedra of a body with this rule.
-    pub fn in_tetrahedra(&'static self, volume: VolumeRule) -> Option<&'static LawRow> {
-        match volume {
-            VolumeRule::Elements => Some(self),
-            VolumeRule::Clusters => self.by_clusters,
-        }
-    }
-
-    /// The same law in the ten-node tetrahedra of a body with this rule.
-    pub fn in_tetrahedra10(&self, volume: VolumeRule) -> Option<&'static LawRow> {
-        match volume {
-            VolumeRule::Elements => self.tetrahedra10,
-            VolumeRule::Clusters => self.by_mean10,
-        }
-    }
-
-    /// The same law in the hexahedra of a body with this rule.
-    pub fn in_hexahedra(&self, volume: VolumeRule) -> Option<&'static LawRow> {
-        match volume {
-            VolumeRule::Elements => self.hexahedra,
-            VolumeRule::Clusters => self.by_mean,
-        }
+    /// The same law in these elements of a body with this rule, if there is one.
+    pub fn in_elements(
+        &'static self,
+        elements: Elements,
+        volume: VolumeRule,
+    ) -> Option<&'static LawRow> {
+        let by_means = volume == VolumeRule::Clusters;
+        let fits = |row: &&Self| row.elements == elements && row.measure.is_some() == by_means;
+        std::iter::once(self).chain(self.family.iter().copied()).find(fits)
     }
 
     /// The component that marks its elements in a world of this precision.
@@ -313,8 +268,7 @@ impl LawTable {
     /// # Errors
     /// When another law has the name.
     pub fn add(&mut self, row: &'static LawRow) -> Result<(), LawError> {
-        let more = [row.hexahedra, row.by_mean, row.by_clusters, row.tetrahedra10, row.by_mean10];
-        for row in std::iter::once(row).chain(more.into_iter().flatten()) {
+        for row in std::iter::once(row).chain(row.family.iter().copied()) {
             match self.find(row.info.name) {
                 None => self.0.push(row),
                 Some((_, known)) if std::ptr::eq(known, row) => {}

@@ -20,33 +20,23 @@ use crate::frame::law::TetrahedronLaw;
 use crate::frame::row::LawRow;
 use crate::frame::stand_in::Corotational;
 
-/// Row of its tetrahedra in the table of laws.
-pub static TETRAHEDRA: LawRow = LawRow::tetrahedra::<Corotational>()
-    .with_hexahedra(&HEXAHEDRA)
-    .with_tetrahedra10(&TETRAHEDRA10)
-    .with_mean(&HEXAHEDRA_BY_MEAN)
-    .with_mean10(&TETRAHEDRA10_BY_MEAN)
-    .with_clusters(&BY_CLUSTERS);
-/// Row of its tetrahedra in clusters.
-pub static BY_CLUSTERS: LawRow = LawRow::tetrahedra_by_clusters::<Corotational>(
-    "corotational, volume by clusters",
-    "clusters of corotational tetrahedra",
-);
-/// Row of its hexahedra in the table of laws.
-pub static HEXAHEDRA: LawRow = LawRow::hexahedra::<Corotational>("corotational hexahedra");
-/// Row of its hexahedra whose volume term acts on the mean of each.
-pub static HEXAHEDRA_BY_MEAN: LawRow = LawRow::hexahedra_by_mean::<Corotational>(
-    "corotational hexahedra, mean volume",
-    "means of corotational hexahedra",
-);
-/// Row of its ten-node tetrahedra whose volume term acts on the mean of each.
-pub static TETRAHEDRA10_BY_MEAN: LawRow = LawRow::tetrahedra10_by_mean::<Corotational>(
-    "corotational ten-node tetrahedra, mean volume",
-    "means of corotational ten-node tetrahedra",
-);
-/// Row of its ten-node tetrahedra in the table of laws.
-pub static TETRAHEDRA10: LawRow =
-    LawRow::tetrahedra10::<Corotational>("corotational ten-node tetrahedra");
+family! {
+    Corotational;
+    BY_CLUSTERS = tetrahedra_by_clusters(
+        "corotational, volume by clusters",
+        "clusters of corotational tetrahedra"
+    );
+    HEXAHEDRA = hexahedra("corotational hexahedra");
+    HEXAHEDRA_BY_MEAN = hexahedra_by_mean(
+        "corotational hexahedra, mean volume",
+        "means of corotational hexahedra"
+    );
+    TETRAHEDRA10 = tetrahedra10("corotational ten-node tetrahedra");
+    TETRAHEDRA10_BY_MEAN = tetrahedra10_by_mean(
+        "corotational ten-node tetrahedra, mean volume",
+        "means of corotational ten-node tetrahedra"
+    );
+}
 
 /// Stiffness warping: [`Corotational`] with the tangent `R K0 R^T` in place of every kind; also the mark
 /// of its tetrahedra.

@@ -41,23 +41,18 @@ fn strain<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> [R; 6] {
 #[component(clone_behavior = Ignore)]
 pub struct Linear;
 
-/// Row of its tetrahedra in the table of laws.
-pub static TETRAHEDRA: LawRow = LawRow::tetrahedra::<Linear>()
-    .with_hexahedra(&HEXAHEDRA)
-    .with_mean(&HEXAHEDRA_BY_MEAN)
-    .with_clusters(&BY_CLUSTERS);
-/// Row of its tetrahedra in clusters.
-pub static BY_CLUSTERS: LawRow = LawRow::tetrahedra_by_clusters::<Linear>(
-    "linear elasticity, volume by clusters",
-    "clusters of linear elasticity",
-);
-/// Row of its hexahedra in the table of laws.
-pub static HEXAHEDRA: LawRow = LawRow::hexahedra::<Linear>("linear hexahedra");
-/// Row of its hexahedra whose volume term acts on the mean of each.
-pub static HEXAHEDRA_BY_MEAN: LawRow = LawRow::hexahedra_by_mean::<Linear>(
-    "linear hexahedra, mean volume",
-    "means of linear hexahedra",
-);
+family! {
+    Linear;
+    BY_CLUSTERS = tetrahedra_by_clusters(
+        "linear elasticity, volume by clusters",
+        "clusters of linear elasticity"
+    );
+    HEXAHEDRA = hexahedra("linear hexahedra");
+    HEXAHEDRA_BY_MEAN = hexahedra_by_mean(
+        "linear hexahedra, mean volume",
+        "means of linear hexahedra"
+    );
+}
 
 impl TetrahedronLaw for Linear {
     const WIDE: bool = false;

@@ -4,6 +4,18 @@
 //! What a row is and how a world keeps its own table is in [`crate::frame::row`]. The place of a row in [`LAWS`] is its
 //! place in the sum of energies, forces and tangents.
 
+/// The rows of a law of tetrahedra, by their constructors and names: [`LawRow::tetrahedra`] and its family.
+macro_rules! family {
+    ($law:ty; $($row:ident = $make:ident($($name:literal),+);)*) => {
+        /// Row of its tetrahedra in the table of laws.
+        pub static TETRAHEDRA: LawRow = LawRow::tetrahedra::<$law>().with_family(&[$(&$row),*]);
+        $(
+            #[doc = concat!("Its row as [`", stringify!($make), "`](LawRow::", stringify!($make), ").")]
+            pub static $row: LawRow = LawRow::$make::<$law>($($name),+);
+        )*
+    };
+}
+
 pub mod corotational;
 pub mod linear;
 pub mod membranes;

@@ -3,8 +3,8 @@
 use serde::{Deserialize, Serialize};
 
 use super::{corotational, linear, neo_hookean, quadratic, stvk_fem, svk, svk_volume};
-use crate::frame::row::LawRow;
-use crate::frame::rules::Evaluation;
+use crate::frame::row::{Elements, LawRow};
+use crate::frame::rules::{Evaluation, VolumeRule};
 use crate::material::LameParameters;
 
 /// What a model is made of.
@@ -78,6 +78,17 @@ models! {
 }
 
 impl Model {
+    /// Names of those that have a property, as a remedy lists them: `"a", "b" or "c"`.
+    pub(crate) fn names_of(has: impl Fn(Self) -> bool) -> String {
+        let names = Self::ALL.into_iter().filter(|&model| has(model));
+        let names: Vec<_> = names.map(|model| format!("\"{}\"", model.name())).collect();
+        match names.split_last() {
+            Some((last, [])) => last.clone(),
+            Some((last, others)) => format!("{} or {last}", others.join(", ")),
+            None => String::new(),
+        }
+    }
+
     /// Name in scene files and reports.
     pub fn name(self) -> &'static str {
         self.row().name
@@ -103,21 +114,22 @@ impl Model {
 
     /// Whether hexahedra have it; the textbook form is that of [`StVK`](Self::StVK) there.
     pub fn serves_hexahedra(self) -> bool {
-        match self.law() {
-            Some(row) => row.hexahedra.is_some(),
-            // springs, axes
-            None => true,
-        }
+        // springs, axes
+        self.law().is_none() || self.has(Elements::Hexahedra, VolumeRule::Elements)
     }
 
     /// Whether ten-node tetrahedra have it.
     pub fn serves_tetrahedra10(self) -> bool {
-        self.law().is_some_and(|row| row.tetrahedra10.is_some())
+        self.has(Elements::Tetrahedra10, VolumeRule::Elements)
     }
 
     /// Whether its volume term can act on means of several elements or points ([`VolumeRule::Clusters`](crate::frame::rules::VolumeRule::Clusters)).
     pub fn keeps_mean_volume(self) -> bool {
-        self.law().is_some_and(|row| row.by_clusters.is_some())
+        self.has(Elements::Tetrahedra, VolumeRule::Clusters)
+    }
+
+    fn has(self, elements: Elements, volume: VolumeRule) -> bool {
+        self.law().is_some_and(|row| row.in_elements(elements, volume).is_some())
     }
 
     /// Whether the energy can be summed this way. [`Evaluation::Fused`] always can; for

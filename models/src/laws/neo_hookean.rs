@@ -163,33 +163,23 @@ fn projected<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> (R::Mask, [[R; 9]; 6])
 #[component(clone_behavior = Ignore)]
 pub struct NeoHookean;
 
-/// Row of its tetrahedra in the table of laws.
-pub static TETRAHEDRA: LawRow = LawRow::tetrahedra::<NeoHookean>()
-    .with_hexahedra(&HEXAHEDRA)
-    .with_tetrahedra10(&TETRAHEDRA10)
-    .with_mean(&HEXAHEDRA_BY_MEAN)
-    .with_mean10(&TETRAHEDRA10_BY_MEAN)
-    .with_clusters(&BY_CLUSTERS);
-/// Row of its tetrahedra in clusters.
-pub static BY_CLUSTERS: LawRow = LawRow::tetrahedra_by_clusters::<NeoHookean>(
-    "stable neo-Hookean, volume by clusters",
-    "clusters of neo-Hookean",
-);
-/// Row of its hexahedra in the table of laws.
-pub static HEXAHEDRA: LawRow = LawRow::hexahedra::<NeoHookean>("neo-Hookean hexahedra");
-/// Row of its ten-node tetrahedra in the table of laws.
-pub static TETRAHEDRA10: LawRow =
-    LawRow::tetrahedra10::<NeoHookean>("neo-Hookean ten-node tetrahedra");
-/// Row of its ten-node tetrahedra whose volume term acts on the mean of each.
-pub static TETRAHEDRA10_BY_MEAN: LawRow = LawRow::tetrahedra10_by_mean::<NeoHookean>(
-    "neo-Hookean ten-node tetrahedra, mean volume",
-    "means of neo-Hookean ten-node tetrahedra",
-);
-/// Row of its hexahedra whose volume term acts on the mean of each.
-pub static HEXAHEDRA_BY_MEAN: LawRow = LawRow::hexahedra_by_mean::<NeoHookean>(
-    "neo-Hookean hexahedra, mean volume",
-    "means of neo-Hookean hexahedra",
-);
+family! {
+    NeoHookean;
+    BY_CLUSTERS = tetrahedra_by_clusters(
+        "stable neo-Hookean, volume by clusters",
+        "clusters of neo-Hookean"
+    );
+    HEXAHEDRA = hexahedra("neo-Hookean hexahedra");
+    HEXAHEDRA_BY_MEAN = hexahedra_by_mean(
+        "neo-Hookean hexahedra, mean volume",
+        "means of neo-Hookean hexahedra"
+    );
+    TETRAHEDRA10 = tetrahedra10("neo-Hookean ten-node tetrahedra");
+    TETRAHEDRA10_BY_MEAN = tetrahedra10_by_mean(
+        "neo-Hookean ten-node tetrahedra, mean volume",
+        "means of neo-Hookean ten-node tetrahedra"
+    );
+}
 
 impl TetrahedronLaw for NeoHookean {
     const WIDE: bool = false;

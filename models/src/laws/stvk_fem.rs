@@ -20,6 +20,7 @@ use crate::element::matrix::{add_identity, column, deformation, rows, symmetrise
 use crate::element::tetrahedron::{CORE, Element, TetrahedronTangent, assemble, nodal_forces};
 use crate::frame::law::TetrahedronLaw;
 use crate::frame::row::LawRow;
+use crate::laws::svk;
 
 /// `F` and `E`, row-major.
 #[inline(always)]
@@ -57,9 +58,8 @@ fn stress<R: Real>(e: &Element<R>, strain: &[R; 9]) -> [R; 9] {
 pub struct StVKFem;
 
 /// Row of its tetrahedra in the table of laws.
-pub static TETRAHEDRA: LawRow = LawRow::tetrahedra::<StVKFem>()
-    .with_hexahedra(&crate::laws::svk::HEXAHEDRA)
-    .with_tetrahedra10(&crate::laws::svk::TETRAHEDRA10);
+pub static TETRAHEDRA: LawRow =
+    LawRow::tetrahedra::<StVKFem>().with_family(&[&svk::HEXAHEDRA, &svk::TETRAHEDRA10]);
 
 impl TetrahedronLaw for StVKFem {
     const WIDE: bool = false;

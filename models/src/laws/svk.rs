@@ -100,14 +100,11 @@ impl TetrahedronLaw for PooledProjection {
     tangents!(elastic: true);
 }
 
-/// Rows of these laws in the table.
-pub static TETRAHEDRA: LawRow =
-    LawRow::tetrahedra::<FusedStVK>().with_hexahedra(&HEXAHEDRA).with_tetrahedra10(&TETRAHEDRA10);
-/// As [`TETRAHEDRA`].
-pub static HEXAHEDRA: LawRow = LawRow::hexahedra::<FusedStVK>("St Venant-Kirchhoff hexahedra");
-/// Row of its ten-node tetrahedra in the table of laws.
-pub static TETRAHEDRA10: LawRow =
-    LawRow::tetrahedra10::<FusedStVK>("St Venant-Kirchhoff ten-node tetrahedra");
+family! {
+    FusedStVK;
+    HEXAHEDRA = hexahedra("St Venant-Kirchhoff hexahedra");
+    TETRAHEDRA10 = tetrahedra10("St Venant-Kirchhoff ten-node tetrahedra");
+}
 /// As [`TETRAHEDRA`].
 pub static COMPRESSION: LawRow = LawRow::pooled_tetrahedra::<Compression>();
 /// As [`TETRAHEDRA`].

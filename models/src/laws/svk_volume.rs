@@ -98,34 +98,23 @@ fn projected<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> (R::Mask, [[R; 9]; 6])
 #[component(clone_behavior = Ignore)]
 pub struct StVKVolume;
 
-/// Row of its tetrahedra in the table of laws.
-pub static TETRAHEDRA: LawRow = LawRow::tetrahedra::<StVKVolume>()
-    .with_hexahedra(&HEXAHEDRA)
-    .with_tetrahedra10(&TETRAHEDRA10)
-    .with_mean(&HEXAHEDRA_BY_MEAN)
-    .with_mean10(&TETRAHEDRA10_BY_MEAN)
-    .with_clusters(&BY_CLUSTERS);
-/// Row of its tetrahedra in clusters.
-pub static BY_CLUSTERS: LawRow = LawRow::tetrahedra_by_clusters::<StVKVolume>(
-    "St Venant-Kirchhoff, volume by clusters",
-    "clusters of St Venant-Kirchhoff",
-);
-/// Row of its hexahedra in the table of laws.
-pub static HEXAHEDRA: LawRow =
-    LawRow::hexahedra::<StVKVolume>("St Venant-Kirchhoff hexahedra, volume in J");
-/// Row of its ten-node tetrahedra in the table of laws.
-pub static TETRAHEDRA10: LawRow =
-    LawRow::tetrahedra10::<StVKVolume>("St Venant-Kirchhoff ten-node tetrahedra, volume in J");
-/// Row of its ten-node tetrahedra whose volume term acts on the mean of each.
-pub static TETRAHEDRA10_BY_MEAN: LawRow = LawRow::tetrahedra10_by_mean::<StVKVolume>(
-    "St Venant-Kirchhoff ten-node tetrahedra, mean volume",
-    "means of St Venant-Kirchhoff ten-node tetrahedra",
-);
-/// Row of its hexahedra whose volume term acts on the mean of each.
-pub static HEXAHEDRA_BY_MEAN: LawRow = LawRow::hexahedra_by_mean::<StVKVolume>(
-    "St Venant-Kirchhoff hexahedra, mean volume",
-    "means of St Venant-Kirchhoff hexahedra",
-);
+family! {
+    StVKVolume;
+    BY_CLUSTERS = tetrahedra_by_clusters(
+        "St Venant-Kirchhoff, volume by clusters",
+        "clusters of St Venant-Kirchhoff"
+    );
+    HEXAHEDRA = hexahedra("St Venant-Kirchhoff hexahedra, volume in J");
+    HEXAHEDRA_BY_MEAN = hexahedra_by_mean(
+        "St Venant-Kirchhoff hexahedra, mean volume",
+        "means of St Venant-Kirchhoff hexahedra"
+    );
+    TETRAHEDRA10 = tetrahedra10("St Venant-Kirchhoff ten-node tetrahedra, volume in J");
+    TETRAHEDRA10_BY_MEAN = tetrahedra10_by_mean(
+        "St Venant-Kirchhoff ten-node tetrahedra, mean volume",
+        "means of St Venant-Kirchhoff ten-node tetrahedra"
+    );
+}
 
 impl TetrahedronLaw for StVKVolume {
     const NAME: &'static str = "St Venant-Kirchhoff, volume in J";

@@ -268,7 +268,7 @@ impl YoungPoisson {
                 message: format!(
                     "Poisson's ratio {nu}: elements that keep their volume one by one lock, they bend far too little"
                 ),
-                remedy: "set volume = \"clusters\" with model = \"svk_volume\" or \"neo_hookean\", or use 0.45",
+                remedy: "set volume = \"clusters\", which keeps means, or use 0.45",
             });
         } else if nu < 0.0 {
             findings.push(MaterialFinding {

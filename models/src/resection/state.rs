@@ -21,6 +21,7 @@ use crate::element::tetrahedron::Element;
 use crate::frame::hexahedra::{Brick, TenNodes};
 use crate::frame::means::Sums;
 use crate::frame::moduli::{CompressionModulus, FirstLameParameter, ShearModulus};
+use crate::frame::row::Elements;
 use crate::frame::rules::{VolumeMeasure, shared_part};
 use crate::frame::{hexahedra, quads};
 use crate::material::LameParameters;
@@ -136,7 +137,8 @@ impl<'a, S: Scalar> State<'a, S> {
 
     /// How volumes are measured that are kept as means.
     fn measure(&self) -> Option<VolumeMeasure> {
-        let law = self.soft.law.and_then(|law| law.in_tetrahedra(self.soft.volume));
+        let SoftBody { law, volume, .. } = self.soft;
+        let law = law.and_then(|law| law.in_elements(Elements::Tetrahedra, *volume));
         law.and_then(|row| row.measure).map(|measure| measure.volume)
     }
 
@@ -203,14 +205,12 @@ impl<'a, S: Scalar> State<'a, S> {
     pub fn book(&self, chosen: &Chosen, report: &mut RemovalReport) {
         let Self { own, soft, .. } = self;
         for kind in IN_SUMS {
-            let law = match kind {
-                ElementKind::Hexahedron => soft.law.and_then(|law| law.in_hexahedra(soft.volume)),
-                ElementKind::Tetrahedron if !own.connectivity.ordered.tetrahedra10.is_empty() => {
-                    soft.law.and_then(|law| law.in_tetrahedra10(soft.volume))
-                }
-                _ => soft.law.and_then(|law| law.in_tetrahedra(soft.volume)),
+            let elements = match kind {
+                ElementKind::Hexahedron => Elements::Hexahedra,
+                _ if !own.connectivity.ordered.tetrahedra10.is_empty() => Elements::Tetrahedra10,
+                _ => Elements::Tetrahedra,
             };
-            let law = law.and_then(|row| row.energy);
+            let law = soft.law.and_then(|law| law.in_elements(elements, soft.volume)?.energy);
             for &e in &chosen[kind] {
                 let (mut energy, mut volume) = (0.0, 0.0);
                 self.visit_shares(kind, e, |point| match point {
