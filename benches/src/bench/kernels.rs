@@ -45,6 +45,7 @@ use sinew::models::laws::neo_hookean::NeoHookean;
 use sinew::models::laws::quadratic::QuadraticSprings;
 use sinew::models::laws::stvk_fem::StVKFem;
 use sinew::models::laws::svk::FusedStVK;
+use sinew::models::laws::svk_volume::StVKVolume;
 use sinew::models::material::LameParameters;
 use sinew::prelude::*;
 use sinew_tune::table_of;
@@ -187,21 +188,14 @@ struct Variant {
     repetitions: usize,
 }
 
-/// What is timed.
-const SUBJECTS: [(Evaluation, Model); 12] = [
-    (Evaluation::Fused, Model::StVK),
-    (Evaluation::Fused, Model::CompressibleStVK),
-    (Evaluation::Pooled, Model::StVK),
-    (Evaluation::Pooled, Model::CompressibleStVK),
-    (Evaluation::Fused, Model::QuadraticSprings),
-    (Evaluation::Fused, Model::MassSpring),
-    (Evaluation::Fused, Model::Linear),
-    (Evaluation::Fused, Model::WarpedStiffness),
-    (Evaluation::Fused, Model::Corotational),
-    (Evaluation::Fused, Model::StVKFem),
-    (Evaluation::Fused, Model::NeoHookean),
-    (Evaluation::Fused, Model::Axes),
-];
+/// What is timed: every model in every evaluation that it has, and axes.
+fn subjects() -> impl Iterator<Item = (Evaluation, Model)> {
+    let models = Model::ALL.into_iter().chain([Model::Axes]);
+    models.flat_map(|model| {
+        let evaluations = [Evaluation::Fused, Evaluation::Pooled].into_iter();
+        evaluations.filter(move |&by| model.supports(by)).map(move |by| (by, model))
+    })
+}
 
 fn size_rows(
     mesh: &Mesh,
@@ -210,7 +204,7 @@ fn size_rows(
     rows: &mut Vec<KernelRow>,
 ) -> Result<(), BenchError> {
     let mut subjects: Vec<Subject> = Vec::new();
-    for (evaluation, model) in SUBJECTS {
+    for (evaluation, model) in self::subjects() {
         let reference = Reference::of(mesh, &bend(mesh), model)?;
         subjects.push(Subject::new::<f64>(mesh, evaluation, model, &reference)?);
         subjects.push(Subject::new::<f32>(mesh, evaluation, model, &reference)?);
@@ -463,14 +457,18 @@ impl Subject {
     fn quantities(&self) -> Vec<Quantity> {
         let mut all =
             vec![Quantity::Energy, Quantity::Force, Quantity::Tangent(TangentKind::Exact)];
-        if matches!(self.model, Model::Corotational | Model::NeoHookean | Model::Axes) {
+        if matches!(
+            self.model,
+            Model::CompressibleStVK
+                | Model::Corotational
+                | Model::NeoHookean
+                | Model::StVKVolume
+                | Model::Axes
+        ) {
             all.push(Quantity::Tangent(TangentKind::Projected));
         }
-        if self.model == Model::CompressibleStVK {
-            all.push(Quantity::Tangent(TangentKind::Projected));
-            if self.evaluation == Evaluation::Fused {
-                all.extend([Quantity::Product, Quantity::MatrixFree, Quantity::Gather]);
-            }
+        if self.model == Model::CompressibleStVK && self.evaluation == Evaluation::Fused {
+            all.extend([Quantity::Product, Quantity::MatrixFree, Quantity::Gather]);
         }
         all
     }
@@ -713,13 +711,15 @@ impl Reference {
                     Model::Corotational => element_sums::<Corotational>(&e, &u, &v),
                     Model::StVKFem => element_sums::<StVKFem>(&e, &u, &v),
                     Model::NeoHookean => element_sums::<NeoHookean>(&e, &u, &v),
+                    Model::StVKVolume => element_sums::<StVKVolume>(&e, &u, &v),
                     Model::Axes => {
                         let e = isotropic_triad(&rest, lame);
                         let product = |kind| e.tangent(&u, kind).product(&v);
                         let [exact, projected] = [TangentKind::Exact, TangentKind::Projected];
                         (e.energy(&u), e.forces(&u), product(exact), product(projected))
                     }
-                    _ => {
+                    // no row of another crate is timed
+                    Model::StVK | Model::CompressibleStVK | Model::Own(_) => {
                         let product = |kind| tetrahedron::tangent(&e, &u, kind).product(&v);
                         let [exact, projected] = [TangentKind::Exact, TangentKind::Projected];
                         let forces = tetrahedron::forces(&e, &u);
