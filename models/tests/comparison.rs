@@ -1,24 +1,22 @@
-//! The comparison laws: derivatives, invariance, small strain, definiteness, registers, determinism.
+//! The comparison laws and the quadratic springs: derivatives, invariance, small strain, definiteness, registers, determinism.
 
 use crate::common;
 
-use common::{Columns, max_abs, max_difference, strip_of, symmetric_eigen};
+use common::{Columns, Sums, max_abs, max_difference, strip_of, symmetric_eigen};
 use glam::{DMat3, DQuat, DVec3};
 use proptest::prelude::*;
 use sinew_engine::element::TETRAHEDRON_EDGES;
 use sinew_engine::lanes::InstructionSet;
-use sinew_engine::law::{EvaluationRequest, LawBuffer};
 use sinew_engine::scalar::Scalar;
-use sinew_engine::workers::Workers;
-use sinew_models::element::corotational::Polar;
+use sinew_models::element::corotational::{self, Polar};
 use sinew_models::element::precompute::RestTetrahedron;
 use sinew_models::element::tetrahedron::{self, Element, TangentKind};
 use sinew_models::frame::law::TetrahedronLaw;
 use sinew_models::frame::stand_in::Corotational;
-use sinew_models::frame::tetrahedra::evaluate_columns;
-use sinew_models::laws::corotational::{self, WarpedStiffness};
+use sinew_models::laws::corotational::WarpedStiffness;
 use sinew_models::laws::linear::Linear;
 use sinew_models::laws::neo_hookean::NeoHookean;
+use sinew_models::laws::quadratic::QuadraticSprings;
 use sinew_models::laws::stvk_fem::StVKFem;
 use sinew_models::laws::svk_volume::StVKVolume;
 use sinew_models::material::LameParameters;
@@ -60,6 +58,14 @@ fn gradient(p: &Nodes, u: &Nodes) -> DMat3 {
     let (p, u) = (p.map(DVec3::from_array), u.map(DVec3::from_array));
     let columns = |x: [DVec3; 4]| DMat3::from_cols(x[1] - x[0], x[2] - x[0], x[3] - x[0]);
     columns(std::array::from_fn(|a| p[a] + u[a])) * columns(p).inverse()
+}
+
+/// Shortest edge now over rest length.
+fn shortest(p: &Nodes, u: &Nodes) -> f64 {
+    let (p, u) = (p.map(DVec3::from_array), u.map(DVec3::from_array));
+    TETRAHEDRON_EDGES.iter().fold(f64::INFINITY, |m, &[a, b]| {
+        m.min((p[a] + u[a] - p[b] - u[b]).length() / (p[a] - p[b]).length())
+    })
 }
 
 /// How well the rotation is determined: the smallest sum of two signed singular values.
@@ -237,6 +243,10 @@ proptest! {
         check_derivatives::<StVKFem>(p, u)?;
         check_derivatives::<NeoHookean>(p, u)?;
         check_derivatives::<StVKVolume>(p, u)?;
+        // an edge without length has no direction
+        if shortest(&p, &u) > 0.1 {
+            check_derivatives::<QuadraticSprings>(p, u)?;
+        }
         // where the rotation is determined it is differentiable
         prop_assume!(gap(gradient(&p, &u)) > 0.1);
         check_derivatives::<Corotational>(p, u)?;
@@ -252,6 +262,7 @@ proptest! {
             check_definiteness::<StVKFem>(p, u)?;
             check_definiteness::<NeoHookean>(p, u)?;
             check_definiteness::<StVKVolume>(p, u)?;
+            check_definiteness::<QuadraticSprings>(p, u)?;
         }
     }
 
@@ -262,6 +273,7 @@ proptest! {
         check_rigid_motion::<StVKFem>(p, axis, shift)?;
         check_rigid_motion::<NeoHookean>(p, axis, shift)?;
         check_rigid_motion::<StVKVolume>(p, axis, shift)?;
+        check_rigid_motion::<QuadraticSprings>(p, axis, shift)?;
     }
 
     #[test]
@@ -271,6 +283,7 @@ proptest! {
         check_small_strain::<StVKFem>(p, u)?;
         check_small_strain::<NeoHookean>(p, u)?;
         check_small_strain::<StVKVolume>(p, u)?;
+        check_small_strain::<QuadraticSprings>(p, u)?;
     }
 
     #[test]
@@ -416,66 +429,25 @@ fn check_registers<L: TetrahedronLaw, S: Scalar>(count: usize, seed: usize, size
         })
         .collect();
     let columns = Columns::new(&elements, nodes, u);
-    let Columns { displacement: u, nodes, blocks, topology, .. } = &columns;
     for kind in [TangentKind::Exact, TangentKind::GaussNewton, TangentKind::Projected] {
-        // one by one
-        let mut energy = 0.0;
-        let mut force = vec![[0.0; 3]; u.len()];
-        let mut diagonal = vec![[0.0; 9]; u.len()];
-        let mut off = vec![[0.0; 9]; topology.edges.len()];
-        let (mut scale, mut clamped) = (0.0_f64, 0);
-        for (i, e) in elements.iter().enumerate() {
-            let local = nodes[i].map(|v| u[v as usize]).map(|u| [u[0], u[1], u[2]]);
-            energy += L::energy(e, &local).to_f64();
-            let f = L::forces(e, &local).unwrap();
-            let exact = L::tangent(e, &local, TangentKind::Exact);
-            let t = if kind == TangentKind::Projected && L::STRESS_PROJECTION {
-                let t = tetrahedron::tangent(e, &local, kind);
-                clamped += u64::from(t != tetrahedron::tangent(e, &local, TangentKind::Exact));
-                t
-            } else {
-                let counts = kind == TangentKind::Projected && L::is_clamped(e, &local);
-                clamped += u64::from(counts);
-                L::tangent(e, &local, kind)
-            };
-            scale =
-                exact.to_dense().as_flattened().iter().fold(scale, |m, x| m.max(x.to_f64().abs()));
-            for (a, &row) in nodes[i].iter().enumerate() {
-                (0..3).for_each(|k| force[row as usize][k] += f[a][k].to_f64());
-                (0..9).for_each(|k| diagonal[row as usize][k] += t.diagonal[a][k].to_f64());
-            }
-            for (edge, [a, b]) in TETRAHEDRON_EDGES.into_iter().enumerate() {
-                let (a, b) = if nodes[i][a] < nodes[i][b] { (a, b) } else { (b, a) };
-                let m = t.block(a, b);
-                (0..9).for_each(|k| off[blocks[i][edge] as usize][k] += m[k].to_f64());
-            }
-        }
-        for set in InstructionSet::ALL.into_iter().filter(|set| set.is_available()) {
-            let mut buffer = LawBuffer::<S>::default();
-            buffer.partition(nodes.len(), topology, |i| &nodes[i]);
-            let workers = Workers::serial().with_instruction_set(set).unwrap();
-            let request = EvaluationRequest { energy: true, force: true, tangent: Some(kind) };
-            evaluate_columns::<L, S>(&columns.slices(), &request, &workers, &mut buffer);
-            let [span] = &buffer.spans[..] else { panic!("a small body is one range") };
+        let expected = Sums::one_by_one::<L, S>(&elements, &columns, kind);
+        let scale = expected.stiffness;
+        for set in InstructionSet::available() {
+            let found = Sums::by_registers::<L, S>(&columns, kind, set);
             let tolerance = 4000.0 * S::EPSILON.to_f64() * scale;
             let name = format!("{} {} {} {kind:?} {count}", L::NAME, set.name(), S::NAME);
-            let close = |a: &[f64], b: Vec<f64>, what: &str| {
+            let close = |a: &[f64], b: &[f64], what: &str| {
                 assert!(b.iter().all(|x| x.is_finite()), "{what} {name}");
-                let error = max_difference(a, &b);
+                let error = max_difference(a, b);
                 assert!(error < tolerance, "{what} {name}: {error:e} of {scale:e}");
             };
-            let wide = |rows: &[[S; 4]]| -> Vec<f64> {
-                rows.iter().flat_map(|r| r[..3].iter().map(|x| x.to_f64())).collect()
-            };
-            let blocks = |rows: &[[S; 9]]| -> Vec<f64> {
-                rows.as_flattened().iter().map(|x| x.to_f64()).collect()
-            };
-            close(force.as_flattened(), wide(&span.force), "force");
-            close(diagonal.as_flattened(), blocks(&span.diagonal), "diagonal");
-            close(off.as_flattened(), blocks(&span.off_diagonal), "off");
-            assert!((energy - span.energy).abs() < tolerance, "energy {name}");
+            close(expected.force.as_flattened(), found.force.as_flattened(), "force");
+            close(expected.diagonal.as_flattened(), found.diagonal.as_flattened(), "diagonal");
+            close(expected.off.as_flattened(), found.off.as_flattened(), "off");
+            assert!((expected.energy - found.energy).abs() < tolerance, "energy {name}");
             // an eigenvalue at the threshold may fall on either side
-            assert!(clamped.abs_diff(span.clamped) <= 1, "{clamped} {} {name}", span.clamped);
+            let [one, other] = [expected.clamped, found.clamped];
+            assert!(one.abs_diff(other) <= 1, "{one} {other} {name}");
         }
     }
 }

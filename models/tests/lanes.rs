@@ -1,17 +1,14 @@
 //! Kernels over registers of elements against the same functions one element at a time: every
 //! instruction set of this machine, both number types, 1 to 33 elements, also degenerate ones.
 
-use crate::common::{self, Columns, Motion};
+use crate::common::{self, Columns, Motion, Sums};
 
 use proptest::prelude::*;
-use sinew_engine::element::TETRAHEDRON_EDGES;
 use sinew_engine::lanes::{InstructionSet, Kernel, Lanes, MAX_LANES, dispatch_on};
-use sinew_engine::law::{EvaluationRequest, LawBuffer};
 use sinew_engine::scalar::Scalar;
 use sinew_engine::workers::Workers;
 use sinew_models::element::precompute::RestTetrahedron;
-use sinew_models::element::tetrahedron::{self, Element, TangentKind};
-use sinew_models::frame::tetrahedra::evaluate_columns;
+use sinew_models::element::tetrahedron::{Element, TangentKind};
 use sinew_models::laws::svk::FusedStVK;
 use sinew_models::material::YoungPoisson;
 
@@ -44,67 +41,11 @@ impl Strip {
             self.rest.iter().map(|r| Element::new(r, lame, self.compression)).collect();
         let u: Vec<[S; 4]> = self.displacement.iter().map(|u| u.map(S::from_f64)).collect();
         let columns = Columns::new(&elements, self.nodes.clone(), u);
-        let Some(set) = set else { return self.one_by_one(&elements, &columns, kind) };
-        let mut buffer = LawBuffer::<S>::default();
-        buffer.partition(self.nodes.len(), &columns.topology, |i| &self.nodes[i]);
-        let workers = Workers::serial().with_instruction_set(set).unwrap();
-        let request = EvaluationRequest { energy: true, force: true, tangent: Some(kind) };
-        evaluate_columns::<FusedStVK, S>(&columns.slices(), &request, &workers, &mut buffer);
-        let [span] = &buffer.spans[..] else { panic!("a small body is one range") };
-        Sums {
-            energy: span.energy,
-            force: widened(&span.force),
-            diagonal: widened(&span.diagonal),
-            off: widened(&span.off_diagonal),
-            clamped: span.clamped,
+        match set {
+            Some(set) => Sums::by_registers::<FusedStVK, S>(&columns, kind, set),
+            None => Sums::one_by_one::<FusedStVK, S>(&elements, &columns, kind),
         }
     }
-
-    fn one_by_one<S: Scalar>(
-        &self,
-        elements: &[Element<S>],
-        Columns { displacement: u, blocks, topology, .. }: &Columns<S>,
-        kind: TangentKind,
-    ) -> Sums {
-        let mut sums = Sums {
-            energy: 0.0,
-            force: vec![[0.0; 4]; u.len()],
-            diagonal: vec![[0.0; 9]; u.len()],
-            off: vec![[0.0; 9]; topology.edges.len()],
-            clamped: 0,
-        };
-        for (i, e) in elements.iter().enumerate() {
-            let rows = self.nodes[i];
-            let local = rows.map(|v| u[v as usize]).map(|u| [u[0], u[1], u[2]]);
-            sums.energy += tetrahedron::energy(e, &local).to_f64();
-            let forces = tetrahedron::forces(e, &local);
-            let t = tetrahedron::tangent(e, &local, kind);
-            let exact = tetrahedron::tangent(e, &local, TangentKind::Exact);
-            sums.clamped += u64::from(kind == TangentKind::Projected && t != exact);
-            for (a, &row) in rows.iter().enumerate() {
-                (0..3).for_each(|k| sums.force[row as usize][k] += forces[a][k].to_f64());
-                (0..9).for_each(|k| sums.diagonal[row as usize][k] += t.diagonal[a][k].to_f64());
-            }
-            for (edge, [a, b]) in TETRAHEDRON_EDGES.into_iter().enumerate() {
-                let (a, b) = if rows[a] < rows[b] { (a, b) } else { (b, a) };
-                let m = t.block(a, b);
-                (0..9).for_each(|k| sums.off[blocks[i][edge] as usize][k] += m[k].to_f64());
-            }
-        }
-        sums
-    }
-}
-
-struct Sums {
-    energy: f64,
-    force: Vec<[f64; 4]>,
-    diagonal: Vec<[f64; 9]>,
-    off: Vec<[f64; 9]>,
-    clamped: u64,
-}
-
-fn widened<S: Scalar, const N: usize>(rows: &[[S; N]]) -> Vec<[f64; N]> {
-    rows.iter().map(|row| row.map(S::to_f64)).collect()
 }
 
 /// Largest difference over largest value.

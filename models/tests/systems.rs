@@ -4,7 +4,7 @@
 use crate::common;
 
 use bevy_ecs::prelude::*;
-use common::{Motion, max_abs, max_difference, strip, symmetric_eigen};
+use common::{Motion, max_abs, max_difference, strip};
 use glam::DVec3;
 use proptest::prelude::*;
 use sinew_engine::columns::single_table;
@@ -27,7 +27,7 @@ use sinew_models::frame::law::TetrahedronLaw;
 use sinew_models::frame::tetrahedra;
 use sinew_models::laws::quadratic::{MassSpring, QuadraticSprings};
 use sinew_models::laws::svk::FusedStVK;
-use sinew_models::material::{LameParameters, YoungPoisson};
+use sinew_models::material::YoungPoisson;
 
 const KINDS: [TangentKind; 3] =
     [TangentKind::Exact, TangentKind::GaussNewton, TangentKind::Projected];
@@ -407,123 +407,14 @@ fn all_kinds_side_by_side() {
     assert!(max_difference(&energies, by_body) < 1e-13 * max_abs(&energies));
 }
 
-fn element(points: [[f64; 3]; 4]) -> Element<f64> {
-    let lame = LameParameters { lambda: 1.4, mu: 0.6 };
-    Element::new(&RestTetrahedron::new(points).unwrap(), lame, false)
-}
-
-fn vector() -> impl Strategy<Value = [f64; 3]> {
-    prop::array::uniform3(-1.0..1.0_f64)
-}
-
-/// A tetrahedron that is not too flat, and displacements of a given size.
-fn state() -> impl Strategy<Value = ([[f64; 3]; 4], [[f64; 3]; 4])> {
-    let size = prop::sample::select(vec![1e-4, 0.1, 0.5]);
-    (prop::array::uniform4(vector()), prop::array::uniform4(vector()), size).prop_filter_map(
-        "flat",
-        |(mut p, u, size)| {
-            let volume = |p: &[[f64; 3]; 4]| {
-                let p = p.map(DVec3::from_array);
-                (p[1] - p[0]).cross(p[2] - p[0]).dot(p[3] - p[0]) / 6.0
-            };
-            if volume(&p) < 0.0 {
-                p.swap(0, 1);
-            }
-            (volume(&p) > 0.1).then(|| (p, u.map(|u| u.map(|x| size * x))))
-        },
-    )
-}
-
-/// Shortest edge now over rest length.
-fn shortest(p: &[[f64; 3]; 4], u: &[[f64; 3]; 4]) -> f64 {
-    let (p, u) = (p.map(DVec3::from_array), u.map(DVec3::from_array));
-    TETRAHEDRON_EDGES.iter().fold(f64::INFINITY, |m, &[a, b]| {
-        m.min((p[a] + u[a] - p[b] - u[b]).length() / (p[a] - p[b]).length())
-    })
-}
-
 proptest! {
     #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(256) })]
 
     #[test]
-    fn quadratic_forces_and_tangents_are_derivatives((p, u) in state()) {
-        prop_assume!(shortest(&p, &u) > 0.1);
-        let e = element(p);
-        let h = 1e-5;
-        let forces = QuadraticSprings::forces(&e, &u).unwrap();
-        let tangent = QuadraticSprings::tangent(&e, &u, TangentKind::Exact).to_dense();
-        let scale = max_abs(tangent.as_flattened());
-        for a in 0..4 {
-            for x in 0..3 {
-                let at = |steps: f64| {
-                    let mut moved = u;
-                    moved[a][x] += steps * h;
-                    moved
-                };
-                let energy = |s: f64| QuadraticSprings::energy(&e, &at(s));
-                let slope = (8.0 * (energy(1.0) - energy(-1.0)) - (energy(2.0) - energy(-2.0)))
-                    / (12.0 * h);
-                prop_assert!((slope + forces[a][x]).abs() < 1e-9 * scale, "{slope} {forces:?}");
-                let force = |s: f64| QuadraticSprings::forces(&e, &at(s)).unwrap();
-                let (m2, m1, p1, p2) = (force(-2.0), force(-1.0), force(1.0), force(2.0));
-                for b in 0..4 {
-                    for y in 0..3 {
-                        let d = (8.0 * (p1[b][y] - m1[b][y]) - (p2[b][y] - m2[b][y])) / (12.0 * h);
-                        let k = tangent[3 * b + y][3 * a + x];
-                        prop_assert!((d + k).abs() < 1e-8 * scale, "{d} {k}");
-                    }
-                }
-            }
-        }
-        for i in 0..12 {
-            for j in 0..12 {
-                prop_assert!((tangent[i][j] - tangent[j][i]).abs() < 1e-13 * scale);
-            }
-        }
-    }
-
-    #[test]
-    fn quadratic_stand_ins_are_semidefinite((p, u) in state()) {
-        let e = element(p);
-        for kind in [TangentKind::GaussNewton, TangentKind::Projected] {
-            let dense = QuadraticSprings::tangent(&e, &u, kind).to_dense();
-            let (values, _) = symmetric_eigen(dense);
-            let least = values.iter().fold(f64::INFINITY, |m, x| m.min(*x));
-            prop_assert!(least > -1e-12 * max_abs(&values), "{kind:?} {least}");
-        }
-    }
-
-    #[test]
-    fn turning_costs_nothing((p, _) in state(), axis in vector(), shift in vector()) {
-        let e = element(p);
-        let turn = glam::DQuat::from_scaled_axis(3.0 * DVec3::from_array(axis));
-        let u = p.map(|x| {
-            let x = DVec3::from_array(x);
-            (turn * x + DVec3::from_array(shift) - x).to_array()
-        });
-        let f = QuadraticSprings::forces(&e, &u).unwrap();
-        let stiffness = QuadraticSprings::tangent(&e, &[[0.0; 3]; 4], TangentKind::Exact);
-        let scale = max_abs(stiffness.to_dense().as_flattened());
-        prop_assert!(max_abs(f.as_flattened()) < 1e-13 * scale);
-        prop_assert!(QuadraticSprings::energy(&e, &u).abs() < 1e-24 * scale);
-    }
-
-    #[test]
-    fn small_strains_are_those_of_st_venant_kirchhoff((p, u) in state()) {
-        // forces agree to first order: the difference falls with the square of the displacement
-        let e = element(p);
-        let off = |size: f64| {
-            let u = u.map(|u| u.map(|x| 1e-3 * size * x));
-            let (a, b) = (QuadraticSprings::forces(&e, &u).unwrap(), tetrahedron::forces(&e, &u));
-            max_difference(a.as_flattened(), b.as_flattened())
-        };
-        let ratio = off(1.0) / off(0.5);
-        prop_assert!((ratio - 4.0).abs() < 0.2, "{ratio}");
-    }
-
-    #[test]
     fn stretches_keep_their_digits_in_single_precision(
-        rest in vector(), u in vector(), exponent in -6..0i32,
+        rest in prop::array::uniform3(-1.0..1.0_f64),
+        u in prop::array::uniform3(-1.0..1.0_f64),
+        exponent in -6..0i32,
     ) {
         prop_assume!(DVec3::from_array(rest).length() > 0.1);
         let u = u.map(|x| f64::from((x * 10f64.powi(exponent)) as f32));

@@ -6,6 +6,8 @@ use glam::DVec3;
 use proptest::prelude::ProptestConfig;
 use proptest::test_runner::RngSeed;
 use sinew_engine::element::{TETRAHEDRON_EDGES, TetrahedronShapes};
+use sinew_engine::lanes::InstructionSet;
+use sinew_engine::law::{EvaluationRequest, LawBuffer};
 use sinew_engine::layout::BodyElements;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::schedule::{Executor, install};
@@ -13,8 +15,9 @@ use sinew_engine::topology::{BodyRows, Topology};
 use sinew_engine::vertex::Displacement;
 use sinew_engine::workers::Workers;
 use sinew_models::body::{BodyDescription, spawn_body};
-use sinew_models::element::tetrahedron::Element;
-use sinew_models::frame::tetrahedra::TetrahedronColumns;
+use sinew_models::element::tetrahedron::{self, Element, TangentKind};
+use sinew_models::frame::law::TetrahedronLaw;
+use sinew_models::frame::tetrahedra::{TetrahedronColumns, evaluate_columns};
 use std::io::Write;
 
 /// Largest error seen per quantity, in units of its tolerance.
@@ -235,4 +238,88 @@ pub fn world<S: Scalar>(body: &BodyDescription, moved: &[DVec3], workers: Worker
         u.0 = [x, y, z, S::ZERO];
     }
     world
+}
+
+/// What a law makes of the tetrahedra of [`Columns`]: energy, forces, diagonal and off-diagonal blocks, clamped
+/// elements.
+pub struct Sums {
+    pub energy: f64,
+    pub force: Vec<[f64; 4]>,
+    pub diagonal: Vec<[f64; 9]>,
+    pub off: Vec<[f64; 9]>,
+    pub clamped: u64,
+    /// Largest entry of the exact tangent of an element; of registers 0.
+    pub stiffness: f64,
+}
+
+impl Sums {
+    /// From the functions of the law, one element at a time.
+    pub fn one_by_one<L: TetrahedronLaw, S: Scalar>(
+        elements: &[Element<S>],
+        Columns { displacement: u, nodes, blocks, topology, .. }: &Columns<S>,
+        kind: TangentKind,
+    ) -> Self {
+        let mut sums = Self {
+            energy: 0.0,
+            force: vec![[0.0; 4]; u.len()],
+            diagonal: vec![[0.0; 9]; u.len()],
+            off: vec![[0.0; 9]; topology.edges.len()],
+            clamped: 0,
+            stiffness: 0.0,
+        };
+        let projected = kind == TangentKind::Projected;
+        for (i, e) in elements.iter().enumerate() {
+            let rows = nodes[i];
+            let local = rows.map(|v| u[v as usize]).map(|u| [u[0], u[1], u[2]]);
+            sums.energy += L::energy(e, &local).to_f64();
+            let forces = L::forces(e, &local).unwrap();
+            let exact = L::tangent(e, &local, TangentKind::Exact);
+            let (t, clamped) = if projected && L::STRESS_PROJECTION {
+                let t = tetrahedron::tangent(e, &local, kind);
+                (t, t != tetrahedron::tangent(e, &local, TangentKind::Exact))
+            } else {
+                (L::tangent(e, &local, kind), projected && L::is_clamped(e, &local))
+            };
+            sums.clamped += u64::from(clamped);
+            let entries = exact.to_dense();
+            let entries = entries.as_flattened().iter().map(|x| x.to_f64().abs());
+            sums.stiffness = entries.fold(sums.stiffness, f64::max);
+            for (a, &row) in rows.iter().enumerate() {
+                (0..3).for_each(|k| sums.force[row as usize][k] += forces[a][k].to_f64());
+                (0..9).for_each(|k| sums.diagonal[row as usize][k] += t.diagonal[a][k].to_f64());
+            }
+            for (edge, [a, b]) in TETRAHEDRON_EDGES.into_iter().enumerate() {
+                let (a, b) = if rows[a] < rows[b] { (a, b) } else { (b, a) };
+                let m = t.block(a, b);
+                (0..9).for_each(|k| sums.off[blocks[i][edge] as usize][k] += m[k].to_f64());
+            }
+        }
+        sums
+    }
+
+    /// From the kernels with an instruction set.
+    pub fn by_registers<L: TetrahedronLaw, S: Scalar>(
+        columns: &Columns<S>,
+        kind: TangentKind,
+        set: InstructionSet,
+    ) -> Self {
+        let mut buffer = LawBuffer::<S>::default();
+        let nodes = &columns.nodes;
+        buffer.partition(nodes.len(), &columns.topology, |i| &nodes[i]);
+        let workers = Workers::serial().with_instruction_set(set).unwrap();
+        let request = EvaluationRequest { energy: true, force: true, tangent: Some(kind) };
+        evaluate_columns::<L, S>(&columns.slices(), &request, &workers, &mut buffer);
+        let [span] = &buffer.spans[..] else { panic!("a small body is one range") };
+        fn widened<S: Scalar, const N: usize>(rows: &[[S; N]]) -> Vec<[f64; N]> {
+            rows.iter().map(|row| row.map(S::to_f64)).collect()
+        }
+        Self {
+            energy: span.energy,
+            force: widened(&span.force),
+            diagonal: widened(&span.diagonal),
+            off: widened(&span.off_diagonal),
+            clamped: span.clamped,
+            stiffness: 0.0,
+        }
+    }
 }
