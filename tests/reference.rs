@@ -19,42 +19,17 @@ use sinew::solvers::linear_solver::LinearSolver;
 use sinew::solvers::settings::LinearOptions;
 use sinew::solvers::system::ShiftedTangent;
 
-/// A reference file: from `SINEW_REFERENCE` (a folder with `reference/`),
-/// else from the project's own copy.
-fn reference(path: &str) -> Value {
-    let own = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data");
-    let folder = std::env::var("SINEW_REFERENCE").unwrap_or_else(|_| own.into());
-    let file = format!("{folder}/{path}");
-    let text = std::fs::read_to_string(&file).unwrap_or_else(|e| panic!("{file}: {e}"));
-    serde_json::from_str(&text).unwrap_or_else(|e| panic!("{file}: {e}"))
-}
+#[path = "common/json.rs"]
+mod json;
 
-fn number(v: &Value) -> f64 {
-    v.as_f64().unwrap_or_else(|| panic!("number expected, found {v}"))
+use json::{indices, list, number, numbers};
+
+fn reference(file: &str) -> Value {
+    json::load(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/reference"), file)
 }
 
 fn vectors(v: &Value) -> Vec<DVec3> {
-    v.as_array()
-        .expect("list of vectors")
-        .iter()
-        .map(|x| DVec3::new(number(&x[0]), number(&x[1]), number(&x[2])))
-        .collect()
-}
-
-fn numbers(v: &Value) -> Vec<f64> {
-    v.as_array().expect("list of numbers").iter().map(number).collect()
-}
-
-fn indices<const N: usize>(v: &Value) -> Vec<[u32; N]> {
-    v.as_array()
-        .expect("list of cells")
-        .iter()
-        .map(|c| std::array::from_fn(|i| c[i].as_u64().expect("index") as u32))
-        .collect()
-}
-
-fn list(v: &Value) -> Vec<u32> {
-    v.as_array().expect("list").iter().map(|i| i.as_u64().expect("index") as u32).collect()
+    json::points(v).into_iter().map(DVec3::from).collect()
 }
 
 const BOTH: [Evaluation; 2] = [Evaluation::Pooled, Evaluation::Fused];
@@ -95,7 +70,7 @@ impl<'a> Case<'a> {
 
 #[test]
 fn pooled_constants_energies_forces_and_tangents() {
-    let file = reference("reference/pooled_tet_meshes.json");
+    let file = reference("pooled_tet_meshes.json");
     for own in Case::all(&file) {
         let (case, name) = (own.json, own.name);
         let u = own.displacements("deformed");
@@ -207,7 +182,7 @@ fn pooled_constants_energies_forces_and_tangents() {
 
 #[test]
 fn linearised_implicit_steps() {
-    let file = reference("reference/implicit_steps.json");
+    let file = reference("implicit_steps.json");
     let mut indefinite = 0;
     for own in Case::all(&file) {
         let (case, name) = (own.json, own.name);
@@ -304,7 +279,7 @@ fn linearised_implicit_steps() {
 
 #[test]
 fn converged_implicit_steps() {
-    let file = reference("reference/implicit_steps.json");
+    let file = reference("implicit_steps.json");
     for own in Case::all(&file) {
         let (case, name) = (own.json, own.name);
         let gravity = vectors(&serde_json::json!([case["gravity"]]))[0];

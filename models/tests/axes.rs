@@ -1,8 +1,6 @@
 //! Axes of one element: reference vectors (closed forms differentiated automatically), derivatives,
 //! definiteness, rigid motion, digits in single precision.
 
-use std::path::PathBuf;
-
 use glam::{DQuat, DVec3};
 use proptest::prelude::*;
 use serde_json::Value;
@@ -24,29 +22,8 @@ use sinew_models::frame::law::TetrahedronLaw;
 use sinew_models::laws::linear::Linear;
 use sinew_models::material::{LameParameters, YoungPoisson};
 
-use crate::common::{Worst, max_abs, max_difference, symmetric_eigen, world};
-
-fn load() -> Value {
-    let path = match std::env::var_os("SINEW_REFERENCE") {
-        Some(root) => PathBuf::from(root).join("reference/axis_springs.json"),
-        None => PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("tests/data/axis_springs.json"),
-    };
-    let text = std::fs::read_to_string(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
-    serde_json::from_str(&text).unwrap()
-}
-
-fn flat(value: &Value) -> Vec<f64> {
-    match value.as_array() {
-        Some(rows) => rows.iter().flat_map(flat).collect(),
-        None => vec![value.as_f64().unwrap_or_else(|| panic!("no number: {value}"))],
-    }
-}
-
-fn rows<const N: usize, const M: usize>(value: &Value) -> [[f64; M]; N] {
-    let flat = flat(value);
-    assert_eq!(flat.len(), N * M);
-    std::array::from_fn(|i| std::array::from_fn(|j| flat[M * i + j]))
-}
+use crate::common::json::{flat, rows};
+use crate::common::{Worst, max_abs, max_difference, reference, symmetric_eigen, world};
 
 fn three(value: &Value) -> [f64; 3] {
     flat(value).try_into().unwrap()
@@ -202,7 +179,7 @@ fn check_hexahedron(case: &Value, worst: &mut Worst) {
 
 #[test]
 fn reference_elements() {
-    let data = load();
+    let data = reference("axis_springs.json");
     let mut worst = Worst::default();
     let (mut tetrahedra, mut hexahedra) = (0, 0);
     for case in data["cases"].as_array().unwrap() {

@@ -3,11 +3,9 @@
 
 use crate::common;
 
-use std::path::PathBuf;
-
-use common::{Worst, config, max_abs, max_difference, symmetric_eigen};
+use common::json::{flat, number, rows};
+use common::{Worst, config, max_abs, max_difference, reference, symmetric_eigen};
 use proptest::prelude::*;
-use serde_json::Value;
 use sinew_engine::scalar::{Real, add, cross, dot, scale, sub};
 use sinew_models::element::membrane::{
     Element, RestTriangle, RestTriangleError, SpringConstants, TangentKind, TriangleTangent,
@@ -19,31 +17,6 @@ use sinew_models::material::LameParameters;
 
 type Nodes = [[f64; 3]; 3];
 
-fn load(file: &str) -> Value {
-    let path = match std::env::var_os("SINEW_REFERENCE") {
-        Some(root) => PathBuf::from(root).join("reference").join(file),
-        None => PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("tests/data").join(file),
-    };
-    let text = std::fs::read_to_string(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
-    serde_json::from_str(&text).unwrap_or_else(|e| panic!("{}: {e}", path.display()))
-}
-
-fn number(value: &Value) -> f64 {
-    value.as_f64().unwrap_or_else(|| panic!("no number: {value}"))
-}
-
-fn flat(value: &Value) -> Vec<f64> {
-    match value.as_array() {
-        Some(rows) => rows.iter().flat_map(flat).collect(),
-        None => vec![number(value)],
-    }
-}
-
-fn points(value: &Value) -> Nodes {
-    let flat = flat(value);
-    std::array::from_fn(|a| std::array::from_fn(|x| flat[3 * a + x]))
-}
-
 fn displacement(rest: Nodes, deformed: Nodes) -> Nodes {
     std::array::from_fn(|a| sub(deformed[a], rest[a]))
 }
@@ -54,16 +27,16 @@ const EDGES: [[usize; 2]; 3] = [[1, 2], [2, 0], [0, 1]];
 #[test]
 fn triangles() {
     let mut worst = Worst::default();
-    let file = load("triangles.json");
+    let file = reference("triangles.json");
     let cases = file["cases"].as_array().unwrap();
     assert!(cases.len() >= 28);
     for case in cases {
         let name = case["name"].as_str().unwrap();
         let (stretch, nu) = (number(&case["E_2d"]), number(&case["nu"]));
         let moduli = plane_stress(stretch, nu);
-        let rest_points = points(&case["rest"]);
+        let rest_points = rows(&case["rest"]);
         let rest = RestTriangle::new(rest_points).unwrap();
-        let u = displacement(rest_points, points(&case["deformed"]));
+        let u = displacement(rest_points, rows(&case["deformed"]));
         let e = Element::<f64>::new(&rest, moduli, false);
         let energy_unit = stretch * rest.area;
         let force_unit = stretch * rest.area.sqrt();

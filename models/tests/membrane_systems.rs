@@ -4,7 +4,8 @@
 use crate::common;
 
 use bevy_ecs::prelude::*;
-use common::{Worst, max_abs, max_difference, symmetric_eigen};
+use common::json::{flat, indices, number, points};
+use common::{Worst, max_abs, max_difference, reference, symmetric_eigen};
 use glam::DVec3;
 use serde_json::Value;
 use sinew_engine::columns::single_table;
@@ -44,28 +45,8 @@ const MEMBRANES: [(MembraneModel, Evaluation); 8] = [
     (MembraneModel::Corotational, FUSED),
 ];
 
-fn load(file: &str) -> Value {
-    let path = match std::env::var_os("SINEW_REFERENCE") {
-        Some(root) => std::path::PathBuf::from(root).join("reference").join(file),
-        None => std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data").join(file),
-    };
-    let text = std::fs::read_to_string(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
-    serde_json::from_str(&text).unwrap_or_else(|e| panic!("{}: {e}", path.display()))
-}
-
-fn number(value: &Value) -> f64 {
-    value.as_f64().unwrap_or_else(|| panic!("no number: {value}"))
-}
-
-fn numbers(value: &Value) -> Vec<f64> {
-    match value.as_array() {
-        Some(rows) => rows.iter().flat_map(numbers).collect(),
-        None => vec![number(value)],
-    }
-}
-
 fn vectors(value: &Value) -> Vec<DVec3> {
-    numbers(value).chunks(3).map(DVec3::from_slice).collect()
+    points(value).into_iter().map(DVec3::from).collect()
 }
 
 fn material(young_modulus: f64, poisson_ratio: f64) -> YoungPoisson {
@@ -146,17 +127,14 @@ fn available() -> impl Iterator<Item = InstructionSet> {
 #[test]
 fn reference_meshes() {
     let mut worst = Worst::default();
-    let file = load("pooled_membrane_meshes.json");
+    let file = reference("pooled_membrane_meshes.json");
     for case in file["cases"].as_array().unwrap() {
         let name = case["name"].as_str().unwrap();
         let points = vectors(&case["rest"]);
-        let triangles: Vec<[u32; 3]> = numbers(&case["triangles"])
-            .chunks(3)
-            .map(|t| [t[0] as u32, t[1] as u32, t[2] as u32])
-            .collect();
+        let triangles: Vec<[u32; 3]> = indices(&case["triangles"]);
         let moved: Vec<DVec3> =
             vectors(&case["deformed"]).iter().zip(&points).map(|(x, p)| *x - *p).collect();
-        let dx = numbers(&case["dx"]);
+        let dx = flat(&case["dx"]);
         let stretch = number(&case["E_2d"]);
         let thickness = 0.002;
         let material = material(stretch / thickness, number(&case["nu"]));
@@ -178,16 +156,16 @@ fn reference_meshes() {
                 let reference = &case[key];
                 let energy = number(&reference["energy"]);
                 worst.note("energy", (sums.energy - energy).abs(), energy, name);
-                let forces = numbers(&reference["forces"]);
+                let forces = flat(&reference["forces"]);
                 worst.note("forces", max_difference(&sums.force, &forces), max_abs(&forces), name);
-                let expected = numbers(&case[format!("{key}_K_dx")]);
+                let expected = flat(&case[format!("{key}_K_dx")]);
                 let ours = product(&sums.tangent, &dx);
                 worst.note("K dx", max_difference(&ours, &expected), max_abs(&expected), name);
                 if evaluation == POOLED {
                     let order = world.resource::<Topology>().bodies[0].vertex_order.clone();
                     let mut edges = world.query::<(&EdgeVertices, &EdgeTension<f64>)>();
-                    let tensions = numbers(&reference["edge_tension"]);
-                    for (i, edge) in numbers(&case["edges"]).chunks(2).enumerate() {
+                    let tensions = flat(&reference["edge_tension"]);
+                    for (i, edge) in flat(&case["edges"]).chunks(2).enumerate() {
                         let found = edges.iter(&world).find(|(e, _)| {
                             let [a, b] = e.0.map(|row| order[row as usize] as f64);
                             [a.min(b), a.max(b)] == [edge[0], edge[1]]

@@ -27,6 +27,15 @@ fn cases_that_come_with_sinew() {
     check(&[], 67);
 }
 
+/// No solver stands between single elements and their file: they agree far better than solved fields have to.
+#[test]
+fn single_elements_agree_to_rounding() {
+    let file = reference_folder().unwrap().join("element_forces.json");
+    let options = ValidateOptions { tolerance: Some(2e-11), threads: 1, ..Default::default() };
+    let report = validate(&[file], &options, |_| {}).unwrap();
+    assert!(report.passed(), "{report}");
+}
+
 #[test]
 fn large_reference_set() {
     let named = std::env::var_os("SINEW_REFERENCE").map(PathBuf::from);

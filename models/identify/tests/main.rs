@@ -1,5 +1,7 @@
 //! Springs of elements and meshes. In one binary: each would link, and in part compile, everything below for itself.
 
+#[path = "../../../tests/common/json.rs"]
+mod json;
 mod mesh;
 mod reference;
 #[cfg(feature = "virtual-test")]

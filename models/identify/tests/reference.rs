@@ -2,6 +2,7 @@
 //!
 //! 2-norm fits are compared by their norm: the minimiser is flat.
 
+use crate::json::{flat, number, numbers, points};
 use nalgebra::DMatrix;
 use serde_json::Value;
 use sinew_identify::error_metrics::position_errors;
@@ -18,19 +19,6 @@ fn load(text: &str) -> Value {
 
 fn lem() -> Value {
     load(include_str!("data/lem_fits.json"))
-}
-
-fn numbers(value: &Value) -> Vec<f64> {
-    value.as_array().expect("array").iter().map(|v| v.as_f64().expect("number")).collect()
-}
-
-fn points(value: &Value) -> Vec<[f64; 3]> {
-    let rows = value.as_array().expect("rows").iter();
-    rows.map(|row| {
-        let row = numbers(row);
-        [row[0], row[1], row.get(2).copied().unwrap_or(0.0)]
-    })
-    .collect()
 }
 
 struct Case {
@@ -56,7 +44,7 @@ impl Case {
     }
 
     fn number(&self, key: &str) -> f64 {
-        self.value[key].as_f64().expect("number")
+        number(&self.value[key])
     }
 
     /// Springs meet the stiffness exactly, to rounding.
@@ -82,7 +70,7 @@ fn cases() -> Vec<Case> {
         } else {
             ElementGeometry::new(kind, &nodes)
         };
-        let number = |key: &str| value[key].as_f64().expect("number");
+        let number = |key: &str| number(&value[key]);
         let plane = if value["mode"] == "plane_strain" { Plane::Strain } else { Plane::Stress };
         Case {
             name: value["name"].as_str().expect("name").to_owned(),
@@ -109,8 +97,7 @@ fn assert_close(name: &str, found: &[f64], expected: &[f64], tolerance: f64) {
 #[test]
 fn stiffness_and_masses() {
     for case in cases() {
-        let rows = case.value["fem_stiffness"].as_array().expect("rows");
-        let expected: Vec<f64> = rows.iter().flat_map(numbers).collect();
+        let expected = flat(&case.value["fem_stiffness"]);
         // symmetric, so the order of rows and columns does not matter
         assert_close(&case.name, case.stiffness().as_slice(), &expected, 1e-12);
         let density = case.number("rho");
@@ -209,7 +196,7 @@ fn errors_of_positions() {
         (errors.max_percent, "e_max_percent"),
         (errors.largest_displacement, "o_max"),
     ] {
-        let expected = metrics[key].as_f64().expect("number");
+        let expected = number(&metrics[key]);
         assert!((found - expected).abs() < 1e-12 * expected, "{key}: {found}");
     }
 }
@@ -221,7 +208,7 @@ fn closed_forms() {
     let mut compared = 0;
     for case in file["cases"].as_array().expect("cases") {
         let name = case["name"].as_str().expect("name");
-        let number = |key: &str| case[key].as_f64().expect("number");
+        let number = |key: &str| number(&case[key]);
         let modulus = case.get("E_2d").or(case.get("E")).and_then(Value::as_f64).expect("modulus");
         let nu = case.get("nu").and_then(Value::as_f64).unwrap_or(0.3);
         let material = LinearMaterial::new(modulus, nu).expect("material");
@@ -293,7 +280,7 @@ fn tensile_springs_of_paper_a() {
     let triangles = load(include_str!("../../tests/data/triangles.json"));
     for case in triangles["cases"].as_array().expect("cases") {
         let nodes = points(&case["rest"]);
-        let number = |key: &str| case[key].as_f64().expect("number");
+        let number = |key: &str| number(&case[key]);
         let material = LinearMaterial::new(number("E_2d"), number("nu")).expect("material");
         let geometry = ElementGeometry::new(ElementKind::Triangle, &nodes).expect("geometry");
         let section = Section::default();
@@ -306,7 +293,7 @@ fn tensile_springs_of_paper_a() {
     let tetrahedra = load(include_str!("../../tests/data/tetrahedra.json"));
     for case in tetrahedra["cases"].as_array().expect("cases") {
         let nodes = points(&case["rest"]);
-        let number = |key: &str| case[key].as_f64().expect("number");
+        let number = |key: &str| number(&case[key]);
         let material = LinearMaterial::new(number("E"), number("nu")).expect("material");
         let geometry = ElementGeometry::new(ElementKind::Tetrahedron, &nodes).expect("geometry");
         let section = Section::default();

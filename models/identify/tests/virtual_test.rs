@@ -1,5 +1,6 @@
 //! Virtual tests: linear finite elements against stored solutions, springs against finite elements.
 
+use crate::json::{indices, number, numbers, points};
 use serde_json::Value;
 use sinew_identify::baselines::baudet_tension_correction;
 use sinew_identify::cells::Cells;
@@ -39,33 +40,26 @@ impl Case {
 }
 
 fn rows(value: &Value) -> Vec<Vec<f64>> {
-    let rows = value.as_array().expect("rows").iter();
-    rows.map(|r| r.as_array().expect("row").iter().map(|x| x.as_f64().expect("number")).collect())
-        .collect()
-}
-
-fn vectors(value: &Value) -> Vec<[f64; 3]> {
-    rows(value).iter().map(|r| [r[0], r[1], r.get(2).copied().unwrap_or(0.0)]).collect()
+    value.as_array().expect("rows").iter().map(numbers).collect()
 }
 
 fn cells<const N: usize>(value: &Value, kind: &[&str]) -> Vec<[u32; N]> {
     if !kind.contains(&value["kind"].as_str().expect("kind")) {
         return Vec::new();
     }
-    let cells = rows(&value["cells"]);
-    cells.iter().map(|c| std::array::from_fn(|i| c[i] as u32)).collect()
+    indices(&value["cells"])
 }
 
 fn cases() -> Vec<Case> {
     let file: Value =
         serde_json::from_str(include_str!("data/virtual_test.json")).expect("reference data");
     let cases = file["cases"].as_array().expect("cases").iter().map(|value| {
-        let number = |key: &str| value[key].as_f64().expect("number");
+        let number = |key: &str| number(&value[key]);
         let held = rows(&value["dirichlet"]);
         let loads = rows(&value["nodal_loads"]);
         Case {
             name: value["name"].as_str().expect("name").to_owned(),
-            points: vectors(&value["points"]),
+            points: points(&value["points"]),
             triangles: cells(value, &["tri"]),
             fours: cells(value, &["quad", "tet"]),
             hexahedra: cells(value, &["hex"]),
@@ -78,7 +72,7 @@ fn cases() -> Vec<Case> {
                     .map(|l| (l[0] as usize, [l[1], l[2], l.get(3).copied().unwrap_or(0.0)]))
                     .collect(),
             },
-            u: vectors(&value["u"]),
+            u: points(&value["u"]),
             value: value.clone(),
         }
     });
@@ -255,7 +249,7 @@ fn rest_length_springs_at_thirty_percent() {
 fn specimens() {
     for case in cases().iter().filter(|c| c.name.starts_with("dogbone")) {
         let stored = &case.value["gauge"];
-        let number = |key: &str| stored[key].as_f64().expect("number");
+        let number = |key: &str| number(&stored[key]);
         let middle = 0.5 * case.points.iter().map(|p| p[0]).fold(f64::NEG_INFINITY, f64::max);
         let gauge: Vec<usize> = (0..case.points.len())
             .filter(|&n| (case.points[n][0] - middle).abs() <= 0.01 * (1.0 + 1e-9))

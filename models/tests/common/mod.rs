@@ -1,6 +1,9 @@
 //! Shared by the integration tests: small dense linear algebra and the worst-error bookkeeping.
 #![allow(dead_code, reason = "each test binary uses its own part")]
 
+#[path = "../../../tests/common/json.rs"]
+pub mod json;
+
 use bevy_ecs::prelude::*;
 use glam::DVec3;
 use proptest::prelude::ProptestConfig;
@@ -322,4 +325,9 @@ impl Sums {
             stiffness: 0.0,
         }
     }
+}
+
+/// A file of reference vectors computed elsewhere: of our own, or from the folder that `SINEW_REFERENCE` names.
+pub fn reference(file: &str) -> serde_json::Value {
+    json::load(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data"), file)
 }
