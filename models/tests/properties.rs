@@ -531,27 +531,6 @@ proptest! {
         prop_assert!((w - w_fused).abs() <= 1e-12 * w_unit, "{w} {w_fused} of {w_unit}");
         let difference = max_difference(f.as_flattened(), f_fused.as_flattened());
         prop_assert!(difference <= 1e-12 * f_unit, "{difference:e} of {f_unit:e}");
-
-        // The same for the product with the exact tangent.
-        let v: Nodes = std::array::from_fn(|a| [0.3 * a as f64 - 0.2, 1.0, 0.5 - 0.7 * a as f64]);
-        let mut rate = [0.0; 6];
-        for n in 0..6 {
-            let [i, j] = EDGES[n];
-            rate[n] = spring::squared_length_rate(edge[n], v[i], v[j]);
-        }
-        let (matrix, mut kv, mut unit) = (springs.matrix(), [[0.0; 3]; 4], 0.0);
-        for n in 0..6 {
-            let [i, j] = EDGES[n];
-            let ds = (0..6).map(|m| matrix[n][m] * rate[m]).sum::<f64>();
-            let absolute = (0..6).map(|m| (matrix[n][m] * rate[m]).abs()).sum::<f64>();
-            let part = spring::edge_stiffness_product(tension[n], ds, edge[n], v[i], v[j]);
-            kv[i] = add(kv[i], part);
-            kv[j] = sub(kv[j], part);
-            unit += 4.0 * (absolute * arm[n] + s_unit[n]);
-        }
-        let fused = tetrahedron::tangent(&e, &u, TangentKind::Exact).product(&v);
-        let difference = max_difference(kv.as_flattened(), fused.as_flattened());
-        prop_assert!(difference <= 1e-12 * unit, "{difference:e} of {unit:e}");
     }
 
     #[test]

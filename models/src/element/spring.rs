@@ -17,10 +17,6 @@
 //!
 //! The second form of `delta` is the one to use: `|x|^2 - L^2` cancels, and in `f32` leaves nothing
 //! at strains of 1e-4.
-//!
-//! The product `K v` of the tangent `K = +d2W/du2` uses the same laws: with
-//! `w_e = 2 (x_a - x_b) . (v_a - v_b)`, put `w` in place of `delta` to get `ds` from the tensions'
-//! linear laws, then `(K v)_a = sum_e 2 (ds_e (x_a - x_b) + s_e (v_a - v_b))`.
 
 use sinew_engine::scalar::{Real, add, dot, scale, sub};
 
@@ -31,13 +27,6 @@ use crate::element::matrix::{add_identity, add_outer};
 pub fn squared_length_change<S: Real>(rest: [S; 3], u_a: [S; 3], u_b: [S; 3]) -> S {
     let u = sub(u_a, u_b);
     dot(u, add(add(rest, rest), u))
-}
-
-/// Rate of `delta` (m^2 per unit of `v`) when the nodes move along `v`; `edge` is `x_a - x_b`.
-#[inline(always)]
-pub fn squared_length_rate<S: Real>(edge: [S; 3], v_a: [S; 3], v_b: [S; 3]) -> S {
-    let twice = dot(edge, sub(v_a, v_b));
-    twice + twice
 }
 
 /// Energy `k/4 delta^2` (J) of a tensile spring.
@@ -71,20 +60,6 @@ pub fn coupling_tensions<S: Real>(c: S, delta_e: S, delta_f: S) -> [S; 2] {
 #[inline(always)]
 pub fn edge_force<S: Real>(tension: S, edge: [S; 3]) -> [S; 3] {
     scale(edge, -(tension + tension))
-}
-
-/// What an edge adds to `(K v)_a`, the opposite to `(K v)_b`; `rate` is the change `ds` of its
-/// tension along `v`.
-#[inline(always)]
-pub fn edge_stiffness_product<S: Real>(
-    tension: S,
-    rate: S,
-    edge: [S; 3],
-    v_a: [S; 3],
-    v_b: [S; 3],
-) -> [S; 3] {
-    let half = add(scale(edge, rate), scale(sub(v_a, v_b), tension));
-    add(half, half)
 }
 
 /// How far an edge is stretched.
