@@ -65,11 +65,6 @@ use super::stand_in::Corotational;
 use crate::element::projection;
 use crate::element::tetrahedron::{self, Element, TetrahedronTangent};
 
-/// Law `L` at the Gauss points of hexahedra; also the mark of its hexahedra.
-pub type Hexahedral<L> = AtPoints<L, 8>;
-/// Law `L` at the Gauss points of ten-node tetrahedra; also the mark of its tetrahedra.
-pub type Quadratic<L> = AtPoints<L, 10>;
-
 /// Law `L` with its volume term by the mean of an element.
 #[derive(Clone, Copy, Debug)]
 pub struct ByMean<L>(PhantomData<fn() -> L>);
@@ -422,7 +417,7 @@ pub(crate) fn activate_by_mean<
             evaluate::<L, E, S, V, P, Q>(with, &columns, buffer);
         },
     );
-    means::activate::<Means<L, E, P, Q>, S, V>(world, row);
+    means::activate::<MeansOfPoints<L, E, P, Q>, S, V>(world, row);
 }
 
 fn columns<'a, E: Shape<V, P, Q>, S: Scalar, const V: usize, const P: usize, const Q: usize>(
@@ -480,10 +475,10 @@ fn evaluate<
 }
 
 /// Law `L` on elements of kind `E`, by means.
-pub(crate) struct Means<L, E, const P: usize, const Q: usize>(PhantomData<fn() -> (L, E)>);
+pub(crate) struct MeansOfPoints<L, E, const P: usize, const Q: usize>(PhantomData<fn() -> (L, E)>);
 
 impl<L, E, S: Scalar, const V: usize, const P: usize, const Q: usize> MeanLaw<S, V>
-    for Means<L, E, P, Q>
+    for MeansOfPoints<L, E, P, Q>
 where
     L: TetrahedronLaw,
     E: Shape<V, P, Q>,

@@ -77,7 +77,7 @@ pub(crate) fn activate<L: MeanLaw<S, V>, S: Scalar, const V: usize>(
     row: &'static LawRow,
 ) {
     let Some(Measure { name, volume }) = row.measure else { return };
-    let means = Means { law: row.info.name, volume, ..Means::<S, V>::default() };
+    let means = MeanVolumes { law: row.info.name, volume, ..Means::<S, V>::default() };
     world.insert_resource(MeansOf::<L, S, V>(means, PhantomData));
     let new = activate_systems(world, name, |schedule| {
         schedule.add_systems(measure::<L, S, V>.in_set(ForceSystems::Measure));
@@ -93,11 +93,14 @@ pub(crate) fn activate<L: MeanLaw<S, V>, S: Scalar, const V: usize>(
 
 /// The means of a law.
 #[derive(Resource, Debug)]
-struct MeansOf<L: MeanLaw<S, V>, S: Scalar, const V: usize>(Means<S, V>, PhantomData<fn() -> L>);
+struct MeansOf<L: MeanLaw<S, V>, S: Scalar, const V: usize>(
+    MeanVolumes<S, V>,
+    PhantomData<fn() -> L>,
+);
 
 /// Means of volumes of the elements of a law.
 #[derive(Debug)]
-struct Means<S, const V: usize> {
+struct MeanVolumes<S, const V: usize> {
     /// Name of the law.
     law: &'static str,
     volume: VolumeMeasure,
@@ -117,7 +120,7 @@ struct Means<S, const V: usize> {
     sums: Vec<Sums>,
 }
 
-impl<S, const V: usize> Default for Means<S, V> {
+impl<S, const V: usize> Default for MeanVolumes<S, V> {
     fn default() -> Self {
         Self {
             law: "",
@@ -180,7 +183,7 @@ impl Sums {
     }
 }
 
-impl<S: Scalar, const V: usize> Means<S, V> {
+impl<S: Scalar, const V: usize> MeanVolumes<S, V> {
     /// Finds the entries of all clusters, unless they are those of these columns.
     fn lay_out(&mut self, elements: &dyn KeptByMean<S, V>, bodies: &[BodyId]) {
         let (index, nodes) = (elements.clusters(), elements.nodes());

@@ -49,10 +49,10 @@ pub struct FreshDifference {
 }
 
 impl FreshDifference {
-    /// Largest difference, masses left out; not a number, where one is none.
+    /// Largest difference, masses left out; NaN if any difference is NaN.
     pub fn largest(&self) -> f64 {
         let larger = |most: f64, (_, x): &(_, f64)| if *x <= most { most } else { *x };
-        // a comparison with what is no number is false: it stays
+        // a comparison with NaN is false, so it stays
         self.others.iter().fold(0.0, |most, x| if most.is_nan() { most } else { larger(most, x) })
     }
 }
