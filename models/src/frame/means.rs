@@ -77,7 +77,7 @@ pub(crate) fn activate<L: MeanLaw<S, V>, S: Scalar, const V: usize>(
     row: &'static LawRow,
 ) {
     let Some(Measure { name, volume }) = row.measure else { return };
-    let means = MeanVolumes { law: row.info.name, volume, ..Means::<S, V>::default() };
+    let means = MeanVolumes { law: row.info.name, volume, ..MeanVolumes::<S, V>::default() };
     world.insert_resource(MeansOf::<L, S, V>(means, PhantomData));
     let new = activate_systems(world, name, |schedule| {
         schedule.add_systems(measure::<L, S, V>.in_set(ForceSystems::Measure));
