@@ -213,16 +213,9 @@ fn check_digits<L: TetrahedronLaw>(
     let lame = LameParameters { lambda: 1.4, mu: 0.6 };
     let narrow = Element::<f32>::new(&rest, lame, false);
     // the same rounded shape vectors on both sides
-    let wide = Element::<f64> {
-        gradients: narrow.gradients.map(|d| d.map(f64::from)),
-        volume: f64::from(narrow.volume),
-        lambda: f64::from(narrow.lambda),
-        mu: f64::from(narrow.mu),
-        compression: 0.0,
-        pressure: 0.0,
-        quartic: 0.0,
-        slack: 0.0,
-    };
+    let moduli = [f64::from(narrow.lambda), f64::from(narrow.mu), 0.0];
+    let gradients = narrow.gradients.map(|d| d.map(f64::from));
+    let wide = Element::plain(gradients, f64::from(narrow.volume), moduli);
     let f = L::forces(&wide, &u).unwrap();
     let g = L::forces(&narrow, &u.map(|x| x.map(|x| x as f32))).unwrap();
     let g = g.map(|x| x.map(f64::from));

@@ -129,16 +129,9 @@ impl ElementFlops {
             return zero;
         };
         let plain = Element::<f64>::new(&rest, lame, compression);
-        let e = Element {
-            gradients: plain.gradients.map(|d| d.map(Counted)),
-            volume: Counted(plain.volume),
-            lambda: Counted(plain.lambda),
-            mu: Counted(plain.mu),
-            compression: Counted(plain.compression),
-            pressure: Counted(plain.pressure),
-            quartic: Counted(plain.quartic),
-            slack: Counted(plain.slack),
-        };
+        let gradients = plain.gradients.map(|d| d.map(Counted));
+        let moduli = [plain.lambda, plain.mu, plain.compression].map(Counted);
+        let e = Element::plain(gradients, Counted(plain.volume), moduli);
         let squeezed = corner.map(|x| [-0.1, -0.2, 0.1].map(|s| Counted(s * (x[0] + x[1] - x[2]))));
         Self {
             energy: count(|| tetrahedron::energy(&e, &squeezed)) + 1,

@@ -67,6 +67,13 @@ pub struct Element<S> {
 }
 
 impl<R: Real> Element<R> {
+    /// With moduli `lambda`, `mu` and `kappa`, and without what clusters or means add.
+    #[inline(always)]
+    pub fn plain(gradients: [[R; 3]; 3], volume: R, [lambda, mu, compression]: [R; 3]) -> Self {
+        let (pressure, quartic, slack) = (R::ZERO, R::ZERO, R::ZERO);
+        Self { gradients, volume, lambda, mu, compression, pressure, quartic, slack }
+    }
+
     /// `x` of the quartic term at `m = J - 1`.
     #[inline(always)]
     fn beyond_slack(&self, m: R) -> R {
@@ -107,16 +114,8 @@ impl<S: Scalar> Element<S> {
             }
         }
         let kappa = if compression { material.lambda + material.mu } else { 0.0 };
-        Self {
-            gradients,
-            volume: S::from_f64(rest.volume),
-            lambda: S::from_f64(material.lambda),
-            mu: S::from_f64(material.mu),
-            compression: S::from_f64(kappa),
-            pressure: S::ZERO,
-            quartic: S::ZERO,
-            slack: S::ZERO,
-        }
+        let moduli = [material.lambda, material.mu, kappa].map(S::from_f64);
+        Self::plain(gradients, S::from_f64(rest.volume), moduli)
     }
 
     /// The same element in `f64`.

@@ -251,9 +251,7 @@ fn points<L: Lanes, const V: usize, const Q: usize>(
     let volume = load_weights::<L, Q>(&rest.volume, first);
     let gradients = rest.gradients::<L>(first);
     let (folded, volume) = if folds_volume { (volume, L::ONE) } else { (L::ONE, volume) };
-    let [lambda, mu, compression] = moduli.map(|x| L::splat(x) * folded);
-    let (pressure, quartic, slack) = (L::ZERO, L::ZERO, L::ZERO);
-    (Element { gradients, volume, lambda, mu, compression, pressure, quartic, slack }, u)
+    (Element::plain(gradients, volume, moduli.map(|x| L::splat(x) * folded)), u)
 }
 
 /// A point as the laws see it where the mean of its element has all of `lambda`.
@@ -687,13 +685,11 @@ pub(crate) fn by_mean(points: &mut [(Element<f64>, [[f64; 3]; 4])], measure: Vol
 pub(crate) fn tetrahedra<const V: usize, const Q: usize>(
     derivatives: &Derivatives<f64, V, 3, Q>,
     rest: &PointsRest<f64, Q>,
-    [lambda, mu, compression]: [f64; 3],
+    moduli: [f64; 3],
     u: &[[f64; 3]; V],
 ) -> [(Element<f64>, [[f64; 3]; 4]); Q] {
     std::array::from_fn(|q| {
         let u = point_differences::<f64, V, Q>(derivatives, u, q);
-        let (gradients, volume) = (rest.gradients::<f64>(q), rest.volume[q]);
-        let (pressure, quartic, slack) = (0.0, 0.0, 0.0);
-        (Element { gradients, volume, lambda, mu, compression, pressure, quartic, slack }, u)
+        (Element::plain(rest.gradients::<f64>(q), rest.volume[q], moduli), u)
     })
 }

@@ -145,16 +145,12 @@ impl<'a, S: Scalar> TetrahedronColumns<'a, S> {
     #[inline(always)]
     fn element<Law: TetrahedronLaw, L: Lanes<Scalar = S>>(&self, first: usize) -> Element<L> {
         let volume = L::load(&self.volume[first..]);
-        let plain = Element {
-            gradients: self.shapes.gradients(first),
-            volume,
-            lambda: L::load(&self.lambda[first..]),
-            mu: L::load(&self.mu[first..]),
-            compression: L::load(&self.compression[first..]),
-            pressure: L::ZERO,
-            quartic: L::ZERO,
-            slack: L::ZERO,
-        };
+        let moduli = [
+            L::load(&self.lambda[first..]),
+            L::load(&self.mu[first..]),
+            L::load(&self.compression[first..]),
+        ];
+        let plain = Element::plain(self.shapes.gradients(first), volume, moduli);
         let e = if Law::VOLUME.is_some() && !self.pressure.is_empty() {
             let pressure = L::load(&self.pressure[first..]);
             rules::in_cluster(Element { pressure, ..plain })
@@ -578,16 +574,8 @@ fn projection_batch<S: Scalar, L: Lanes<Scalar = f64>>(
             moduli[2][lane] = columns.compression[i].to_f64() * volume;
         }
     }
-    let mut e = Element {
-        gradients: [[L::ZERO; 3]; 3],
-        volume: L::ONE,
-        lambda: L::load(&moduli[0]),
-        mu: L::load(&moduli[1]),
-        compression: L::load(&moduli[2]),
-        pressure: L::ZERO,
-        quartic: L::ZERO,
-        slack: L::ZERO,
-    };
+    let moduli = [L::load(&moduli[0]), L::load(&moduli[1]), L::load(&moduli[2])];
+    let mut e = Element::plain([[L::ZERO; 3]; 3], L::ONE, moduli);
     let mut u = [[L::ZERO; 3]; 4];
     for a in 0..4 {
         for x in 0..3 {

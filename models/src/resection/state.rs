@@ -279,10 +279,8 @@ fn tetrahedron<S: Scalar>(
     >,
 ) -> Element<f64> {
     let rows = [[d1.0.0, d1.1.0, d1.2.0], [d2.0.0, d2.1.0, d2.2.0], [d3.0.0, d3.1.0, d3.2.0]];
-    let [lambda, mu, compression] = numbers(moduli);
     let gradients = rows.map(|d| d.map(|x| x.to_f64()));
-    let (volume, pressure, quartic, slack) = (volume.0.to_f64(), 0.0, 0.0, 0.0);
-    Element { gradients, volume, lambda, mu, compression, pressure, quartic, slack }
+    Element::plain(gradients, volume.0.to_f64(), numbers(moduli))
 }
 
 /// Energy (J) of a membrane triangle by its own law; springs on edges are booked beside it.
