@@ -9,10 +9,14 @@ use proptest::prelude::*;
 use sinew_engine::scalar::{Real, add, cross, dot, scale, sub};
 use sinew_models::element::membrane::{
     Element, RestTriangle, RestTriangleError, SpringConstants, TangentKind, TriangleTangent,
-    area_ratio, biquadratic, corotational, linear, plane_stress, quadratic,
+    area_ratio, biquadratic, linear, plane_stress, quadratic,
 };
 use sinew_models::element::spring::Stretch;
 use sinew_models::element::spring::{tensile_energy, tensile_tension};
+use sinew_models::frame::law::TriangleLaw;
+use sinew_models::laws::membranes::{
+    BiquadraticMembrane, CorotationalMembrane, LinearMembrane, QuadraticMembrane,
+};
 use sinew_models::material::LameParameters;
 
 type Nodes = [[f64; 3]; 3];
@@ -111,46 +115,34 @@ enum Law {
 const LAWS: [Law; 5] =
     [Law::Biquadratic, Law::Compressible, Law::Quadratic, Law::Linear, Law::Corotational];
 
+macro_rules! by_law {
+    ($law:expr, $f:ident($e:expr, $($more:expr),+)) => {{
+        let e = &$law.element($e);
+        match $law {
+            Law::Biquadratic | Law::Compressible => BiquadraticMembrane::$f(e, $($more),+),
+            Law::Quadratic => QuadraticMembrane::$f(e, $($more),+),
+            Law::Linear => LinearMembrane::$f(e, $($more),+),
+            Law::Corotational => CorotationalMembrane::$f(e, $($more),+),
+        }
+    }};
+}
+
 impl Law {
     fn element<R: Real>(self, e: &Element<R>) -> Element<R> {
         let keep = self == Self::Compressible;
         Element { compression: if keep { e.compression } else { R::ZERO }, ..*e }
     }
     fn energy<R: Real>(self, e: &Element<R>, u: &[[R; 3]; 3]) -> R {
-        let e = &self.element(e);
-        match self {
-            Self::Biquadratic | Self::Compressible => biquadratic::energy(e, u),
-            Self::Quadratic => quadratic::energy(e, u),
-            Self::Linear => linear::energy(e, u),
-            Self::Corotational => corotational::energy(e, u),
-        }
+        by_law!(self, energy(e, u))
     }
     fn forces<R: Real>(self, e: &Element<R>, u: &[[R; 3]; 3]) -> [[R; 3]; 3] {
-        let e = &self.element(e);
-        match self {
-            Self::Biquadratic | Self::Compressible => biquadratic::forces(e, u),
-            Self::Quadratic => quadratic::forces(e, u),
-            Self::Linear => linear::forces(e, u),
-            Self::Corotational => corotational::forces(e, u),
-        }
+        by_law!(self, forces(e, u))
     }
     fn tangent(self, e: &Element<f64>, u: &Nodes, kind: TangentKind) -> TriangleTangent<f64> {
-        let e = &self.element(e);
-        match self {
-            Self::Biquadratic | Self::Compressible => biquadratic::tangent(e, u, kind),
-            Self::Quadratic => quadratic::tangent(e, u, kind),
-            Self::Linear => linear::tangent(e),
-            Self::Corotational => corotational::tangent(e, u, kind),
-        }
+        by_law!(self, tangent(e, u, kind))
     }
     fn is_clamped(self, e: &Element<f64>, u: &Nodes) -> bool {
-        let e = &self.element(e);
-        match self {
-            Self::Biquadratic | Self::Compressible => biquadratic::is_clamped(e, u),
-            Self::Quadratic => quadratic::is_clamped(e, u),
-            Self::Linear => false,
-            Self::Corotational => corotational::is_clamped(e, u),
-        }
+        by_law!(self, is_clamped(e, u))
     }
 }
 
