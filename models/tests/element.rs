@@ -118,7 +118,7 @@ fn decomposition_holds_for_regular_singular_and_inverted_matrices() {
 
 #[test]
 fn small_eigensystem_is_right() {
-    let a = [[2.0, -1.0, 0.5], [-1.0, 2.0, 0.25], [0.5, 0.25, -3.0]];
+    let a: [[f64; 3]; 3] = [[2.0, -1.0, 0.5], [-1.0, 2.0, 0.25], [0.5, 0.25, -3.0]];
     let (values, v) = symmetric_eigen(a, true);
     for n in 0..3 {
         for i in 0..3 {

@@ -306,7 +306,7 @@ fn pooled_equals_fused() {
 }
 
 /// `K v` by tetrahedra against the product with the assembled matrix.
-fn products<L: tetrahedra::TetrahedronLaw, S: Scalar>(law: (Model, Evaluation), tolerance: f64) {
+fn products<L: TetrahedronLaw, S: Scalar>(law: (Model, Evaluation), tolerance: f64) {
     let (mesh, moved) = jittered();
     for size in [0.0, 0.3, 1.0, 3.0] {
         let moved: Vec<DVec3> = moved.iter().map(|u| size * *u).collect();

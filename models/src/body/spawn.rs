@@ -142,7 +142,7 @@ fn spawn<S: Scalar>(world: &mut World, body: &BodyDescription) -> Result<Entity,
     let law = model.law().map(|row| row::in_table(world, row).1);
     part.spawn::<S>(world, model, law, (evaluation, body.volume), &edge_rows);
     if let Some(sheet) = &sheet {
-        sheet.spawn::<S>(world, &layout, at);
+        sheet.spawn::<S>(world, layout, at);
     }
     match &body.axes {
         Some(axes) if axes.form == AxisForm::EnergyConsistent => {
