@@ -9,7 +9,7 @@ use sinew::engine::law::{ElasticEnergy, RecoveringBodies};
 use sinew::engine::mesh::Mesh;
 use sinew::engine::mesh::generate::{box_hexahedra, box_tets, jitter_interior};
 use sinew::engine::vertex::FixedAxes;
-use sinew::models::axes::description::{AxesDescription, AxisFamily, AxisForm};
+use sinew::models::axes::description::{AxesDescription, AxisFamily};
 use sinew::models::axes::muscle::MuscleSettings;
 use sinew::models::body::Evaluation;
 use sinew::models::resection::{Region, Removal};
@@ -149,8 +149,7 @@ fn threads_change_nothing() {
 }
 
 /// A bar with fibres along it creeps under a pull as a spring beside a damper: strain
-/// `sigma/E (1 - exp(-t E/eta))` with the moduli of material and fibres in E. In tetrahedra and hexahedra, in
-/// every form.
+/// `sigma/E (1 - exp(-t E/eta))` with the moduli of material and fibres in E. In tetrahedra and hexahedra.
 #[test]
 fn dampers_creep() {
     let size = DVec3::new(0.06, 0.02, 0.02);
@@ -158,72 +157,62 @@ fn dampers_creep() {
     let meshes =
         [jittered_box(size.to_array(), [6, 2, 2]), box_hexahedra(size, [6, 2, 2]).unwrap()];
     for mesh in &meshes {
-        for form in [AxisForm::EnergyConsistent, AxisForm::Printed, AxisForm::PrintedBalanced] {
-            let family = AxisFamily { viscosity, ..AxisFamily::new("fibres", &[DVec3::X], fibres) };
-            let axes =
-                AxesDescription { form, families: vec![family], ..AxesDescription::default() };
-            // next to no inertia
-            let material = YoungPoisson { density: 1e-3, ..soft(young, 0.0) };
-            let description = BodyDescription {
-                model: Model::Linear,
-                axes: Some(axes),
-                ..BodyDescription::new("bar", mesh, material)
-            };
-            let (mut simulation, body) = alone(options(Precision::F64, 1), &description);
-            let young = young + fibres;
-            simulation.set_gravity(DVec3::ZERO);
-            for (side, axis) in [("x0", 1), ("y0", 2), ("z0", 4)] {
-                guide(&mut simulation, body, mesh, side, axis);
-            }
-            // nodal forces of a constant traction
-            let end = group(mesh, "x1");
-            let mut forces = Vec::new();
-            let surface = mesh.surface();
-            let triangles = surface.triangles.iter().map(|t| &t[..]);
-            for face in triangles.chain(surface.quads.iter().map(|q| &q[..])) {
-                if face.iter().all(|v| end.contains(v)) {
-                    let x = |i: usize| mesh.points[face[i] as usize];
-                    let corner = (x(1) - x(0)).cross(x(2) - x(0)).length();
-                    let area = if face.len() == 3 { 0.5 * corner } else { corner };
-                    let force = DVec3::X * stress * area / face.len() as f64;
-                    let rows = simulation.rows(body, "pull", face).unwrap();
-                    forces.extend(rows.into_iter().map(|row| (row, force)));
-                }
-            }
-            let total: DVec3 = forces.iter().map(|f| f.1).sum();
-            assert!((total.x / (stress * 4e-4) - 1.0).abs() < 1e-12);
-            simulation.add_load(Load { name: "pull".into(), forces, curve: Curve::Constant });
-            simulation.set_solver(solver!(
-                Integrator::TrBdf2,
-                newton_tolerance = 1e-10,
-                linear_tolerance = 1e-10
-            ));
-            simulation.set_dt(0.01);
-            let (mut dissipated, mut expected) = (0.0, 0.0);
-            for step in 1..=40 {
-                simulation.step().unwrap();
-                dissipated += simulation.report().damping_dissipation;
-                let t = 0.01 * f64::from(step);
-                let decay = (-t * young / viscosity).exp();
-                let strain = stress / young * (1.0 - decay);
-                // booked at the velocity at the end of the step
-                expected += 0.01 * 2.4e-5 * (stress * decay).powi(2) / viscosity;
-                let u = simulation.displacements(body);
-                for (u, x) in u.iter().zip(&mesh.points) {
-                    let exact = strain * x.x;
-                    // strains of a thousandth, and the second order of the step
-                    assert!(
-                        (u.x - exact).abs() < 3e-3 * strain * size.x,
-                        "{form:?} {t}: {} {exact}",
-                        u.x
-                    );
-                }
-            }
-            assert!(
-                (dissipated / expected - 1.0).abs() < 0.01,
-                "{form:?}: {dissipated} {expected}"
-            );
+        let family = AxisFamily { viscosity, ..AxisFamily::new("fibres", &[DVec3::X], fibres) };
+        let axes = AxesDescription { families: vec![family], ..AxesDescription::default() };
+        // next to no inertia
+        let material = YoungPoisson { density: 1e-3, ..soft(young, 0.0) };
+        let description = BodyDescription {
+            model: Model::Linear,
+            axes: Some(axes),
+            ..BodyDescription::new("bar", mesh, material)
+        };
+        let (mut simulation, body) = alone(options(Precision::F64, 1), &description);
+        let young = young + fibres;
+        simulation.set_gravity(DVec3::ZERO);
+        for (side, axis) in [("x0", 1), ("y0", 2), ("z0", 4)] {
+            guide(&mut simulation, body, mesh, side, axis);
         }
+        // nodal forces of a constant traction
+        let end = group(mesh, "x1");
+        let mut forces = Vec::new();
+        let surface = mesh.surface();
+        let triangles = surface.triangles.iter().map(|t| &t[..]);
+        for face in triangles.chain(surface.quads.iter().map(|q| &q[..])) {
+            if face.iter().all(|v| end.contains(v)) {
+                let x = |i: usize| mesh.points[face[i] as usize];
+                let corner = (x(1) - x(0)).cross(x(2) - x(0)).length();
+                let area = if face.len() == 3 { 0.5 * corner } else { corner };
+                let force = DVec3::X * stress * area / face.len() as f64;
+                let rows = simulation.rows(body, "pull", face).unwrap();
+                forces.extend(rows.into_iter().map(|row| (row, force)));
+            }
+        }
+        let total: DVec3 = forces.iter().map(|f| f.1).sum();
+        assert!((total.x / (stress * 4e-4) - 1.0).abs() < 1e-12);
+        simulation.add_load(Load { name: "pull".into(), forces, curve: Curve::Constant });
+        simulation.set_solver(solver!(
+            Integrator::TrBdf2,
+            newton_tolerance = 1e-10,
+            linear_tolerance = 1e-10
+        ));
+        simulation.set_dt(0.01);
+        let (mut dissipated, mut expected) = (0.0, 0.0);
+        for step in 1..=40 {
+            simulation.step().unwrap();
+            dissipated += simulation.report().damping_dissipation;
+            let t = 0.01 * f64::from(step);
+            let decay = (-t * young / viscosity).exp();
+            let strain = stress / young * (1.0 - decay);
+            // booked at the velocity at the end of the step
+            expected += 0.01 * 2.4e-5 * (stress * decay).powi(2) / viscosity;
+            let u = simulation.displacements(body);
+            for (u, x) in u.iter().zip(&mesh.points) {
+                let exact = strain * x.x;
+                // strains of a thousandth, and the second order of the step
+                assert!((u.x - exact).abs() < 3e-3 * strain * size.x, "{t}: {} {exact}", u.x);
+            }
+        }
+        assert!((dissipated / expected - 1.0).abs() < 0.01, "{dissipated} {expected}");
     }
 }
 
@@ -264,27 +253,6 @@ fn dampers_take_energy_and_no_momentum() {
         let (taken, less) = run(viscous(plain), integrator);
         assert_eq!(none, 0.0);
         assert!(taken > 0.0 && less < 0.7 * left, "{integrator:?}: {taken} {less} {left}");
-    }
-}
-
-/// Printed springs of hexahedra, by modulus, hold as the energy-consistent ones near rest: against dilation,
-/// and against stretch along an axis.
-#[test]
-fn printed_hexahedra_agree_near_rest() {
-    let mesh = box_hexahedra(DVec3::new(0.06, 0.04, 0.04), [3, 2, 2]).unwrap();
-    let lame = soft(5e3, 0.4).lame().unwrap();
-    let energy = |form, gradient: DVec3| {
-        let axes = AxesDescription { form, ..AxesDescription::isotropic(lame) };
-        let (mut simulation, body) = build(&mesh, ALONE, Some(axes), options(Precision::F64, 1));
-        let u: Vec<_> = mesh.points.iter().map(|x| *x * gradient).collect();
-        simulation.displace(body, &u);
-        simulation.evaluate()
-    };
-    for form in [AxisForm::Printed, AxisForm::PrintedBalanced] {
-        let dilation = DVec3::splat(1e-5);
-        let exact = energy(AxisForm::EnergyConsistent, dilation);
-        let printed = energy(form, dilation);
-        assert!((printed / exact - 1.0).abs() < 1e-3, "{form:?}: {printed} {exact}");
     }
 }
 
@@ -372,17 +340,6 @@ fn anisotropy_does_not_depend_on_the_mesh() {
             assert_eq!(aside > 0.05 * size, degrees == 45.0, "{degrees}: {aside} of {size}");
         }
     }
-}
-
-/// A body of ten-node tetrahedra has no axes as printed.
-#[test]
-fn ten_nodes_have_no_printed_axes() {
-    let mesh = jittered_box([0.06, 0.04, 0.04], [3, 2, 2]).with_second_order();
-    let axes = AxesDescription { form: AxisForm::Printed, ..rich(&mesh) };
-    let axes = Some(axes);
-    let body = BodyDescription { axes, ..BodyDescription::new("bar", &mesh, soft(5e3, 0.4)) };
-    let error = refused(&body);
-    assert!(error.contains("energy_consistent") && error.contains("`bar`"), "{error}");
 }
 
 fn bar_with_muscle(muscle: MuscleSettings) -> (Mesh, AxesDescription<'static>) {
@@ -480,38 +437,6 @@ fn recovery_silences_axes_beside_a_material() {
     assert!(max_length(&simulation.elastic_forces(body)) > 0.0);
 }
 
-/// What the printed formulas lack: the resultant of their volume springs and the moment of their angular
-/// springs are not zero, while balanced springs and axes with an energy have neither.
-#[test]
-fn printed_forms_push_and_turn_free_bodies() {
-    let mesh = jittered_box([0.06, 0.04, 0.04], [3, 2, 2]);
-    let lame = soft(5e3, 0.4).lame().unwrap();
-    let resultants = |form, volume_modulus| {
-        let axes = AxesDescription { form, volume_modulus, ..AxesDescription::isotropic(lame) };
-        let (_, f) = at_random_passive(&mesh, axes);
-        let u: Vec<_> = random_field(mesh.points.len(), 9).iter().map(|r| *r * 3e-3).collect();
-        let x: Vec<_> = mesh.points.iter().zip(&u).map(|(x, u)| *x + *u).collect();
-        let size: f64 = f.iter().map(|f| f.length()).sum();
-        let lever: f64 = f.iter().zip(&x).map(|(f, x)| f.length() * x.length()).sum();
-        let force = f.iter().sum::<DVec3>().length() / size;
-        let moment = f.iter().zip(&x).map(|(f, x)| x.cross(*f)).sum::<DVec3>().length() / lever;
-        (force, moment)
-    };
-    let (force, moment) = resultants(AxisForm::EnergyConsistent, lame.lambda);
-    assert!(force < 1e-12 && moment < 1e-12, "{force:e} {moment:e}");
-    let (force, moment) = resultants(AxisForm::PrintedBalanced, lame.lambda);
-    assert!(force < 1e-12 && moment > 1e-5, "{force:e} {moment:e}");
-    let (force, moment) = resultants(AxisForm::Printed, lame.lambda);
-    assert!(force > 1e-4 && moment > 1e-5, "{force:e} {moment:e}");
-}
-
-/// Energy and forces of axes alone at the displacements of [`at_random`].
-fn at_random_passive(mesh: &Mesh, axes: AxesDescription) -> (f64, Vec<DVec3>) {
-    let (mut simulation, body) = build(mesh, ALONE, Some(axes), options(Precision::F64, 1));
-    disturb(&mut simulation, body, 3e-3, 9);
-    (simulation.evaluate(), simulation.elastic_forces(body))
-}
-
 /// Another modulus makes the body that would have been built with it, to the last bit.
 #[test]
 fn a_new_modulus_makes_the_body_that_has_it() {
@@ -519,18 +444,11 @@ fn a_new_modulus_makes_the_body_that_has_it() {
     let linear = jittered_box(size.to_array(), [3, 2, 2]);
     let second_order = linear.with_second_order();
     let meshes = [linear, box_hexahedra(size, [3, 2, 2]).unwrap()];
-    let kinds = meshes.iter().flat_map(|mesh| [(mesh, false), (mesh, true)]);
-    for (mesh, printed) in kinds.chain([(&second_order, false)]) {
-        let mut axes = rich(mesh);
-        if printed {
-            axes.form = AxisForm::Printed;
-            axes.families.iter_mut().for_each(|family| family.muscle = None);
-        }
+    for mesh in meshes.iter().chain([&second_order]) {
+        let axes = rich(mesh);
         let shape = |axes: AxesDescription, change: &[(&str, f64)]| {
             let (mut simulation, body) = build(mesh, FUSED, Some(axes), options(Precision::F64, 1));
-            if !printed {
-                activate(&mut simulation, body);
-            }
+            activate(&mut simulation, body);
             disturb(&mut simulation, body, 2e-3, 9);
             let before = simulation.evaluate();
             let mut work = 0.0;
@@ -548,7 +466,7 @@ fn a_new_modulus_makes_the_body_that_has_it() {
         let whole = shape(other, &[]);
         // by way of 0, which must not stick
         let change = [("a", 0.0), ("a", 500.0), ("b", 0.0), ("c", 7e3), ("d", 0.0), ("d", 2e3)];
-        assert_eq!(shape(axes.clone(), &change), whole, "{printed}");
+        assert_eq!(shape(axes.clone(), &change), whole);
         assert_ne!(shape(axes, &[]), whole);
     }
     let mesh = &meshes[0];
@@ -587,13 +505,7 @@ fn bad_axes_are_refused() {
 /// A tetrahedron whose one free unknown is pulled by an axis along x with a damper: a linear oscillator. Its
 /// displacement over that at the start, after a time in steps of `dt`, both in units of the time of a radian without
 /// damping; and the substeps and refinements of the last step.
-fn oscillator(
-    form: AxisForm,
-    integrator: Integrator,
-    ratio: f64,
-    dt: f64,
-    time: f64,
-) -> (f64, [u32; 2]) {
+fn oscillator(integrator: Integrator, ratio: f64, dt: f64, time: f64) -> (f64, [u32; 2]) {
     const LENGTH: f64 = 0.05;
     const MODULUS: f64 = 1e4;
     let points = [DVec3::ZERO, DVec3::X * LENGTH, DVec3::Y * LENGTH, DVec3::Z * LENGTH];
@@ -603,7 +515,7 @@ fn oscillator(
     let omega = (MODULUS / (LENGTH * LENGTH) / (density / 4.0)).sqrt();
     let viscosity = 2.0 * ratio * omega * (density / 4.0) * LENGTH * LENGTH;
     let family = AxisFamily { viscosity, ..AxisFamily::new("x", &[DVec3::X], MODULUS) };
-    let axes = AxesDescription { form, families: vec![family], ..AxesDescription::default() };
+    let axes = AxesDescription { families: vec![family], ..AxesDescription::default() };
     let options = SimulationOptions { precision: Precision::F64, ..Default::default() };
     let (mut simulation, body) = build(&mesh, ALONE, Some(axes.into_owned()), options);
     simulation.integrate_by(integrator);
@@ -637,21 +549,16 @@ fn damped(ratio: f64, time: f64) -> f64 {
 
 #[test]
 fn explicit_dampers_follow_a_damped_oscillator() {
-    for form in [AxisForm::EnergyConsistent, AxisForm::Printed] {
-        for integrator in [Integrator::StormerVerlet, Integrator::SymplecticEuler] {
-            for ratio in [0.05, 0.5, 3.0] {
-                let error = |dt: f64| {
-                    let found = oscillator(form, integrator, ratio, dt, 3.0).0;
-                    (found - damped(ratio, 3.0)).abs()
-                };
-                let errors = [0.02, 0.01, 0.005].map(error);
-                let rate = errors[1] / errors[2];
-                // the velocity that is known lags behind, so that both are of first order at least
-                assert!(
-                    errors[2] < 0.01 && rate > 1.7,
-                    "{form:?} {integrator:?} {ratio}: {errors:?}"
-                );
-            }
+    for integrator in [Integrator::StormerVerlet, Integrator::SymplecticEuler] {
+        for ratio in [0.05, 0.5, 3.0] {
+            let error = |dt: f64| {
+                let found = oscillator(integrator, ratio, dt, 3.0).0;
+                (found - damped(ratio, 3.0)).abs()
+            };
+            let errors = [0.02, 0.01, 0.005].map(error);
+            let rate = errors[1] / errors[2];
+            // the velocity that is known lags behind, so that both are of first order at least
+            assert!(errors[2] < 0.01 && rate > 1.7, "{integrator:?} {ratio}: {errors:?}");
         }
     }
 }
@@ -664,7 +571,6 @@ fn explicit_dampers_give_the_same_bits_on_any_number_of_threads() {
     for precision in [Precision::F64, Precision::F32] {
         let run = |threads| {
             let mut axes = AxesDescription::isotropic(lame);
-            axes.form = AxisForm::Printed;
             axes.families.iter_mut().for_each(|family| family.viscosity = 20.0);
             let (mut simulation, body) =
                 build(&mesh, ALONE, Some(axes), options(precision, threads));
@@ -684,8 +590,7 @@ fn explicit_steps_are_cut_for_strong_dampers() {
     let ratio = 20.0;
     let limit = 4.0 / (2.0 * ratio + f64::hypot(2.0 * ratio, 2.0));
     for integrator in [Integrator::StormerVerlet, Integrator::SymplecticEuler] {
-        let (x, [substeps, refinements]) =
-            oscillator(AxisForm::Printed, integrator, ratio, 1.0, 10.0);
+        let (x, [substeps, refinements]) = oscillator(integrator, ratio, 1.0, 10.0);
         // the bound counts held neighbours, too, which makes it twice as large here
         let needed = 1.0 / (0.9 * limit);
         assert!((needed..2.1 * needed).contains(&f64::from(substeps)), "{substeps} {needed}");
@@ -703,23 +608,15 @@ proptest! {
         seed in 0..1000_u64,
         count in 1..50_usize,
         kind in 0..5_usize,
-        printed in any::<bool>(),
     ) {
         let mut mesh = jittered_box([0.06, 0.04, 0.04], [3, 2, 2]);
-        let printed = printed && kind < 3;
         if kind >= 3 {
             mesh = mesh.with_second_order();
         }
         let kind = [FUSED, POOLED, ALONE, FUSED, ALONE][kind];
-        let mut axes = viscous(rich(&mesh));
-        if printed {
-            axes.form = AxisForm::Printed;
-            axes.families.iter_mut().for_each(|family| family.muscle = None);
-        }
+        let axes = viscous(rich(&mesh));
         let (mut simulation, body) = build(&mesh, kind, Some(axes), options(Precision::F64, 1));
-        if !printed {
-            activate(&mut simulation, body);
-        }
+        activate(&mut simulation, body);
         disturb(&mut simulation, body, 2e-3, seed);
         for round in 0..3 {
             let left = simulation.remaining_tetrahedra(body);

@@ -20,7 +20,6 @@ use sinew_engine::step::{
     IntegratorInstalled, StepClock, StepError, StepFailure, VolumesReported, not_finite,
 };
 use sinew_engine::topology::{BodyRows, Topology};
-use sinew_models::axes::description::{AxesDescription, AxisForm};
 use sinew_models::body::{SoftBody, VolumeRule};
 use sinew_solvers::explicit::Caution;
 use sinew_solvers::recovery::{BodyShape, BodyState, load_measures};
@@ -219,10 +218,6 @@ fn preconditioner(settings: &SolverSettings, vertices: u32) -> Preconditioner {
 
 /// The first part of a body without a twin on the device.
 fn missing(soft: &SoftBody) -> Option<&'static str> {
-    let printed = |axes: &AxesDescription| axes.form != AxisForm::EnergyConsistent;
-    if soft.axes.as_ref().is_some_and(|axes| printed(&axes.description)) {
-        return Some("axes in their printed form");
-    }
     (soft.volume == VolumeRule::Clusters).then_some("volume kept by clusters")
 }
 

@@ -6,7 +6,6 @@ use glam::DVec3;
 use sinew::engine::mesh::Mesh;
 use sinew::engine::mesh::generate::box_hexahedra;
 use sinew::engine::report::StepReport;
-use sinew::models::axes::description::{AxesDescription, AxisForm};
 use sinew::models::body::{Evaluation, VolumeRule};
 use sinew::models::resection::{Region, Removal};
 use sinew::prelude::*;
@@ -381,18 +380,6 @@ fn what_has_no_twin_is_refused_by_name() {
     assert!(simulation.step().unwrap_err().to_string().contains("incomplete-cholesky"));
     simulation.set_solver(settings());
     simulation.step().unwrap();
-    let mut axes = AxesDescription::isotropic(MATERIAL.lame().unwrap());
-    axes.form = AxisForm::Printed;
-    let second = BodyDescription {
-        model: Model::Axes,
-        axes: Some(axes),
-        ..BodyDescription::new("second", &mesh, MATERIAL)
-    };
-    simulation.add_body(&second).unwrap();
-    let error = simulation.step().unwrap_err().to_string();
-    for word in ["second", "axes", "no twin", "\"cpu\""] {
-        assert!(error.contains(word), "{error}");
-    }
     let volume = VolumeRule::Clusters;
     let (bricks, curved) =
         (box_hexahedra(DVec3::splat(0.1), [2, 2, 2]).unwrap(), mesh.with_second_order());

@@ -4,26 +4,17 @@
 use glam::{DQuat, DVec3};
 use proptest::prelude::*;
 use serde_json::Value;
-use sinew_engine::isoparametric::{AxisHexahedronVertices, RestHexahedron};
-use sinew_engine::topology::Topology;
-use sinew_engine::workers::Workers;
-use sinew_models::axes::attachment::{self, Attachment};
 use sinew_models::axes::damper::AxialDamper;
-use sinew_models::axes::description::{AxesDescription, AxisForm};
 use sinew_models::axes::element::{AXIS_PAIRS, AxisElement, Fibre, Triad, VolumeTerm};
-use sinew_models::axes::printed::{
-    AngularForm, AngularSprings, AxialSprings, Curvature, RadialSprings, RadiusSum, VolumeForm,
-};
 use sinew_models::axes::site::{Blocks, Nodes};
-use sinew_models::body::{BodyDescription, Model};
 use sinew_models::element::precompute::RestTetrahedron;
 use sinew_models::element::tetrahedron::{Element, TangentKind, TetrahedronTangent};
 use sinew_models::frame::law::TetrahedronLaw;
 use sinew_models::laws::linear::Linear;
-use sinew_models::material::{LameParameters, YoungPoisson};
+use sinew_models::material::LameParameters;
 
 use crate::common::json::{flat, rows};
-use crate::common::{Worst, max_abs, max_difference, reference, symmetric_eigen, world};
+use crate::common::{Worst, max_abs, max_difference, reference, symmetric_eigen};
 
 fn three(value: &Value) -> [f64; 3] {
     flat(value).try_into().unwrap()
@@ -34,52 +25,17 @@ fn dense<const N: usize>(blocks: &Blocks<N>) -> Vec<f64> {
     (0..9 * N * N).map(|k| entry(k / (3 * N), k % (3 * N))).collect()
 }
 
-/// What tetrahedra and hexahedra share of a reference case.
-fn check_springs<const N: usize>(
-    case: &Value,
-    ends: [Attachment<N>; 3],
-    worst: &mut Worst,
-) -> [[f64; 3]; N] {
+/// Dampers on the chords of a reference case.
+fn check_dampers<const N: usize>(case: &Value, worst: &mut Worst) -> Nodes<N> {
     let name = case["name"].as_str().unwrap();
-    let rest: [[f64; 3]; N] = rows(&case["rest"]);
-    let x: [[f64; 3]; N] = rows(&case["deformed"]);
-    let v: [[f64; 3]; N] = rows(&case["velocity"]);
-    let (plus, minus) = (flat(&case["weights_plus"]), flat(&case["weights_minus"]));
-    for i in 0..3 {
-        worst.note("weights", max_difference(&ends[i].plus, &plus[N * i..N * i + N]), 1.0, name);
-        worst.note("weights", max_difference(&ends[i].minus, &minus[N * i..N * i + N]), 1.0, name);
-    }
-    let length = three(&case["rest_chord"]);
-    let found = ends.map(|e| e.length);
-    worst.note("chord", max_difference(&found, &length), length[0], name);
-    let spread = ends.map(|e| e.spread());
-
-    let axial = &case["axial"];
-    let springs = AxialSprings {
-        spread,
-        length,
-        stiffness: three(&axial["ks"]),
-        damping: three(&axial["kd"]),
-    };
-    let compare = |worst: &mut Worst, what, found: &[f64], expected: &Value| {
-        let expected = flat(expected);
-        worst.note(what, max_difference(found, &expected), max_abs(&expected), name);
-    };
-    compare(worst, "axial energy", &[springs.energy(&x)], &axial["energy"]);
-    compare(worst, "axial forces", springs.forces(&x).as_flattened(), &axial["forces"]);
-    let damping = springs.damping_forces(&x, &v);
-    compare(worst, "axial damping", damping.as_flattened(), &axial["forces_damping"]);
-    let by_matrix: Vec<f64> = dense(&springs.damping_matrix(&x))
-        .chunks(3 * N)
-        .map(|row| -row.iter().zip(v.as_flattened()).map(|(a, b)| a * b).sum::<f64>())
-        .collect();
-    compare(worst, "damping matrix", &by_matrix, &axial["forces_damping"]);
+    let [rest, x, v]: [Nodes<N>; 3] = ["rest", "deformed", "velocity"].map(|key| rows(&case[key]));
+    let [plus, minus] = ["weights_plus", "weights_minus"].map(|key| rows::<3, N>(&case[key]));
+    let (length, damping) = (three(&case["rest_chord"]), three(&case["axial"]["kd"]));
     let u: Nodes<N> = std::array::from_fn(|a| std::array::from_fn(|k| x[a][k] - rest[a][k]));
-    let directions: [[f64; 3]; 3] = rows(&case["axes"]);
     let (mut sum, mut by_force) = (vec![0.0; 3 * N], vec![0.0; 3 * N]);
-    for (i, axis) in directions.into_iter().enumerate() {
-        let shape = spread[i].map(|w| w / length[i]);
-        let damper = AxialDamper::new(axis, shape, springs.damping[i] * length[i] * length[i]);
+    for (i, axis) in rows::<3, 3>(&case["axes"]).into_iter().enumerate() {
+        let shape = std::array::from_fn(|a| (plus[i][a] - minus[i][a]) / length[i]);
+        let damper = AxialDamper::new(axis, shape, damping[i] * length[i] * length[i]);
         for (sum, f) in by_force.iter_mut().zip(damper.forces(&u, &v).as_flattened()) {
             *sum += f;
         }
@@ -88,93 +44,11 @@ fn check_springs<const N: usize>(
             *sum -= row.iter().zip(v.as_flattened()).map(|(a, b)| a * b).sum::<f64>();
         }
     }
-    compare(worst, "dampers", &sum, &axial["forces_damping"]);
-    compare(worst, "forces of dampers", &by_force, &axial["forces_damping"]);
-    for (curvature, key) in [(Curvature::Exact, "hessian"), (Curvature::Definite, "hessian_psd")] {
-        compare(worst, "axial tangent", &dense(&springs.tangent(&x, curvature)), &axial[key]);
-    }
-
-    let angular = &case["angular"];
-    assert_eq!(rows::<3, 2>(&angular["pairs"]), AXIS_PAIRS.map(|p| p.map(|i| i as f64)));
-    let springs = AngularSprings {
-        spread,
-        cosine: [0.0; 3],
-        printed: three(&angular["k_printed_N"]),
-        stiffness: three(&angular["k_energy_J"]),
-    };
-    let printed = springs.forces(&x, AngularForm::Printed);
-    compare(worst, "angular forces, printed", printed.as_flattened(), &angular["forces_printed"]);
-    // oblique rest angles: section 2.2 of Bourguignon & Cani 2000 once more, `-k (cos - cos_0)` times the other
-    // axis on the ends of either
-    let cosine = [0.3, -0.5, 0.1];
-    let chord = |i: usize| {
-        let points = spread[i].iter().zip(&x).map(|(w, x)| *w * DVec3::from_array(*x));
-        points.sum::<DVec3>().normalize()
-    };
-    let mut oblique = [DVec3::ZERO; N];
-    for (p, [i, j]) in AXIS_PAIRS.into_iter().enumerate() {
-        let (a, b) = (chord(i), chord(j));
-        let size = -springs.printed[p] * (a.dot(b) - cosine[p]);
-        for (vertex, f) in oblique.iter_mut().enumerate() {
-            *f += size * (spread[i][vertex] * b + spread[j][vertex] * a);
-        }
-    }
-    let found = AngularSprings { cosine, ..springs }.forces(&x, AngularForm::Printed);
-    let expected: Vec<f64> = oblique.iter().flat_map(|f| f.to_array()).collect();
-    let off = max_difference(found.as_flattened(), &expected);
-    let size = expected.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
-    worst.note("oblique angular forces, printed", off, size, name);
-    let centre = (0..3).map(|k| x.iter().map(|x| x[k]).sum::<f64>() / N as f64);
-    let centre = DVec3::from_slice(&centre.collect::<Vec<_>>());
-    let torque = |f: &[[f64; 3]; N]| {
-        let arms = x.iter().zip(f);
-        let each = arms.map(|(x, f)| (DVec3::from_array(*x) - centre).cross(DVec3::from_array(*f)));
-        each.sum::<DVec3>().to_array()
-    };
-    compare(worst, "printed moment", &torque(&printed), &angular["net_torque_printed"]);
-    compare(worst, "angular energy", &[springs.energy(&x)], &angular["energy"]);
-    let forces = springs.forces(&x, AngularForm::Energy);
-    compare(worst, "angular forces", forces.as_flattened(), &angular["forces"]);
-    for (curvature, key) in
-        [(Curvature::Exact, "hessian"), (Curvature::GaussNewton, "hessian_gauss_newton")]
-    {
-        compare(worst, "angular tangent", &dense(&springs.tangent(&x, curvature)), &angular[key]);
-    }
-    std::array::from_fn(|a| std::array::from_fn(|k| x[a][k] - rest[a][k]))
-}
-
-/// Volume springs of a hexahedron.
-fn check_hexahedron(case: &Value, worst: &mut Worst) {
-    let name = case["name"].as_str().unwrap();
-    let axes: [[f64; 3]; 3] = rows(&case["axes"]);
-    let volume = &case["volume"];
-    let compare = |worst: &mut Worst, what, found: &[f64], expected: &Value| {
-        let expected = flat(expected);
+    let expected = flat(&case["axial"]["forces_damping"]);
+    for (what, found) in [("dampers", &sum), ("forces of dampers", &by_force)] {
         worst.note(what, max_difference(found, &expected), max_abs(&expected), name);
-    };
-    let rest: [[f64; 3]; 8] = rows(&case["rest"]);
-    let points = rest.map(DVec3::from_array);
-    let ends = axes.map(|a| attachment::hexahedron(points, a.into()).unwrap());
-    check_springs(case, ends, worst);
-    let (x, v) = (rows::<8, 3>(&case["deformed"]), rows::<8, 3>(&case["velocity"]));
-    let springs = RadialSprings {
-        rest: flat(&volume["rest_radii"]).try_into().unwrap(),
-        stiffness: volume["k"].as_f64().unwrap(),
-        damping: volume["kd"].as_f64().unwrap(),
-    };
-    let printed = springs.forces(&x, VolumeForm::Printed);
-    compare(worst, "volume, printed", printed.as_flattened(), &volume["forces_printed"]);
-    let balanced = springs.forces(&x, VolumeForm::Balanced);
-    compare(worst, "volume forces", balanced.as_flattened(), &volume["forces"]);
-    compare(worst, "volume energy", &[springs.energy(&x)], &volume["energy"]);
-    let damping = springs.damping_forces(&x, &v, VolumeForm::Printed);
-    let expected = &volume["forces_printed_damping"];
-    compare(worst, "volume damping", damping.as_flattened(), expected);
-    let damping = springs.damping_forces(&x, &v, VolumeForm::Balanced);
-    let expected = &volume["forces_damping_balanced"];
-    compare(worst, "volume damping", damping.as_flattened(), expected);
-    let tangent = dense(&springs.tangent(&x, Curvature::Exact));
-    compare(worst, "volume tangent", &tangent, &volume["hessian"]);
+    }
+    u
 }
 
 #[test]
@@ -185,37 +59,18 @@ fn reference_elements() {
     for case in data["cases"].as_array().unwrap() {
         let name = case["name"].as_str().unwrap();
         let axes: [[f64; 3]; 3] = rows(&case["axes"]);
-        let volume = &case["volume"];
-        let k = volume["k"].as_f64().unwrap();
         let compare = |worst: &mut Worst, what, found: &[f64], expected: &Value| {
             let expected = flat(expected);
             worst.note(what, max_difference(found, &expected), max_abs(&expected), name);
         };
         if case["kind"] == "hex" {
             hexahedra += 1;
-            check_hexahedron(case, &mut worst);
+            check_dampers::<8>(case, &mut worst);
             continue;
         }
         tetrahedra += 1;
         let rest: [[f64; 3]; 4] = rows(&case["rest"]);
-        let points = rest.map(DVec3::from_array);
-        let ends = axes.map(|a| attachment::tetrahedron(points, a.into()).unwrap());
-        let u = check_springs(case, ends, &mut worst);
-        let x = rows::<4, 3>(&case["deformed"]);
-        let springs = RadiusSum { rest: volume["rest_sum"].as_f64().unwrap(), stiffness: k };
-        let printed = springs.forces(&x, VolumeForm::Printed);
-        compare(&mut worst, "volume, printed", printed.as_flattened(), &volume["forces_printed"]);
-        let net: [f64; 3] = std::array::from_fn(|k| printed.iter().map(|f| f[k]).sum());
-        compare(&mut worst, "volume, net force", &net, &volume["net_force_printed"]);
-        let balanced = springs.forces(&x, VolumeForm::Balanced);
-        compare(&mut worst, "volume forces", balanced.as_flattened(), &volume["forces"]);
-        compare(&mut worst, "volume energy", &[springs.energy(&x)], &volume["energy"]);
-        for (curvature, key) in
-            [(Curvature::Exact, "hessian"), (Curvature::GaussNewton, "hessian_gauss_newton")]
-        {
-            let tangent = dense(&springs.tangent(&x, curvature));
-            compare(&mut worst, "volume tangent", &tangent, &volume[key]);
-        }
+        let u = check_dampers::<4>(case, &mut worst);
 
         // the element functions of the engine, from moduli
         let shape = RestTetrahedron::new(rest).unwrap();
@@ -538,59 +393,5 @@ fn active_stress_follows_its_curve() {
         // the face through vertex 0 of area 1/2 carries a third at its vertices, vertex 1 all of it
         let stress = -e.forces(&u)[1][0] / shape.volume;
         assert!((stress - expected).abs() < 1e-12 * peak, "{stretch}: {stress} {expected}");
-    }
-}
-
-/// Of one hexahedron of a body, vertex by vertex, whatever the order in which the engine holds them.
-#[test]
-fn radial_dampers_are_those_of_the_paper() {
-    let corner = |i: usize| DVec3::new((i & 1) as f64, (i >> 1 & 1) as f64, (i >> 2) as f64);
-    // an irregular hexahedron in the order of VTK, moved and moving
-    let points = [0, 1, 3, 2, 4, 5, 7, 6].map(|i| {
-        let x = corner(i);
-        x + 0.1 * DVec3::new(x.y * x.z, 0.5 * x.x, -x.x * x.y)
-    });
-    let u: Nodes<8> = std::array::from_fn(|a| [0.02 * a as f64, -0.01, 0.03 * (a % 3) as f64]);
-    let v: Nodes<8> = std::array::from_fn(|a| [(a * a % 5) as f64, (a % 2) as f64, -1.0]);
-    let centre = points.iter().sum::<DVec3>() / 8.0;
-    let rest = points.map(|x| x.distance(centre));
-    let own = points.map(|x| x.to_array());
-    let volume = RestHexahedron::new(own).unwrap().total_volume();
-    let viscosity = 0.7;
-    let damping = 9.0 * viscosity * volume / rest.iter().map(|r| r * r).sum::<f64>();
-    let springs = RadialSprings { rest, stiffness: 0.0, damping };
-    let x = std::array::from_fn(|a| (points[a] + DVec3::from_array(u[a])).to_array());
-    for (form, of_springs) in [
-        (AxisForm::Printed, VolumeForm::Printed),
-        (AxisForm::PrintedBalanced, VolumeForm::Balanced),
-    ] {
-        let expected = springs.damping_forces(&x, &v, of_springs);
-        let material = YoungPoisson { young_modulus: 1e3, poisson_ratio: 0.3, density: 1e3 };
-        let axes = AxesDescription {
-            volume_viscosity: viscosity,
-            form,
-            ..AxesDescription::isotropic(material.lame().unwrap())
-        };
-        let body = BodyDescription {
-            hexahedra: &[[0, 1, 2, 3, 4, 5, 6, 7]],
-            axes: Some(axes),
-            model: Model::Axes,
-            ..BodyDescription::from_parts("b", &points, &[], material)
-        };
-        let mut world = world::<f64>(&body, &points, Workers::serial());
-        let order = world.resource::<Topology>().bodies[0].vertex_order.clone();
-        let mut sum = [[0.0; 3]; 8];
-        let mut query = world.query::<(&AxisHexahedronVertices, &AxialDamper<8>)>();
-        for (rows, damper) in query.iter(&world) {
-            let user = rows.0.map(|row| order[row as usize] as usize);
-            for (f, at) in damper.forces(&user.map(|a| u[a]), &user.map(|a| v[a])).iter().zip(user)
-            {
-                (0..3).for_each(|k| sum[at][k] += f[k]);
-            }
-        }
-        assert_eq!(query.iter(&world).count(), 8);
-        let largest = max_abs(expected.as_flattened());
-        let far = max_difference(sum.as_flattened(), expected.as_flattened());
-        assert!(far < 1e-13 * largest, "{form:?}: {far} of {largest}");
     }
 }

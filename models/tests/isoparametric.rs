@@ -17,7 +17,7 @@ use sinew_engine::schedule::{Executor, ForceSchedule, install};
 use sinew_engine::topology::Topology;
 use sinew_engine::vertex::{Displacement, ElasticForce, Mass};
 use sinew_engine::workers::Workers;
-use sinew_models::axes::description::{AxesDescription, AxisAngle, AxisFamily, AxisForm};
+use sinew_models::axes::description::{AxesDescription, AxisAngle, AxisFamily};
 use sinew_models::body::sheet::{MembraneDescription, MembraneError, MembraneModel, PlaneState};
 use sinew_models::body::{BodyDescription, BodyError, Evaluation, Model, VolumeRule, spawn_body};
 use sinew_models::material::{LameParameters, YoungPoisson};
@@ -230,9 +230,7 @@ fn for_bodies(mut check: impl FnMut(&BodyDescription, &str, bool)) {
     let triad = AxesDescription {
         families: vec![family(0, 3.0), family(1, 0.5), family(2, 0.7)],
         angles: vec![angle([0, 1], 0.3), angle([0, 2], 0.2), angle([1, 2], 0.4)],
-        volume_viscosity: 0.0,
         volume_modulus: 0.6,
-        form: AxisForm::EnergyConsistent,
     };
     let fibre = AxesDescription {
         families: vec![family(0, 3.0)],

@@ -22,7 +22,7 @@ use sinew_engine::schedule::{
 use sinew_engine::topology::Topology;
 use sinew_engine::vertex::{BodyId, Displacement, ElasticForce};
 use sinew_engine::workers::Workers;
-use sinew_models::axes::description::{AxesDescription, AxisForm};
+use sinew_models::axes::description::AxesDescription;
 use sinew_models::axes::site::{AxisSite, add_blocks, add_spread, local, spread_over};
 use sinew_models::body::sheet::{MembraneDescription, MembraneModel};
 use sinew_models::body::{BodyDescription, BodyError, Evaluation, Model, VolumeRule, spawn_body};
@@ -57,9 +57,8 @@ fn hexahedra() -> Mesh {
 }
 
 /// Axes that need every law: a triad, a single fibre, volume alone; all with dampers.
-fn axes(kind: usize, form: AxisForm) -> AxesDescription<'static> {
+fn axes(kind: usize) -> AxesDescription<'static> {
     let mut axes = AxesDescription::isotropic(material().lame().unwrap());
-    axes.form = form;
     match kind {
         0 => {}
         1 => {
@@ -198,16 +197,11 @@ fn walk_all<S: Scalar>() {
             }
         }
     }
-    for form in [AxisForm::EnergyConsistent, AxisForm::Printed] {
-        for kind in 0..3 {
-            for mesh in [tets, hexes, tens] {
-                if mesh.is_second_order() && form != AxisForm::EnergyConsistent {
-                    continue;
-                }
-                let (model, axes) = (Model::Axes, Some(axes(kind, form)));
-                let body = BodyDescription::new("body", mesh, material());
-                walk::<S>(&BodyDescription { model, axes, ..body }, false, &mut reached);
-            }
+    for kind in 0..3 {
+        for mesh in [tets, hexes, tens] {
+            let (model, axes) = (Model::Axes, Some(axes(kind)));
+            let body = BodyDescription::new("body", mesh, material());
+            walk::<S>(&BodyDescription { model, axes, ..body }, false, &mut reached);
         }
     }
     let sheets = [

@@ -1,7 +1,7 @@
 //! Axes of every kind, for these tests and those of the device.
 
 use sinew::engine::mesh::Mesh;
-use sinew::models::axes::description::{AxesDescription, AxisAngle, AxisFamily, AxisForm};
+use sinew::models::axes::description::{AxesDescription, AxisAngle, AxisFamily};
 use sinew::models::axes::field;
 use sinew::models::axes::muscle::MuscleSettings;
 
@@ -34,9 +34,7 @@ pub fn rich(mesh: &Mesh) -> AxesDescription<'static> {
             angle([1, 3], 7e2),
             angle([3, 0], 9e2),
         ],
-        volume_viscosity: 0.0,
         volume_modulus: 6e3,
-        form: AxisForm::EnergyConsistent,
     }
     .into_owned()
 }

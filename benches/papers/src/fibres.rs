@@ -4,11 +4,14 @@
 //! an energy stands beside it, as equilibria.
 
 use super::drawing::{Panel, bodies};
-use super::frame::{clamp, damped_axes, equilibrium, settle, stormer, uniform, world};
+use super::frame::{
+    clamp, damped_axes, equilibrium, settle, stormer, uniform, world, world_of_axes,
+};
+use crate::axes::springs::VolumeForm;
 use crate::figure::{Figure, Finding};
 use rayon::prelude::*;
 use sinew::engine::mesh::generate::{box_hexahedra, irregular_box_tets};
-use sinew::models::axes::description::{AxesDescription, AxisForm};
+use sinew::models::axes::description::AxesDescription;
 use sinew::models::axes::field::{FibreError, helicoidal, hemicircular, random};
 use sinew::models::body::MassRule;
 use sinew::prelude::*;
@@ -132,8 +135,8 @@ fn blocks(cells: [usize; 3]) -> Result<Vec<Block>, BenchError> {
 }
 
 /// Three axes, the first along the fibres and stiffer; the axes of an isotropic material without.
-fn axes(mesh: &Mesh, field: Field, form: AxisForm) -> Result<AxesDescription<'static>, BenchError> {
-    let mut axes = damped_axes(MATERIAL, form, VISCOSITY, mesh)?;
+fn axes(mesh: &Mesh, field: Field) -> Result<AxesDescription<'static>, BenchError> {
+    let mut axes = damped_axes(MATERIAL, VISCOSITY)?;
     let along = field.directions(mesh)?;
     if !along.is_empty() {
         let triads = along.into_iter().map(DVec3::normalize).map(|a| {
@@ -203,12 +206,10 @@ impl Shape {
 /// The block hung up, with the traction on its bottom.
 fn hung(
     block: &Block,
-    description: BodyDescription,
-    solver: SolverSettings,
+    (mut simulation, body): (Simulation, BodyHandle),
     curve: Curve,
 ) -> Result<(Simulation, BodyHandle), BenchError> {
     let (mesh, cells) = (&block.mesh, block.cells);
-    let (mut simulation, body) = world(&description, solver)?;
     clamp(&mut simulation, body, mesh, "z1")?;
     // the bottom is a regular grid on every mesh: traction goes to its vertices by their share of the area
     let (mut forces, cell) = (Vec::new(), SIZE / DVec3::from(cells.map(|n| n as f64)));
@@ -225,12 +226,11 @@ fn hung(
 
 /// Equilibrium of axes with an energy.
 fn pulled(block: &Block, field: Field) -> Result<Shape, BenchError> {
-    let mut axes = axes(&block.mesh, field, AxisForm::EnergyConsistent)?;
+    let mut axes = axes(&block.mesh, field)?;
     axes.families.iter_mut().for_each(|family| family.viscosity = 0.0);
     let description = BodyDescription::new("block", &block.mesh, MATERIAL);
-    let description = BodyDescription { model: Model::Axes, axes: Some(axes), ..description };
-    let ramp = Curve::ramp(0.0, 2.0);
-    let (mut simulation, body) = hung(block, description, equilibrium(), ramp)?;
+    let world = world_of_axes(description, axes, None, equilibrium())?;
+    let (mut simulation, body) = hung(block, world, Curve::ramp(0.0, 2.0))?;
     settle(&mut simulation, 2, &format!("{} fibres, {}", field.name(), block.name))?;
     Ok(Shape::of(block, &simulation.displacements(body)))
 }
@@ -259,18 +259,18 @@ struct Swing {
 fn swing(block: &Block, what: What, free: usize) -> Result<Swing, BenchError> {
     let description = BodyDescription::new("block", &block.mesh, MATERIAL);
     let description = BodyDescription { masses: MassRule::Equal, ..description };
-    let description = match what {
-        What::Fibres(field) => BodyDescription {
-            model: Model::Axes,
-            axes: Some(axes(&block.mesh, field, AxisForm::Printed)?),
-            ..description
-        },
+    let world = match what {
+        What::Fibres(field) => {
+            let axes = axes(&block.mesh, field)?;
+            world_of_axes(description, axes, Some(VolumeForm::Printed), stormer(0.0))?
+        }
         What::Springs => {
             let springs = uniform(MATERIAL.young_modulus * SIZE.x / block.cells[0] as f64);
-            BodyDescription { model: Model::MassSpring, springs, ..description }
+            let model = Model::MassSpring;
+            world(&BodyDescription { model, springs, ..description }, stormer(0.0))?
         }
     };
-    let (mut simulation, body) = hung(block, description, stormer(0.0), Curve::Constant)?;
+    let (mut simulation, body) = hung(block, world, Curve::Constant)?;
     simulation.set_dt(STEP);
     let mut swing = Swing::default();
     let mut before = DVec3::ZERO;

@@ -1,8 +1,11 @@
 //! What the scenes of the figures share: a body in a world of its own, settings of equilibria, and ways to them.
 
+use crate::axes::PrintedDescription;
+use crate::axes::law::IN_TETRAHEDRA;
+use crate::axes::springs::VolumeForm;
 use glam::DVec3;
 use sinew::engine::mesh::Mesh;
-use sinew::models::axes::description::{AxesDescription, AxisForm};
+use sinew::models::axes::description::AxesDescription;
 use sinew::models::body::lumped::{HexahedronSprings, SpringRule, UniformSprings};
 use sinew::prelude::*;
 use sinew_benches::bench::error::BenchError;
@@ -72,20 +75,37 @@ pub(crate) fn stormer(mass_damping: f64) -> SolverSettings {
     }
 }
 
-/// Axes of an isotropic material along x, y and z with dampers (Pa s) along all of them, and in hexahedra of the
-/// printed forms beside the springs of volume.
+/// Axes of an isotropic material along x, y and z with dampers (Pa s) along all of them.
 pub(crate) fn damped_axes(
     material: YoungPoisson,
-    form: AxisForm,
     viscosity: f64,
-    mesh: &Mesh,
 ) -> Result<AxesDescription<'static>, BenchError> {
-    let mut axes = AxesDescription { form, ..AxesDescription::isotropic(material.lame()?) };
+    let mut axes = AxesDescription::isotropic(material.lame()?);
     axes.families.iter_mut().for_each(|family| family.viscosity = viscosity);
-    if form != AxisForm::EnergyConsistent && !mesh.hexahedra.is_empty() {
-        axes.volume_viscosity = viscosity;
-    }
     Ok(axes)
+}
+
+/// A body of nothing but axes in a world of its own: printed ones with volume springs of a form, or axes with an energy.
+/// Radial springs of hexahedra have the dampers of the first family.
+pub(crate) fn world_of_axes(
+    body: BodyDescription,
+    axes: AxesDescription,
+    form: Option<VolumeForm>,
+    solver: SolverSettings,
+) -> Result<(Simulation, BodyHandle), BenchError> {
+    let Some(form) = form else {
+        return world(&BodyDescription { model: Model::Axes, axes: Some(axes), ..body }, solver);
+    };
+    let body = BodyDescription { model: Model::Own(&IN_TETRAHEDRA), ..body };
+    let radial = !body.hexahedra.is_empty() && axes.volume_modulus > 0.0;
+    let volume_viscosity = if radial { axes.families[0].viscosity } else { 0.0 };
+    let (mut simulation, handle) = world(&body, solver)?;
+    let printed = PrintedDescription { axes, form, volume_viscosity };
+    printed.add(&mut simulation, handle).map_err(|e| BenchError::Request {
+        what: format!("printed axes: {e}"),
+        remedy: "this is a defect of the figure, report it".into(),
+    })?;
+    Ok((simulation, handle))
 }
 
 /// Plain springs of one constant (N/m), 16 in a hexahedron, as in that paper.

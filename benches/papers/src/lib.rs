@@ -1,6 +1,7 @@
 //! The figures of three papers made again with this engine, command `sinew-papers`: charts and numbers, with a paragraph
 //! each that says what agrees and what does not. The paragraphs are worked out from the numbers of the run.
 
+pub mod axes;
 mod axis_cost;
 mod between;
 mod compression;

@@ -2,14 +2,15 @@
 //! cantilever needs; springs, masses and integrator are those of the paper.
 
 use super::drawing::{Panel, bodies};
-use super::frame::{clamp, damped_axes, equilibrium, settle, stormer, uniform, world};
+use super::frame::{
+    clamp, damped_axes, equilibrium, settle, stormer, uniform, world, world_of_axes,
+};
+use crate::axes::springs::VolumeForm;
 use crate::figure::{Figure, Finding};
 use rayon::prelude::*;
 use sinew::engine::mesh::generate::{box_hexahedra, irregular_box_tets};
 use sinew::engine::vertex::FixedAxes;
-use sinew::models::axes::description::{AxesDescription, AxisForm};
 use sinew::models::body::MassRule;
-use sinew::models::body::lumped::SpringRule;
 use sinew::prelude::*;
 use sinew_benches::bench::error::BenchError;
 use sinew_benches::bench::plot::{Scales, Series, lines};
@@ -65,26 +66,30 @@ impl Body {
         }
     }
 
-    /// What it is made of, on a mesh with cells of a size (m).
-    fn made(
+    /// In a world of its own, on a mesh with cells of a size (m).
+    fn world(
         self,
         material: YoungPoisson,
         mesh: &Mesh,
         cell: f64,
-    ) -> Result<(Model, Option<AxesDescription<'static>>, Option<SpringRule>), BenchError> {
+        damping: f64,
+    ) -> Result<(Simulation, BodyHandle), BenchError> {
+        let (solver, masses) = (stormer(damping), MassRule::Equal);
+        let body = BodyDescription { masses, ..BodyDescription::new("block", mesh, material) };
         let form = match self {
             Self::Springs => {
-                return Ok((Model::MassSpring, None, uniform(material.young_modulus * cell)));
+                let (model, springs) = (Model::MassSpring, uniform(material.young_modulus * cell));
+                return world(&BodyDescription { model, springs, ..body }, solver);
             }
-            Self::True => AxisForm::EnergyConsistent,
-            Self::Without | Self::Printed => AxisForm::Printed,
-            Self::Balanced => AxisForm::PrintedBalanced,
+            Self::True => None,
+            Self::Without | Self::Printed => Some(VolumeForm::Printed),
+            Self::Balanced => Some(VolumeForm::Balanced),
         };
-        let mut axes = damped_axes(material, form, VISCOSITY, mesh)?;
+        let mut axes = damped_axes(material, VISCOSITY)?;
         if self == Self::Without {
-            (axes.volume_modulus, axes.volume_viscosity) = (0.0, 0.0);
+            axes.volume_modulus = 0.0;
         }
-        Ok((Model::Axes, Some(axes), None))
+        world_of_axes(body, axes, form, solver)
     }
 }
 
@@ -100,16 +105,8 @@ fn on_table(
     mesh: &Mesh,
     steps: usize,
 ) -> Result<Vec<f64>, BenchError> {
-    let material = material(poisson_ratio);
-    let (model, axes, springs) = body.made(material, mesh, SIDE / CELLS[0] as f64)?;
-    let description = BodyDescription {
-        model,
-        axes,
-        springs,
-        masses: MassRule::Equal,
-        ..BodyDescription::new("block", mesh, material)
-    };
-    let (mut simulation, handle) = world(&description, stormer(DAMPING))?;
+    let cell = SIDE / CELLS[0] as f64;
+    let (mut simulation, handle) = body.world(material(poisson_ratio), mesh, cell, DAMPING)?;
     simulation.set_gravity(GRAVITY);
     simulation.set_dt(STEP);
     let floor = simulation.group_rows(handle, mesh, "z0")?;
@@ -146,11 +143,11 @@ fn beam() -> Result<Mesh, BenchError> {
 /// Displacements (m) of a cantilever at rest under its weight: of the material, or of a body let go and braked; none
 /// where a step cannot be carried out.
 fn cantilever(mesh: &Mesh, body: Option<Body>) -> Result<Option<Vec<DVec3>>, BenchError> {
-    // masses are part of the load, which is to be the same
-    let masses = MassRule::Equal;
-    let description = BodyDescription { masses, ..BodyDescription::new("block", mesh, STIFF) };
     let Some(made) = body else {
-        let description = BodyDescription { model: Model::StVK, ..description };
+        // masses are part of the load, which is to be the same
+        let (model, masses) = (Model::StVK, MassRule::Equal);
+        let description = BodyDescription::new("block", mesh, STIFF);
+        let description = BodyDescription { model, masses, ..description };
         let (mut simulation, body) = world(&description, equilibrium())?;
         clamp(&mut simulation, body, mesh, "x0")?;
         for part in 1..=4 {
@@ -159,9 +156,7 @@ fn cantilever(mesh: &Mesh, body: Option<Body>) -> Result<Option<Vec<DVec3>>, Ben
         }
         return Ok(Some(simulation.displacements(body)));
     };
-    let (model, axes, springs) = made.made(STIFF, mesh, LENGTH / BEAM[0] as f64)?;
-    let description = BodyDescription { model, axes, springs, ..description };
-    let (mut simulation, body) = world(&description, stormer(BRAKE))?;
+    let (mut simulation, body) = made.world(STIFF, mesh, LENGTH / BEAM[0] as f64, BRAKE)?;
     clamp(&mut simulation, body, mesh, "x0")?;
     simulation.set_gravity(GRAVITY);
     simulation.set_dt(STEP);

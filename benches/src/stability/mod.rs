@@ -598,10 +598,6 @@ fn jobs<'a>(cases: &'a [Case], columns: &[Column]) -> Vec<Job<'a>> {
         let wanted = |c: &Column| case.scope == Scope::Every || c.model == Column::DEFAULT.model;
         match case.scope {
             Scope::Once => add(None, true),
-            Scope::Shown => {
-                let integrator = Integrator::StormerVerlet;
-                add(Some(Column { integrator, ..Column::DEFAULT }), false);
-            }
             Scope::Explicit => Integrator::ALL
                 .iter()
                 .filter(|i| i.is_explicit())

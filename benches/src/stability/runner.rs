@@ -106,8 +106,6 @@ pub(super) enum Scope {
     Robust,
     /// The explicit integrators, whatever the columns; both must pass.
     Explicit,
-    /// Störmer-Verlet, whatever the columns, for comparison only.
-    Shown,
     /// None: it does not depend on integrator and model.
     Once,
 }

@@ -154,8 +154,6 @@ pub struct AxesIn {
     families: Vec<FamilyIn>,
     angles: Vec<([usize; 2], f64)>,
     volume_modulus: f64,
-    volume_viscosity: f64,
-    form: String,
 }
 
 impl AxesIn {
@@ -181,8 +179,6 @@ impl AxesIn {
             families: self.families.into_iter().map(family).collect(),
             angles: self.angles.into_iter().map(angle).collect(),
             volume_modulus: self.volume_modulus,
-            volume_viscosity: self.volume_viscosity,
-            form: choice("form of axes", &self.form)?,
         })
     }
 }

@@ -328,7 +328,7 @@ impl<S: Scalar> AxisColumns<S> for VolumeColumns<'_, S> {
 }
 
 /// Which families the axial springs of an axis entity belong to, and what their moduli (Pa) are multiplied
-/// by: share times rest volume (m^3), over the squared chord (m) for printed springs.
+/// by: share times rest volume (m^3).
 #[derive(Component, Clone, Copy, Debug, PartialEq)]
 #[component(clone_behavior = Ignore)]
 pub struct AxisSource {

@@ -3,13 +3,12 @@
 //!
 //! The stretched axis `F a = a + sum_j q_j u_j` of unit direction `n` lengthens at the rate
 //! `n . sum_j q_j v_j` (1/s), and a damper takes the power `eta V` times its square. Its matrix
-//! `eta V q_i q_j n n^T` (N s/m) is positive semidefinite, and takes nothing from rigid motion. The
-//! chord of the printed springs is `L F a`, so that their damper (N s/m) is `eta V / L^2`: the same entity
-//! serves both forms, with `q_j = (w+_j - w-_j) / L` there. In hexahedra the energy-consistent form has
-//! one damper for every Gauss point.
+//! `eta V q_i q_j n n^T` (N s/m) is positive semidefinite, and takes nothing from rigid motion. In hexahedra
+//! there is one damper for every Gauss point.
 //!
-//! The radial dampers of hexahedra (section 4.1) are dampers along the axes from the barycentre to the vertices:
-//! `q = (e_j - 1/8) / R_j`, with the force on vertex j alone in the printed form ([`AxialDamper::spread`]).
+//! Springs on chords `L F a` of an axis, as printed there, have the same entity: `q_j = (w+_j - w-_j) / L`, `eta V / L^2`
+//! (N s/m). So have radial dampers of hexahedra (section 4.1): `q = (e_j - 1/8) / R_j`, with the force on vertex j alone
+//! as printed ([`AxialDamper::spread`]).
 //!
 //! Implicit integrators freeze the matrix where their iteration starts, as they do with stiffness
 //! damping. Explicit ones take the force at the velocity that they know, as the paper does.

@@ -8,23 +8,6 @@ use std::fmt;
 use super::muscle::{MuscleError, MuscleSettings};
 use crate::material::LameParameters;
 
-/// Which formulas axes follow.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum AxisForm {
-    /// Forces that are the gradient of an energy ([`element`](super::element); default).
-    #[default]
-    EnergyConsistent,
-    /// Bourguignon & Cani 2000 as printed ([`printed`](super::printed)), for comparison. Spring constants
-    /// follow from the moduli such that both forms agree near rest: `Y V/L^2` (N/m) along an axis,
-    /// `G V/sqrt(L_i L_j)` (N) between two, `9 Lambda V/(16 R^2)` (N/m) for the sum of radii of a
-    /// tetrahedron, `9 Lambda V/(8 R^2)` for each radius of a hexahedron, with the lengths L of the chords and the
-    /// mean radius R of the element (its root mean square in hexahedra).
-    Printed,
-    /// The same with the mean force of the volume springs subtracted, so that they have no resultant.
-    PrintedBalanced,
-}
-
 /// Axes of one kind: a direction in every solid element and a modulus along it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AxisFamily<'a> {
@@ -59,14 +42,15 @@ impl<'a> AxisFamily<'a> {
     }
 
     /// Direction in an element, not normalised.
-    pub(crate) fn direction(&self, element: usize) -> DVec3 {
+    pub fn direction(&self, element: usize) -> DVec3 {
         match self.directions.len() {
             1 => self.directions[0],
             _ => self.directions[element],
         }
     }
 
-    pub(crate) fn share(&self, element: usize) -> f64 {
+    /// Share of an element.
+    pub fn share(&self, element: usize) -> f64 {
         self.share.as_ref().map_or(1.0, |share| share[element])
     }
 
@@ -101,11 +85,6 @@ pub struct AxesDescription<'a> {
     pub angles: Vec<AxisAngle>,
     /// Modulus `Lambda` of the term of volume `Lambda/2 (J-1)^2` (Pa), 0 without it.
     pub volume_modulus: f64,
-    /// Viscosity (Pa s) of the dampers beside the radial springs of hexahedra in the printed forms
-    /// ([`damper`](super::damper)), `9 eta V / sum R^2` (N s/m) each; 0 without them.
-    pub volume_viscosity: f64,
-    /// Formulas.
-    pub form: AxisForm,
 }
 
 /// Coordinate directions of [`AxesDescription::isotropic`].
@@ -121,8 +100,6 @@ impl AxesDescription<'_> {
             families: vec![family("x", 0), family("y", 1), family("z", 2)],
             angles: vec![angle([0, 1]), angle([0, 2]), angle([1, 2])],
             volume_modulus: material.lambda,
-            volume_viscosity: 0.0,
-            form: AxisForm::EnergyConsistent,
         }
     }
 
@@ -132,8 +109,6 @@ impl AxesDescription<'_> {
             families: self.families.into_iter().map(AxisFamily::into_owned).collect(),
             angles: self.angles,
             volume_modulus: self.volume_modulus,
-            volume_viscosity: self.volume_viscosity,
-            form: self.form,
         }
     }
 
@@ -170,13 +145,6 @@ impl AxesDescription<'_> {
             false => Err(AxesError::Modulus { of, value }),
         };
         modulus(ModulusOf::Volume, self.volume_modulus)?;
-        let value = self.volume_viscosity;
-        if !(value >= 0.0 && value.is_finite()) {
-            return Err(AxesError::VolumeViscosity { value });
-        }
-        if value > 0.0 && (hexahedra == 0 || self.form == AxisForm::EnergyConsistent) {
-            return Err(AxesError::NoRadialSprings);
-        }
         for (i, family) in self.families.iter().enumerate() {
             let name = || family.name.to_string();
             if self.families[..i].iter().any(|other| other.name == family.name) {
@@ -211,9 +179,6 @@ impl AxesDescription<'_> {
             if let Some(muscle) = &family.muscle {
                 let error = |source| AxesError::Muscle { family: name(), source };
                 muscle.validate().map_err(error)?;
-                if self.form != AxisForm::EnergyConsistent {
-                    return Err(AxesError::PrintedMuscle { family: name() });
-                }
             }
         }
         for (index, angle) in self.angles.iter().enumerate() {
@@ -235,7 +200,7 @@ impl AxesDescription<'_> {
 
     /// Packs families and angles into what one entity holds. Angles are covered by triads as long as
     /// there are any; a passive family goes with the first triad that has it, others are single fibres.
-    pub(crate) fn pack(&self) -> Vec<AxisGroup> {
+    pub fn pack(&self) -> Vec<AxisGroup> {
         let mut left: Vec<([usize; 2], f64)> = Vec::new();
         for AxisAngle { families: [i, j], modulus } in self.angles.iter().copied() {
             let pair = [i.min(j), i.max(j)];
@@ -284,10 +249,18 @@ impl AxesDescription<'_> {
 
 /// What one axis entity of an element holds.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) enum AxisGroup {
-    /// Families of the axes (`None`: any direction) and of the springs along them, moduli of their angles and
-    /// of volume (Pa).
-    Triad { axes: [Option<usize>; 3], axial: [Option<usize>; 3], angles: [f64; 3], volume: f64 },
+pub enum AxisGroup {
+    /// Three axes.
+    Triad {
+        /// Their families; `None`: any direction.
+        axes: [Option<usize>; 3],
+        /// Families of the springs along them.
+        axial: [Option<usize>; 3],
+        /// Moduli of their angles (Pa).
+        angles: [f64; 3],
+        /// Modulus of volume (Pa).
+        volume: f64,
+    },
     /// A family.
     Fibre(usize),
     /// Modulus of volume (Pa).
@@ -374,29 +347,6 @@ pub enum AxesError {
         /// The viscosity (Pa s).
         value: f64,
     },
-    /// A viscosity of radial dampers out of range.
-    #[error("the viscosity of volume springs is {value} Pa s; it must be finite and not negative")]
-    VolumeViscosity {
-        /// The viscosity (Pa s).
-        value: f64,
-    },
-    /// Radial dampers without radial springs.
-    #[error(
-        "a viscosity of volume springs is for the radial springs of hexahedra, which the printed forms have; \
-         use hexahedra and the form \"printed\" or \"printed_balanced\", or leave it out"
-    )]
-    NoRadialSprings,
-    /// An axis that meets no two faces of a hexahedron.
-    #[error(
-        "family `{family}`, element {element}: its axis through the middle of the hexahedron meets no two \
-         faces, which the printed form needs; mend the element or use the form \"energy_consistent\""
-    )]
-    NoChord {
-        /// Name of the family.
-        family: String,
-        /// Index in the user's mesh, hexahedra counted after tetrahedra.
-        element: usize,
-    },
     /// A list of another length than the mesh.
     #[error("family `{family}` has {found} {what} for {count} solid elements; give one for each")]
     Length {
@@ -450,14 +400,5 @@ pub enum AxesError {
         family: String,
         /// What is wrong.
         source: MuscleError,
-    },
-    /// An active family in the printed form.
-    #[error(
-        "family `{family}` is active, which the printed form of axes does not know; use the form \
-         \"energy_consistent\""
-    )]
-    PrintedMuscle {
-        /// Name of the family.
-        family: String,
     },
 }

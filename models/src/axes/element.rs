@@ -18,7 +18,7 @@
 //! affine deformation, so the axial springs are those of Bourguignon & Cani 2000, section 2, with
 //! `k = Y V/L^2`, whatever faces the axis meets: moduli in Pa make the result independent of the mesh. The
 //! angular springs differ from the printed ones, which have no energy and a moment
-//! ([`printed`](super::printed)); so does the volume term, which measures volume, not radii. With
+//! (package `sinew-papers`); so does the volume term, which measures volume, not radii. With
 //! three orthogonal axes, `Y = 2 mu`, `G = mu` and `Lambda = lambda` the tangent at rest is that of linear
 //! elasticity.
 //!

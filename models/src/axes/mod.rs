@@ -10,9 +10,8 @@
 //! | [`field`] | fibre fields: where the directions come from |
 //! | [`muscle`] | active fibres |
 //! | [`damper`] | dampers along axes |
-//! | [`attachment`], [`printed`], [`printed_system`] | where axes meet faces, and the formulas as printed, for comparison |
+//! | [`site`] | what another crate needs for a law of axes of its own |
 
-pub mod attachment;
 pub mod columns;
 pub mod damper;
 pub mod description;
@@ -21,10 +20,7 @@ pub mod field;
 mod formula;
 pub mod muscle;
 pub mod points;
-pub mod printed;
-pub mod printed_system;
 pub(crate) mod removal;
 pub mod site;
 pub(crate) mod spawn;
-pub(crate) mod spawn_printed;
 pub mod systems;

@@ -3,8 +3,7 @@
 //! three of them with their angles and volume equal a material there too.
 //!
 //! Bourguignon & Cani 2000, section 4, has one set of springs through the barycentre of a hexahedron instead, which leaves
-//! 18 motions of an element without resistance, radial springs 10 to 11; that is
-//! [`printed`](super::printed).
+//! 18 motions of an element without resistance, radial springs 10 to 11 (package `sinew-papers`).
 //!
 //! An entity has the columns of an axis in a tetrahedron, moduli times the volume of the whole element, and a
 //! [`PointsRest`] whose volumes are the shares of the points in it.

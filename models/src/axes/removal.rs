@@ -9,7 +9,6 @@ use super::columns::*;
 use super::damper::AxialDamper;
 use super::element::{AxisElement, Fibre, Triad, VolumeTerm};
 use super::points::energy_at_points;
-use super::printed_system::PrintedAxes;
 use crate::frame::hexahedra::Shape;
 
 /// Numbers in columns of an entity; 0 where it has no such column.
@@ -71,9 +70,6 @@ pub(crate) fn energy<S: Scalar>(world: &World, entity: Entity, u: &[[f64; 3]; 4]
     if e.contains::<AxialDamper<4>>() {
         return 0.0;
     }
-    if let Some(printed) = e.get::<PrintedAxes<4>>() {
-        return printed.energy(u);
-    }
     if e.contains::<FibreShape<S, 1>>() {
         return fibre::<S>(&e).energy(u);
     }
@@ -95,9 +91,6 @@ where
     E: Shape<V, P, Q>,
 {
     let e = world.entity(entity);
-    if let Some(printed) = e.get::<PrintedAxes<V>>() {
-        return printed.energy(u);
-    }
     // dampers have none
     let Some(rest) = e.get::<PointsRest<S, Q>>() else { return 0.0 };
     let rest = rest.in_f64();
@@ -129,6 +122,5 @@ pub(crate) fn clear(axes: &mut EntityWorldMut) {
             }
         )+};
     }
-    clear![PrintedAxes<4>, PrintedAxes<8>, AxisSource];
-    clear![AxialDamper<4>, AxialDamper<8>, AxialDamper<10>];
+    clear![AxisSource, AxialDamper<4>, AxialDamper<8>, AxialDamper<10>];
 }

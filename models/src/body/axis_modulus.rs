@@ -9,7 +9,6 @@ use super::edit_log::{Edit, before_edit, log_edit};
 use crate::axes::columns::*;
 use crate::axes::description::{AxesError, ModulusOf};
 use crate::axes::muscle::Muscles;
-use crate::axes::printed_system::PrintedAxes;
 
 /// Gives a family of axes of body number `body` another modulus (Pa). Displacements, activations and
 /// everything else stay.
@@ -46,21 +45,13 @@ pub fn set_axis_modulus<S: Scalar>(
             Option<&mut AxialStiffness<S, 1>>,
             Option<&mut AxialStiffness<S, 2>>,
         ),
-        (Option<&mut PrintedAxes<4>>, Option<&mut PrintedAxes<8>>),
     )>();
-    for ((source, id, muscle), passive, (a, b, c), (four, eight)) in entities.iter_mut(world) {
+    for ((source, id, muscle), passive, (a, b, c)) in entities.iter_mut(world) {
         let Some(axis) = source.family.iter().position(|&f| f as usize == index) else { continue };
         if id.0 as usize != body {
             continue;
         }
-        let exact = modulus * source.weight[axis];
-        if let Some(mut printed) = four {
-            printed.axial.stiffness[axis] = exact;
-        }
-        if let Some(mut printed) = eight {
-            printed.axial.stiffness[axis] = exact;
-        }
-        let stiffness = S::from_f64(exact);
+        let stiffness = S::from_f64(modulus * source.weight[axis]);
         if let Some(mut passive) = passive {
             passive.0 = stiffness;
         }

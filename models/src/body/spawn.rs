@@ -29,9 +29,8 @@ use super::lumped::{GivenSprings, SpringRule};
 use super::matter::{Items, Matter, PooledSprings, chosen};
 use super::sheet::{MembraneDescription, MembraneModel, Sheet};
 use super::surface::read_surface;
-use crate::axes::description::{AxesError, AxisForm, BodyAxes};
+use crate::axes::description::{AxesError, BodyAxes};
 use crate::axes::spawn::spawn_axes;
-use crate::axes::spawn_printed::{check_chords, spawn_printed};
 use crate::axes::systems::AxesOnly;
 use crate::element::precompute::{RestTetrahedron, SpringConstants};
 use crate::frame::part::{
@@ -136,20 +135,17 @@ fn spawn<S: Scalar>(world: &mut World, body: &BodyDescription) -> Result<Entity,
     part.spawn_vertices::<S>(world, &masses);
     part.spawn_edges::<S>(world, &mass_spring);
     let edge_rows = part.spawn_pooled_springs::<S>(world, &pooled);
-    if matches!(model, Model::MassSpring | Model::Axes) {
+    let law = model.law().map(|row| row::in_table(world, row).1);
+    // springs, axes
+    if law.is_none() {
         world.resource_mut::<BodiesWithoutRecovery>().insert(at.body.0 as usize);
     }
-    let law = model.law().map(|row| row::in_table(world, row).1);
     part.spawn::<S>(world, model, law, (evaluation, body.volume), &edge_rows);
     if let Some(sheet) = &sheet {
         sheet.spawn::<S>(world, layout, at);
     }
-    match &body.axes {
-        Some(axes) if axes.form == AxisForm::EnergyConsistent => {
-            spawn_axes::<S>(world, axes, &part);
-        }
-        Some(axes) => spawn_printed::<S>(world, axes, &part),
-        None => {}
+    if let Some(axes) = &body.axes {
+        spawn_axes::<S>(world, axes, &part);
     }
     partition_laws::<S>(world);
     resection::install::<S>(world);
@@ -212,7 +208,7 @@ fn check<'a>(
     }
     if let Model::Own(law) = body.model {
         let of_law = |source| BodyError::Law { body: name(), source };
-        if law.elements != Elements::Tetrahedra {
+        if !matches!(law.elements, Elements::Tetrahedra | Elements::AxesInTetrahedra) {
             return Err(of_law(LawError::NotOfTetrahedra(law.info.name)));
         }
         world.get_resource_or_init::<LawTable>().add(law).map_err(of_law)?;
@@ -263,10 +259,6 @@ fn check_tetrahedra10(body: &BodyDescription) -> Result<(), BodyError> {
     let (all, given) = (body.tetrahedra.len(), body.middles.len());
     let problem = if all != given {
         format!("but {given} of {all} tetrahedra have vertices on their edges: give all or none")
-    } else if body.axes.as_ref().is_some_and(|axes| axes.form != AxisForm::EnergyConsistent) {
-        "which have no axes in a printed form: give it linear tetrahedra, or axes of the form \
-         \"energy_consistent\""
-            .into()
     } else if !body.model.serves_tetrahedra10() && body.model != Model::Axes {
         let name = body.model.name();
         format!(
@@ -340,13 +332,7 @@ fn check_springs(
 fn check_axes(body: &BodyDescription, solid: bool) -> Result<(), AxesError> {
     let tetrahedra = body.tetrahedra.len();
     match &body.axes {
-        Some(axes) => {
-            axes.validate(tetrahedra, body.hexahedra.len())?;
-            if axes.form != AxisForm::EnergyConsistent {
-                check_chords(axes, tetrahedra, body.hexahedra, body.points)?;
-            }
-            Ok(())
-        }
+        Some(axes) => axes.validate(tetrahedra, body.hexahedra.len()),
         None if body.model == Model::Axes && solid => Err(AxesError::Missing),
         None => Ok(()),
     }

@@ -5,7 +5,7 @@ use sinew_engine::scalar::Real;
 
 /// Adds `a b^T`.
 #[inline(always)]
-pub(crate) fn add_outer<R: Real>(m: &mut [R; 9], a: [R; 3], b: [R; 3]) {
+pub fn add_outer<R: Real>(m: &mut [R; 9], a: [R; 3], b: [R; 3]) {
     for i in 0..3 {
         for j in 0..3 {
             m[3 * i + j] = a[i].mul_add(b[j], m[3 * i + j]);
@@ -15,7 +15,7 @@ pub(crate) fn add_outer<R: Real>(m: &mut [R; 9], a: [R; 3], b: [R; 3]) {
 
 /// Adds `s I`.
 #[inline(always)]
-pub(crate) fn add_identity<R: Real>(m: &mut [R; 9], s: R) {
+pub fn add_identity<R: Real>(m: &mut [R; 9], s: R) {
     m[0] += s;
     m[4] += s;
     m[8] += s;
@@ -68,7 +68,7 @@ pub(crate) fn dense<R: Real, const V: usize, const N: usize>(
 
 /// Transpose.
 #[inline(always)]
-pub(crate) fn transposed<R: Real>(m: &[R; 9]) -> [R; 9] {
+pub fn transposed<R: Real>(m: &[R; 9]) -> [R; 9] {
     [m[0], m[3], m[6], m[1], m[4], m[7], m[2], m[5], m[8]]
 }
 

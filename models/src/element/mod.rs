@@ -1,7 +1,7 @@
 //! Single elements: plain functions on plain values.
 
 pub mod corotational;
-pub(crate) mod matrix;
+pub mod matrix;
 pub mod membrane;
 pub mod precompute;
 pub mod projection;

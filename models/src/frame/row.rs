@@ -117,6 +117,8 @@ pub struct LawRow {
     pub family: &'static [&'static LawRow],
     /// What runs before the law, if anything does.
     pub measure: Option<Measure>,
+    /// Takes the stiffness from an entity of a removed element, where that is in columns of another crate.
+    pub removal: Option<fn(&mut EntityWorldMut)>,
     pub(crate) mark: [Mark; 2],
     pub(crate) activate: [Activate; 2],
     pub(crate) spawn: Option<[fn(&mut World, &SolidPart); 2]>,
@@ -160,6 +162,7 @@ impl LawRow {
             energy: None,
             family: &[],
             measure: None,
+            removal: None,
             mark,
             activate,
             spawn: None,
@@ -186,6 +189,11 @@ impl LawRow {
     /// This law with another conduct in recovery.
     pub const fn in_recovery(self, recovery: InRecovery) -> Self {
         Self { recovery, ..self }
+    }
+
+    /// This law with what takes the stiffness from an entity of a removed element. Columns of this crate need none.
+    pub const fn with_removal(self, removal: fn(&mut EntityWorldMut)) -> Self {
+        Self { removal: Some(removal), ..self }
     }
 
     /// This law with its rows in other elements and by means.
@@ -232,7 +240,9 @@ pub enum LawError {
     )]
     Duplicate(&'static str),
     /// A body asks for a law that acts on something else.
-    #[error("law `{0}` does not act on tetrahedra: make its row with `LawRow::tetrahedra`")]
+    #[error(
+        "law `{0}` acts neither on tetrahedra nor on axes in them: make its row with `LawRow::tetrahedra`"
+    )]
     NotOfTetrahedra(&'static str),
     /// There is none of this name.
     #[error("there is no law `{0}` to replace; `LawTable::rows` lists their names")]

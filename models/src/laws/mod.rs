@@ -28,7 +28,7 @@ pub mod stvk_fem;
 pub mod svk;
 pub mod svk_volume;
 
-use crate::axes::{damper, points as axes_at_points, printed_system, systems as axes};
+use crate::axes::{damper, points as axes_at_points, systems as axes};
 use crate::frame::row::{LawRow, LawTable};
 
 /// All laws that come with Sinew, in the order in which they are summed up.
@@ -58,7 +58,6 @@ pub static LAWS: &[&LawRow] = &[
     &axes::TRIADS,
     &axes::FIBRES,
     &axes::VOLUMES,
-    &printed_system::IN_TETRAHEDRA,
     &damper::IN_TETRAHEDRA,
     &svk::HEXAHEDRA,
     &linear::HEXAHEDRA,
@@ -87,7 +86,6 @@ pub static LAWS: &[&LawRow] = &[
     &axes_at_points::FIBRES,
     &axes_at_points::VOLUMES,
     &damper::IN_HEXAHEDRA,
-    &printed_system::IN_HEXAHEDRA,
     &axes_at_points::TRIADS10,
     &axes_at_points::FIBRES10,
     &axes_at_points::VOLUMES10,

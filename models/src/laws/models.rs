@@ -28,7 +28,8 @@ macro_rules! models {
             /// Nothing but the axes of the body ([`crate::axes`]); of its material only the density counts.
             #[serde(rename = "axes")]
             Axes,
-            /// A law of tetrahedra from another crate, by its row.
+            /// A law of tetrahedra from another crate, by its row. With a row of axes in tetrahedra nothing but these,
+            /// as [`Axes`](Self::Axes): that crate spawns them when the body is there.
             #[serde(skip)]
             Own(&'static LawRow),
         }
@@ -43,7 +44,10 @@ macro_rules! models {
                 match self {
                     $(Self::$variant => ModelRow { law: $law, $($flag: true,)* ..plain($name) },)+
                     Self::Axes => plain("axes"),
-                    Self::Own(law) => ModelRow { law: Some(law), ..plain(law.info.name) },
+                    Self::Own(law) => ModelRow {
+                        law: (law.elements == Elements::Tetrahedra).then_some(law),
+                        ..plain(law.info.name)
+                    },
                 }
             }
         }
@@ -102,7 +106,8 @@ impl Model {
     /// What its law sees of the Lamé parameters of a material: nothing where axes are all that there is.
     pub(crate) fn lame(self, material: LameParameters) -> LameParameters {
         match self {
-            Self::Axes => LameParameters { lambda: 0.0, mu: 0.0 },
+            Self::Own(law) if law.elements == Elements::Tetrahedra => material,
+            Self::Axes | Self::Own(_) => LameParameters { lambda: 0.0, mu: 0.0 },
             _ => material,
         }
     }

@@ -203,15 +203,20 @@ impl BodyResection {
     /// Makes the rows of elements dead.
     fn clear<S: Scalar>(&self, world: &mut World, chosen: &Chosen) {
         let mut columns = columns::Clear::new::<S>();
+        let table = world.get_resource_or_init::<LawTable>();
+        let of_others: Vec<_> = table.rows().iter().filter_map(|row| row.removal).collect();
         let rows = &self.rows.elements;
         for kind in ElementKind::ALL {
             for &e in &chosen[kind] {
-                columns.entity(&mut world.entity_mut(rows[kind][e as usize]));
+                let element = &mut world.entity_mut(rows[kind][e as usize]);
+                columns.entity(element);
+                of_others.iter().for_each(|clear| clear(element));
             }
             for axes in chosen[kind].iter().flat_map(|&e| self.rows.axes(kind, e)) {
                 let axes = &mut world.entity_mut(axes);
                 columns.entity(axes);
                 axes::removal::clear(axes);
+                of_others.iter().for_each(|clear| clear(axes));
             }
         }
         // one vertex, and the block that its row owns: the deformed edges are those at rest

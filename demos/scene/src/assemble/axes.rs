@@ -75,9 +75,14 @@ pub(super) fn axes(
         angles.push(AxisAngle { families: [family(a)?, family(b)?], modulus: angle.modulus });
     }
     let volume_modulus = entry.volume_modulus.unwrap_or(0.0);
-    let volume_viscosity = entry.volume_viscosity.unwrap_or(0.0);
-    let form = entry.form;
-    let description = AxesDescription { families, angles, volume_modulus, volume_viscosity, form };
+    let form = entry.form.filter(|form| form != "energy_consistent").map(|form| ("form", form));
+    let viscosity = entry.volume_viscosity.filter(|&viscosity| viscosity != 0.0);
+    let viscosity = viscosity.map(|viscosity| ("volume_viscosity", format!("{viscosity} Pa s")));
+    if let Some((name, found)) = form.or(viscosity) {
+        let remedy = "leave it out; axes as printed are a law of the package `sinew-papers` (benches/papers)";
+        return Err(key.at("axes").at(name).value(found, remedy));
+    }
+    let description = AxesDescription { families, angles, volume_modulus };
     let checked = description.validate(mesh.tetrahedra.len(), mesh.hexahedra.len());
     checked.map_err(|source| error(wrong_key(key, body, &description, &source), source))?;
     Ok(Some(description))
@@ -103,14 +108,10 @@ fn wrong_key<'a>(
         }
         AxesError::Direction { family, .. } => of(family, "direction"),
         AxesError::Muscle { family, source } => of(family, &format!("muscle.{}", source.quantity)),
-        AxesError::NoChord { .. } | AxesError::PrintedMuscle { .. } => shared.at("form"),
         AxesError::Viscosity { family, .. } => of(family, "viscosity"),
         AxesError::Angle { families, .. } => {
             let at = axes.angles.iter().position(|a| a.families == *families).unwrap_or(0);
             shared.at("angles").entry(at).at("between")
-        }
-        AxesError::VolumeViscosity { .. } | AxesError::NoRadialSprings => {
-            shared.at("volume_viscosity")
         }
         AxesError::Modulus { of: ModulusOf::Volume, .. } => shared.at("volume_modulus"),
         AxesError::Modulus { of: ModulusOf::Family(family), .. } => of(family, "modulus"),

@@ -104,13 +104,8 @@ fn frame_interval(loaded: &LoadedScene, dt: f64) -> Result<u64, SceneError> {
 fn check_dampers(loaded: &LoadedScene, integrator: Integrator) -> Result<(), SceneError> {
     for (b, body) in loaded.scene.bodies.iter().enumerate() {
         let viscous = |v: Option<f64>| v.is_some_and(|v| v != 0.0);
-        let fibres = body.fibres.iter().position(|f| viscous(f.viscosity));
-        let radial = viscous(body.axes.as_ref().and_then(|axes| axes.volume_viscosity));
-        let key = match fibres {
-            Some(f) => format!("body[{b}].fibres[{f}].viscosity"),
-            None if radial => format!("body[{b}].axes.volume_viscosity"),
-            None => continue,
-        };
+        let Some(f) = body.fibres.iter().position(|f| viscous(f.viscosity)) else { continue };
+        let key = format!("body[{b}].fibres[{f}].viscosity");
         refuse_key_of(Mode::Dynamic, loaded, &key, integrator == Integrator::QuasiStatic)?;
     }
     Ok(())

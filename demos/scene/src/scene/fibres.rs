@@ -2,7 +2,6 @@
 
 use super::conditions::CurveEntry;
 use serde::{Deserialize, Serialize};
-use sinew::models::axes::description::AxisForm;
 
 /// A family of fibres: a direction in every solid element, given by exactly one of `direction`, `data`,
 /// `formula`, `azimuth_elevation`, `laplace`, `circular`, `hemicircular`, `helicoidal` and `random`. Directions and places
@@ -139,11 +138,12 @@ pub struct AxesEntry {
     pub angles: Vec<AngleEntry>,
     /// Modulus (Pa) of the term against changes of volume; default 0.
     pub volume_modulus: Option<f64>,
-    /// Viscosity (Pa s) of dampers beside the radial springs of hexahedra in the printed forms; default 0.
+    /// Of axes as printed, which are a package of their own: the error says so.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub volume_viscosity: Option<f64>,
-    /// `"energy_consistent"` (default), `"printed"` or `"printed_balanced"`.
-    #[serde(default)]
-    pub form: AxisForm,
+    /// Likewise; `"energy_consistent"` is what there is.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub form: Option<String>,
 }
 
 /// A spring on the angle between two families.

@@ -10,7 +10,7 @@ pub use touch::{ForceSummary, PairSummary, PullSummary, ToolSummary, TouchEnergy
 use crate::assemble::ResectionSummary;
 use serde::{Deserialize, Serialize};
 use sinew::engine::report::StepTotals;
-use sinew::models::axes::description::{AxesDescription, AxisForm};
+use sinew::models::axes::description::AxesDescription;
 use sinew::models::body::lumped::SpringRule;
 use sinew::models::body::sheet::MembraneModel;
 use sinew::models::body::{Evaluation, Model, VolumeRule};
@@ -248,8 +248,6 @@ pub struct AxesSummary {
     pub angles: usize,
     /// Modulus of the term of volume (Pa).
     pub volume_modulus: f64,
-    /// Formulas.
-    pub form: AxisForm,
     /// Volume of the body over that at rest: smallest, largest and last, over the rows of the probe file.
     pub volume_ratio: [f64; 3],
 }
@@ -287,7 +285,6 @@ impl AxesSummary {
             families: families.collect(),
             angles: axes.angles.len(),
             volume_modulus: axes.volume_modulus,
-            form: axes.form,
             volume_ratio,
         }
     }

@@ -26,7 +26,6 @@ use sinew::engine::law::TangentKind;
 use sinew::engine::matrix::{ProductSpans, Tangent};
 use sinew::engine::topology::Topology;
 use sinew::engine::workers::Workers;
-use sinew::models::axes::description::AxisForm;
 use sinew::models::body::Model;
 use sinew::models::material::{LameParameters, MAX_POISSON_RATIO, YoungPoisson};
 use sinew::solvers::cg::CgStatus;
@@ -61,14 +60,7 @@ impl Forward {
     /// Why the tangent is not the derivative of the forces, if it is not.
     pub fn without_tangent(&self) -> Option<&'static str> {
         let free_rim = self.scene.warnings.iter().any(|w| w.code == "scene.pressure.rim");
-        if free_rim {
-            return Some("a pressure with a free rim has no symmetric tangent");
-        }
-        let printed = |body: &BuiltBody| {
-            body.axes.as_ref().is_some_and(|axes| axes.form != AxisForm::EnergyConsistent)
-        };
-        let printed = self.scene.bodies.iter().any(printed);
-        printed.then_some("the printed forces of axes have no symmetric tangent")
+        free_rim.then_some("a pressure with a free rim has no symmetric tangent")
     }
 
     /// Derivatives of the observations (rows; m or N) by the parameters (columns; per Pa or per 1) at the

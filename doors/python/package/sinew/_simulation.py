@@ -111,8 +111,6 @@ def _axes(own: Axes) -> _Spec:
         ],
         angles=[([names.index(a), names.index(b)], float(g)) for (a, b), g in own.angles.items()],
         volume_modulus=float(own.volume_modulus),
-        volume_viscosity=float(own.volume_viscosity),
-        form=own.form,
     )
 
 

@@ -151,12 +151,6 @@ class Axes:
     volume_modulus: float = 0.0
     """Modulus (Pa) of the term of volume."""
 
-    volume_viscosity: float = 0.0
-    """Viscosity (Pa s) of radial springs of hexahedra in the printed forms."""
-
-    form: str = "energy_consistent"
-    """Formulas: ``"energy_consistent"``, ``"printed"`` or ``"printed_balanced"``."""
-
 
 @dataclass(frozen=True)
 class Sphere:

@@ -1,38 +1,50 @@
 //! The system of the printed springs: for comparison, one element at a time in `f64`.
 
-use bevy_ecs::prelude::*;
-use bytemuck::TransparentWrapper;
-use glam::DVec3;
-use sinew_engine::element::AxisVertices;
-use sinew_engine::isoparametric::AxisHexahedronVertices;
-use sinew_engine::law::{LawBuffer, LawInfo, TangentKind};
-use sinew_engine::scalar::Scalar;
-use sinew_engine::schedule::Evaluation;
-use sinew_engine::vertex::Displacement;
-
 use super::attachment::{self, Attachment};
-use super::element::AXIS_PAIRS;
-use super::printed::{
+use super::springs::{
     AngularForm, AngularSprings, AxialSprings, Curvature, RadialSprings, RadiusSum, VolumeForm,
     VolumeSprings,
 };
-use super::site::{AxisSite, Blocks, Nodes, add_blocks, local};
-use crate::frame::row::{Elements, LawRow, activate_elements, mark};
+use bevy_ecs::prelude::*;
+use bytemuck::TransparentWrapper;
+use glam::DVec3;
+use sinew::engine::element::AxisVertices;
+use sinew::engine::isoparametric::AxisHexahedronVertices;
+use sinew::engine::law::{LawBuffer, LawInfo, TangentKind};
+use sinew::engine::scalar::Scalar;
+use sinew::engine::schedule::Evaluation;
+use sinew::engine::vertex::Displacement;
+use sinew::models::axes::element::AXIS_PAIRS;
+use sinew::models::axes::site::{AxisSite, Blocks, Nodes, add_blocks, local};
+use sinew::models::frame::row::{Elements, LawRow, activate_elements, mark};
 
-/// The springs of Bourguignon & Cani 2000 in their printed form, in tetrahedra.
+/// The springs of Bourguignon & Cani 2000 in their printed form, in tetrahedra. A body with
+/// [`Model::Own`](sinew::models::laws::models::Model::Own) of it has no other law.
 pub static IN_TETRAHEDRA: LawRow = LawRow::of_systems(
     LawInfo::elastic("axes, printed form"),
     Elements::AxesInTetrahedra,
     [mark::<PrintedAxes<4>>; 2],
     [activate::<f64, 4, AxisVertices>, activate::<f32, 4, AxisVertices>],
-);
+)
+.with_family(&[&IN_HEXAHEDRA])
+.with_removal(clear::<4>);
 /// The same in hexahedra.
 pub static IN_HEXAHEDRA: LawRow = LawRow::of_systems(
     LawInfo::elastic("axes in hexahedra, printed form"),
     Elements::AxesInHexahedra,
     [mark::<PrintedAxes<8>>; 2],
     [activate::<f64, 8, AxisHexahedronVertices>, activate::<f32, 8, AxisHexahedronVertices>],
-);
+)
+.with_removal(clear::<8>);
+
+/// Springs of removed elements have no stiffness.
+fn clear<const N: usize>(entity: &mut EntityWorldMut) {
+    if let Some(mut axes) = entity.get_mut::<PrintedAxes<N>>() {
+        axes.axial.stiffness = [0.0; 3];
+        (axes.angular.printed, axes.angular.stiffness) = ([0.0; 3], [0.0; 3]);
+        axes.volume.clear();
+    }
+}
 
 /// Printed springs of up to three axes in an element of `N` vertices.
 #[derive(Component, Clone, Copy, Debug, PartialEq)]
@@ -141,19 +153,6 @@ impl<const N: usize> PrintedAxes<N> {
             volume: Printed::volume_springs(radii, volume, moduli.volume),
             form,
         }
-    }
-
-    /// What moduli along the axes (Pa) are multiplied by for stiffnesses (N/m), from shares of them in an
-    /// element of volume `volume` (m^3).
-    pub(crate) fn axial_weights(&self, share: [f64; 3], volume: f64) -> [f64; 3] {
-        [0, 1, 2].map(|i| axial_weight(share[i] * volume, self.axial.length[i]))
-    }
-
-    /// Without stiffness, for removed elements.
-    pub(crate) fn clear(&mut self) {
-        self.axial.stiffness = [0.0; 3];
-        (self.angular.printed, self.angular.stiffness) = ([0.0; 3], [0.0; 3]);
-        self.volume.clear();
     }
 
     fn positions(&self, u: &Nodes<N>) -> Nodes<N> {

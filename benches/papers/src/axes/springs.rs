@@ -27,11 +27,10 @@
 //! the printed forces as they are (their watch over the energy may see it grow); implicit ones find an
 //! equilibrium only as far as their line search, which goes by that energy, lets them.
 
-use sinew_engine::scalar::{dot, scale, sub};
-
-use super::element::AXIS_PAIRS;
-use super::site::{Blocks, Nodes, add_spread, spread_over};
-use crate::element::matrix::{add_identity, add_outer, transposed};
+use sinew::engine::scalar::{dot, scale, sub};
+use sinew::models::axes::element::AXIS_PAIRS;
+use sinew::models::axes::site::{Blocks, Nodes, add_spread, spread_over};
+use sinew::models::element::matrix::{add_identity, add_outer, transposed};
 
 /// Forces of the angular springs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

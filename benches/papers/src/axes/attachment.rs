@@ -37,7 +37,7 @@ fn mean(points: &[DVec3]) -> DVec3 {
 ///
 /// ```
 /// use glam::DVec3;
-/// use sinew_models::axes::attachment::tetrahedron;
+/// use sinew_papers::axes::attachment::tetrahedron;
 /// let corner = [DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
 /// let ends = tetrahedron(corner, DVec3::Z).unwrap();
 /// // down to the bottom face, and up to the slanted one at x = y = 1/4
@@ -75,7 +75,7 @@ pub fn tetrahedron(points: [DVec3; 4], axis: DVec3) -> Option<Attachment<4>> {
 ///
 /// ```
 /// use glam::DVec3;
-/// use sinew_models::axes::attachment::hexahedron;
+/// use sinew_papers::axes::attachment::hexahedron;
 /// let square = |z| [(0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0)].map(|(x, y)| DVec3::new(x, y, z));
 /// let [bottom, top] = [square(0.0), square(4.0)];
 /// let points: Vec<DVec3> = bottom.into_iter().chain(top).collect();

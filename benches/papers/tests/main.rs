@@ -1,0 +1,5 @@
+//! Tests of the papers.
+
+mod command;
+mod outside;
+mod springs;
