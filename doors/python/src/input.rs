@@ -157,7 +157,7 @@ pub struct AxesIn {
 }
 
 impl AxesIn {
-    pub fn description(self) -> Result<AxesDescription<'static>> {
+    pub fn description(self) -> AxesDescription<'static> {
         let muscle = |own: MuscleIn| MuscleSettings {
             peak_stress: own.peak_stress,
             optimal_stretch: own.optimal_stretch,
@@ -175,11 +175,11 @@ impl AxesIn {
             muscle: own.muscle.map(muscle),
         };
         let angle = |(families, modulus)| AxisAngle { families, modulus };
-        Ok(AxesDescription {
+        AxesDescription {
             families: self.families.into_iter().map(family).collect(),
             angles: self.angles.into_iter().map(angle).collect(),
             volume_modulus: self.volume_modulus,
-        })
+        }
     }
 }
 

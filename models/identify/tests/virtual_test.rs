@@ -6,7 +6,6 @@ use sinew_identify::baselines::baudet_tension_correction;
 use sinew_identify::cells::Cells;
 use sinew_identify::error_metrics::position_errors;
 use sinew_identify::mesh::{FittedSprings, fit_elements};
-use sinew_identify::virtual_test::comparison::{SpringModel, VirtualTest};
 use sinew_identify::virtual_test::facets::{facets_within, loose_nodes, nodes_at, traction_forces};
 use sinew_identify::virtual_test::gauge::tensile_moduli;
 use sinew_identify::virtual_test::{
@@ -315,32 +314,6 @@ fn baudets_correction() {
         assert!((with.youngs_modulus - 1e4).abs() < 1e-7, "{with:?}");
         assert!((with.poissons_ratio - nu).abs() < 1e-11, "{with:?}");
     }
-}
-
-/// One call for what paper B's tables hold.
-#[test]
-fn comparison() {
-    let cases = cases();
-    let case = cases.iter().find(|c| c.name == "cube_shear_tet").expect("case");
-    let test = VirtualTest {
-        points: &case.points,
-        cells: case.cells(),
-        materials: &[case.material],
-        section: Section::default(),
-        loading: &case.loading,
-    };
-    let reference = test.finite_elements().expect("reference");
-    let linear =
-        test.compare(&reference, ElementMethod::Frobenius, SpringModel::Linear).expect("linear");
-    let found = add(&case.points, &linear.displacements);
-    let expected = position_errors(&case.points, &add(&case.points, &case.u), &found);
-    let expected = expected.expect("errors");
-    assert!((linear.errors.rms_percent - expected.rms_percent).abs() < 1e-6);
-    let options = SpringOptions::default();
-    let full = SpringModel::RestLength(options);
-    let full = test.compare(&reference, ElementMethod::Nonnegative, full).expect("springs");
-    assert!(full.springs.negative_edges == 0 && full.errors.rms_percent > 0.0);
-    assert_ne!(full.displacements, linear.displacements);
 }
 
 /// Torsion: a turned end, and a linear one to first order.

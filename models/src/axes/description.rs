@@ -1,7 +1,6 @@
 //! What axes a body has, as the user states it, and how they are packed into tables.
 
 use glam::DVec3;
-use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 use std::fmt;
 

@@ -20,6 +20,7 @@ use crate::body::description::SoftBody;
 use crate::body::edit_log::{Edit, before_edit, log_edit};
 use crate::body::matter::Chosen;
 use crate::body::present::{BodyResection, Entities, MassPolicy, Resection};
+use crate::frame::row::LawTable;
 use crate::laws::pressure;
 
 /// What to remove.

@@ -32,7 +32,6 @@ use sinew::solvers::cg::CgStatus;
 use sinew::solvers::settings::LinearOptions;
 use sinew::solvers::state::{Rows, dot3, evaluate};
 use sinew::solvers::system::ShiftedTangent;
-use sinew_scene::assemble::BuiltBody;
 
 /// How derivatives are found.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]

@@ -6,8 +6,7 @@
 //! | [`linear_springs`] | springs with their stiffness at rest, `K(k) u = f`: paper B's spring model |
 //! | [`rest_length_springs`] | springs of energy `1/2 k (l - L)^2` at finite displacement, what a simulation runs |
 //!
-//! [`comparison`] runs a method against the reference and gives a row of paper B's tables. A
-//! [`Loading`] holds prescribed displacements and nodal forces and is the same for all three;
+//! A [`Loading`] holds prescribed displacements and nodal forces and is the same for all three;
 //! [`facets`] finds faces and turns tractions into nodal forces, [`gauge`] measures what a tensile test
 //! machine would. Plane bodies (triangles and quadrilaterals) lie in x and y; the third coordinate is
 //! ignored and must be the same everywhere.
@@ -15,7 +14,6 @@
 //! Systems are factorised directly: meshes of these tests are small, and springs with negative
 //! constants are indefinite.
 
-pub mod comparison;
 pub mod facets;
 pub mod gauge;
 mod sparse;
