@@ -14,6 +14,7 @@ use sinew::engine::columns::single_table;
 use sinew::engine::law::{ElasticEnergy, RecoveringBodies};
 use sinew::engine::precision::Precision;
 use sinew::engine::report::VolumeReport;
+use sinew::engine::row::LocalRow;
 use sinew::engine::scalar::Scalar;
 use sinew::engine::surface::SurfaceReader;
 use sinew::engine::topology::Topology;
@@ -404,7 +405,7 @@ fn surface(world: &mut World, index: usize) -> SinewSurface {
     };
     let found = (read.0)(world, index);
     let body = &world.resource::<Topology>().bodies[index];
-    let user = |triangle: &[u32; 3]| triangle.map(|v| body.vertex_order[v as usize]);
+    let user = |triangle: &[u32; 3]| triangle.map(|v| body.vertex_order[LocalRow(v)].0);
     let triangles = found.triangles.iter().chain(&found.sheets).map(user).collect();
     SinewSurface { triangles, revision: 1, changes: body.changes }
 }

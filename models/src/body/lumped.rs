@@ -5,6 +5,7 @@
 use serde::Serialize;
 use sinew_engine::connectivity::{ByKind, ElementKind};
 use sinew_engine::isoparametric::{HEXAHEDRON_PAIRS, QUAD_PAIRS};
+use sinew_engine::row::LocalRow;
 use sinew_identify::mesh::{Cells, fit_each};
 use sinew_identify::{ElementMethod, IdentifyError, LinearMaterial, Plane, Section};
 
@@ -222,7 +223,7 @@ impl Matter<'_> {
                 continue;
             }
             if let Some(given) = self.given {
-                let user = |row: &u32| self.ordered.vertex_order[*row as usize];
+                let user = |row: &u32| self.ordered.vertex_order[LocalRow(*row)].0;
                 let of = |e: usize| cells.element(e).2.iter().map(user).collect::<Vec<_>>();
                 springs.constants[kind] = (0..cells.len())
                     .flat_map(|e| given.constants(kind, &of(e)).collect::<Vec<_>>())

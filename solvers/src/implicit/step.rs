@@ -377,7 +377,7 @@ impl<S: Scalar> ImplicitScratch<S> {
         let mut increments = Vec::new();
         self.within.ways(part, &mut increments);
         for (moving, increment) in self.within.moving.iter().zip(&increments) {
-            let (row, k) = (moving.row as usize, moving.axis as usize);
+            let (row, k) = (moving.row.index(), moving.axis as usize);
             self.prescribed[row][k] = self.node.u[row][k] + S::from_f64(*increment);
         }
     }
