@@ -306,6 +306,18 @@ impl Simulation {
         Ok(BodyHandle(self.topology().bodies.len() - 1))
     }
 
+    /// Number of vertices of a body's mesh: the length of every list in the user's order. It is good for one
+    /// [`Simulation::layout_revision`].
+    pub fn vertex_count(&self, body: BodyHandle) -> usize {
+        self.topology().bodies[body.0].mesh_vertices()
+    }
+
+    /// Counts up whenever bodies, rows or elements are numbered anew. Whoever keeps buffers of the size of a body or
+    /// rows of it asks for them again when it is another than before.
+    pub fn layout_revision(&self) -> u64 {
+        self.topology().revision
+    }
+
     /// Vertex rows of vertices given in the user's order.
     ///
     /// # Errors

@@ -1,7 +1,9 @@
 //! Numbers of vertices, each a type of its own, so that one is never taken for another: [`MeshVertex`] in the mesh
 //! that the user gave, [`LocalRow`] in the engine's order of one body, [`VertexRow`] in the table of all bodies.
-//! [`BodyRows`](crate::topology::BodyRows) leads from one to another. Kernels and the columns of elements hold bare
-//! numbers, rows as a rule.
+//! [`BodyRows`](crate::topology::BodyRows) leads from one to another.
+//!
+//! Bare numbers are left in two places: a [`Mesh`](crate::mesh::Mesh) is plain data, so that numbers in its lists are
+//! vertices of it and turn into [`MeshVertex`] by themselves; kernels, columns of elements and edges hold rows.
 
 use bevy_ecs::prelude::Component;
 use serde::{Deserialize, Serialize};

@@ -95,7 +95,7 @@ impl BodyRows {
     }
 
     /// Vertices of the user's mesh with their rows, in the order of rows.
-    pub fn vertices_and_rows(&self) -> impl Iterator<Item = (MeshVertex, VertexRow)> {
+    pub fn vertices_and_rows(&self) -> impl Iterator<Item = (MeshVertex, VertexRow)> + Clone {
         self.vertex_order.iter().copied().zip(self.vertices.clone().map(VertexRow))
     }
 }

@@ -116,7 +116,7 @@ fn evaluate<S: Scalar>(world: &mut World, count: usize, kind: TangentKind) -> Su
     }
     let n = 3 * count;
     let mut add = |a: u32, b: u32, m: &[S; 9]| {
-        let (a, b) = (order[a as usize] as usize, order[b as usize] as usize);
+        let [a, b] = [a, b].map(|row| order[LocalRow(row)].index());
         for i in 0..3 {
             for j in 0..3 {
                 sums.tangent[(3 * a + i) * n + 3 * b + j] += m[3 * i + j].to_f64();

@@ -509,7 +509,7 @@ fn state(world: &mut World, index: usize) -> SinewBodyState {
     let kinetic_energy = by_precision!(precision, kinetic_energy(world, rows.clone()));
     let (clock, volumes) = (world.resource::<StepClock>(), world.resource::<VolumeReport>());
     let contact = world.get_resource::<ContactSet>().map_or(&[][..], ContactSet::forces);
-    let on_it = contact.iter().filter(|(row, _)| rows.contains(row));
+    let on_it = contact.iter().filter(|(row, _)| rows.contains(&row.0));
     let smallest_ratio = volumes.smallest_by_body.get(index).copied().unwrap_or(f64::INFINITY);
     SinewBodyState {
         step: clock.step,

@@ -367,7 +367,7 @@ impl<S: Scalar> ImplicitScratch<S> {
         self.within.load_differences(part, &mut differences);
         for (&row, difference) in self.within.loaded.iter().zip(&differences) {
             for k in 0..3 {
-                self.load[row as usize][k] += S::from_f64(difference[k]);
+                self.load[row.index()][k] += S::from_f64(difference[k]);
             }
         }
     }
