@@ -8,6 +8,7 @@ use sinew_contact::pull::{Pick, Pull, PullReport};
 use sinew_contact::set::ContactSet;
 use sinew_contact::tool::{Tool, ToolError, ToolPose, ToolReport};
 use sinew_engine::load::Pose;
+use sinew_engine::row::LocalRow;
 
 /// # Tools, contact and pulls
 impl Simulation {
@@ -149,7 +150,7 @@ impl Simulation {
             let read = world.get_resource::<sinew_engine::surface::SurfaceReader>().copied()?;
             let surface = (read.0)(world, body);
             for triangle in surface.triangles.iter().chain(&surface.sheets) {
-                let corners = triangle.map(|v| positions[rows.vertex_order[v as usize] as usize]);
+                let corners = triangle.map(|v| positions[rows.vertex_order[LocalRow(v)].index()]);
                 let Some((distance, weights)) =
                     sinew_contact::pull::hit(origin, direction, corners)
                 else {
@@ -158,7 +159,7 @@ impl Simulation {
                 if found.is_none_or(|found| distance < found.distance) {
                     found = Some(Pick {
                         body,
-                        rows: triangle.map(|v| v + rows.vertices.start),
+                        rows: triangle.map(|v| rows.in_table(LocalRow(v))),
                         weights,
                         position: origin + distance * direction,
                         distance,
@@ -172,12 +173,11 @@ impl Simulation {
     /// Pressures (Pa) that contact exerts on the vertices of a body at the end of the last step, in the user's order.
     pub fn contact_pressures(&self, body: BodyHandle) -> Vec<f64> {
         let rows = &self.topology().bodies[body.0];
-        let mut result = vec![0.0; rows.row_of_vertex.len()];
+        let mut result = vec![0.0; rows.mesh_vertices()];
         if let Some(contact) = self.world().get_resource::<ContactSet>() {
             for &(row, pressure) in contact.pressures() {
-                if rows.vertices.contains(&row) {
-                    let local = (row - rows.vertices.start) as usize;
-                    result[rows.vertex_order[local] as usize] = pressure;
+                if let Some(local) = rows.local(row) {
+                    result[rows.vertex_order[local].index()] = pressure;
                 }
             }
         }
@@ -187,12 +187,11 @@ impl Simulation {
     /// Forces (N) of contact and pulls on the vertices of a body at the end of the last step, in the user's order.
     pub fn contact_forces(&self, body: BodyHandle) -> Vec<DVec3> {
         let rows = &self.topology().bodies[body.0];
-        let mut result = vec![DVec3::ZERO; rows.row_of_vertex.len()];
+        let mut result = vec![DVec3::ZERO; rows.mesh_vertices()];
         if let Some(contact) = self.world().get_resource::<ContactSet>() {
             for &(row, force) in contact.forces() {
-                if rows.vertices.contains(&row) {
-                    let local = (row - rows.vertices.start) as usize;
-                    result[rows.vertex_order[local] as usize] = force;
+                if let Some(local) = rows.local(row) {
+                    result[rows.vertex_order[local].index()] = force;
                 }
             }
         }

@@ -98,6 +98,7 @@ pub mod prelude {
     pub use sinew_engine::load::{Constraint, Curve, Load, Motion, Pose};
     pub use sinew_engine::mesh::{CheckOptions, Mesh, check};
     pub use sinew_engine::precision::Precision;
+    pub use sinew_engine::row::{MeshVertex, VertexRow};
     pub use sinew_engine::step::StepClock;
     pub use sinew_models::body::{BodyDescription, Model, spawn_body};
     pub use sinew_models::material::{YoungPoisson, preset};

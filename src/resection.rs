@@ -3,6 +3,7 @@
 use crate::simulation::{BodyHandle, Simulation};
 use sinew_engine::by_precision;
 use sinew_engine::connectivity::ElementKind;
+use sinew_engine::row::LocalRow;
 use sinew_models::body::BodyError;
 use sinew_models::body::present::Resection;
 use sinew_models::resection::{
@@ -95,7 +96,7 @@ impl Simulation {
         let connectivity = resection.and_then(|r| r.connectivity(body.0));
         let surface = connectivity.into_iter().flat_map(|c| c.surface());
         let user = |(triangle, kind, e): ([u32; 3], ElementKind, u32)| {
-            let vertices = triangle.map(|v| rows.vertex_order[v as usize]);
+            let vertices = triangle.map(|v| rows.vertex_order[LocalRow(v)].0);
             (vertices, kind, rows.order(kind)[e as usize])
         };
         Ok(surface.map(user).collect())

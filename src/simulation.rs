@@ -19,6 +19,7 @@ use sinew_engine::load::{Constraint, Load, Pose, Pressure, TargetError};
 use sinew_engine::mesh::Mesh;
 pub use sinew_engine::precision::Precision;
 use sinew_engine::report::{AreaReport, StepReport, VolumeReport};
+use sinew_engine::row::{MeshVertex, VertexRow};
 use sinew_engine::scalar::Scalar;
 use sinew_engine::schedule::{Executor, ForceSchedule};
 #[cfg(feature = "gpu")]
@@ -143,8 +144,8 @@ pub enum SimulationError {
         name: String,
         /// Body.
         body: String,
-        /// Index in the user's mesh.
-        vertex: u32,
+        /// Vertex of the user's mesh.
+        vertex: MeshVertex,
     },
     /// A pressure names a triangle whose edges are not all in elements of its body.
     #[error(
@@ -305,6 +306,18 @@ impl Simulation {
         Ok(BodyHandle(self.topology().bodies.len() - 1))
     }
 
+    /// Number of vertices of a body's mesh: the length of every list in the user's order. It is good for one
+    /// [`Simulation::layout_revision`].
+    pub fn vertex_count(&self, body: BodyHandle) -> usize {
+        self.topology().bodies[body.0].mesh_vertices()
+    }
+
+    /// Counts up whenever bodies, rows or elements are numbered anew. Whoever keeps buffers of the size of a body or
+    /// rows of it asks for them again when it is another than before.
+    pub fn layout_revision(&self) -> u64 {
+        self.topology().revision
+    }
+
     /// Vertex rows of vertices given in the user's order.
     ///
     /// # Errors
@@ -313,19 +326,15 @@ impl Simulation {
         &self,
         body: BodyHandle,
         name: &str,
-        vertices: &[u32],
-    ) -> Result<Vec<u32>, SimulationError> {
+        vertices: &[impl Into<MeshVertex> + Copy],
+    ) -> Result<Vec<VertexRow>, SimulationError> {
         let rows = &self.topology().bodies[body.0];
-        vertices
-            .iter()
-            .map(|&vertex| {
-                rows.row(vertex).ok_or_else(|| SimulationError::Vertex {
-                    name: name.into(),
-                    body: rows.name.clone(),
-                    vertex,
-                })
-            })
-            .collect()
+        let row = |&vertex: &_| {
+            let vertex = Into::into(vertex);
+            let (name, body) = (name.into(), rows.name.clone());
+            rows.row(vertex).ok_or(SimulationError::Vertex { name, body, vertex })
+        };
+        vertices.iter().map(row).collect()
     }
 
     /// Vertex rows of a named group of the mesh that the body was made from.
@@ -337,7 +346,7 @@ impl Simulation {
         body: BodyHandle,
         mesh: &Mesh,
         group: &str,
-    ) -> Result<Vec<u32>, SimulationError> {
+    ) -> Result<Vec<VertexRow>, SimulationError> {
         match mesh.group(group) {
             Some(found) => self.rows(body, group, &found.vertices),
             None => Err(SimulationError::Group {
@@ -408,14 +417,15 @@ impl Simulation {
         body: BodyHandle,
         name: &str,
         triangles: &[[u32; 3]],
-    ) -> Result<Vec<[u32; 3]>, SimulationError> {
+    ) -> Result<Vec<[VertexRow; 3]>, SimulationError> {
         let mut faces = Vec::with_capacity(triangles.len());
         for (triangle, &vertices) in triangles.iter().enumerate() {
             let rows = self.rows(body, name, &vertices)?;
             let [a, b, c] = [rows[0], rows[1], rows[2]];
             let topology = self.topology();
-            let is_edge =
-                |a, b| topology.block(a, b).is_some_and(|edge| topology.uses_edge(edge as usize));
+            let is_edge = |a: VertexRow, b: VertexRow| {
+                topology.block(a.0, b.0).is_some_and(|edge| topology.uses_edge(edge as usize))
+            };
             if ![(a, b), (b, c), (c, a)].iter().all(|&(a, b)| is_edge(a, b)) {
                 let body = topology.bodies[body.0].name.clone();
                 return Err(SimulationError::Face { name: name.into(), body, triangle, vertices });
@@ -566,7 +576,7 @@ impl Simulation {
         velocities: &[DVec3],
     ) -> Result<(), SimulationError> {
         let rows = self.topology().bodies[body.0].clone();
-        let expected = rows.row_of_vertex.len();
+        let expected = rows.mesh_vertices();
         for (what, values) in [("displacements", displacements), ("velocities", velocities)] {
             if values.len() != expected {
                 let body = rows.name;
@@ -814,8 +824,7 @@ fn read_rows<S: Scalar>(
     body: usize,
     pick: fn(&Vertex<S>) -> DVec3,
 ) -> Vec<DVec3> {
-    let mut result =
-        vec![DVec3::ZERO; world.resource::<Topology>().bodies[body].row_of_vertex.len()];
+    let mut result = vec![DVec3::ZERO; world.resource::<Topology>().bodies[body].mesh_vertices()];
     each_row(world, body, |vertex, x: &Vertex<S>| result[vertex] = pick(x));
     result
 }
@@ -836,8 +845,8 @@ fn each_row<S: Scalar>(world: &mut World, body: usize, mut with: impl FnMut(usiz
         let (first, n) = (rows.vertices.start as usize, rows.vertex_order.len());
         let (u, v, f) = (&u[first..][..n], &v[first..][..n], &f[first..][..n]);
         let (e, m, x) = (&e[first..][..n], &m[first..][..n], &x[first..][..n]);
-        for (i, &vertex) in rows.vertex_order[..n].iter().enumerate() {
-            with(vertex as usize, &(u[i], v[i], f[i], e[i], m[i], x[i]));
+        for (i, vertex) in rows.vertex_order.iter().enumerate() {
+            with(vertex.index(), &(u[i], v[i], f[i], e[i], m[i], x[i]));
         }
     }
 }
@@ -853,10 +862,9 @@ fn write_state<S: Scalar>(
     if let Some((mut u, mut v)) = single_table(query.contiguous_iter_mut(world)) {
         // every look through such a column marks all of its rows as changed
         let (u, v) = (&mut *u, &mut *v);
-        for (local, &vertex) in rows.vertex_order.iter().enumerate() {
-            let row = rows.vertices.start as usize + local;
-            u[row].set(displacements[vertex as usize]);
-            v[row].set(velocities[vertex as usize]);
+        for (vertex, row) in rows.vertices_and_rows() {
+            u[row.index()].set(displacements[vertex.index()]);
+            v[row.index()].set(velocities[vertex.index()]);
         }
     }
     // what the solver does with a state must not depend on the state before
@@ -965,10 +973,10 @@ fn reaction<S: Scalar>(
         return none;
     };
     let [mut sum, mut torque] = none;
-    for row in rows.into_iter().filter(|&row| (row as usize) < elastic.len()) {
+    for row in rows.into_iter().filter(|row| row.index() < elastic.len()) {
         let touch = touched.binary_search_by_key(&row, |(row, _)| *row);
         let touch = touch.map_or(DVec3::ZERO, |i| touched[i].1);
-        let row = row as usize;
+        let row = row.index();
         let f = elastic[row].get() + external[row].get() + touch;
         let mut own = DVec3::ZERO;
         for k in 0..3 {

@@ -283,7 +283,7 @@ fn states_set_from_outside() {
             let quantity = if velocity { "velocity" } else { "displacement" };
             let words = [quantity, "vertex 11 ", "`body`", "set so from outside"];
             assert_says(&error.to_string(), &words);
-            assert!(matches!(error, StepError::NotFinite { vertex: 11, .. }));
+            assert!(matches!(error, StepError::NotFinite { vertex: MeshVertex(11), .. }));
             simulation.set_state(body, &u, &v).unwrap();
             simulation.step().unwrap();
         }
@@ -357,10 +357,10 @@ fn constraints_and_loads() {
 #[test]
 fn constraints_and_loads_that_cannot_be_applied() {
     let spoil_constraint = |s: &mut Simulation| {
-        s.add_constraint(Constraint::hold("made up", vec![0, 100_000]));
+        s.add_constraint(Constraint::hold("made up", vec![VertexRow(0), VertexRow(100_000)]));
     };
     let spoil_load = |s: &mut Simulation| {
-        let forces = vec![(100_000, DVec3::X)];
+        let forces = vec![(VertexRow(100_000), DVec3::X)];
         s.add_load(Load { name: "made up".into(), forces, curve: Curve::Constant });
     };
     let mend = |s: &mut Simulation| {
@@ -393,7 +393,12 @@ fn constraints_and_loads_that_cannot_be_applied() {
     for (motion, problem) in motions {
         let spoil = |s: &mut Simulation| {
             let curve = Curve::Constant;
-            s.add_constraint(Constraint::moving("made up", vec![0], motion.clone(), curve));
+            s.add_constraint(Constraint::moving(
+                "made up",
+                vec![VertexRow(0)],
+                motion.clone(),
+                curve,
+            ));
         };
         refuses_step(spoil, mend, &["`made up`", problem]);
     }
@@ -405,7 +410,7 @@ fn constraints_and_loads_that_cannot_be_applied() {
     ];
     for (curve, problem) in curves {
         let spoil = |s: &mut Simulation| {
-            let (name, forces) = ("made up".into(), vec![(0, DVec3::X)]);
+            let (name, forces) = ("made up".into(), vec![(VertexRow(0), DVec3::X)]);
             s.add_load(Load { name, forces, curve: curve.clone() });
         };
         refuses_step(spoil, mend, &["`made up`", problem]);

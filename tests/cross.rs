@@ -301,7 +301,7 @@ fn loose_vertices_keep_their_mass_in_a_new_material() {
     let report = remove(&mut s, body, corner, MassPolicy::Keep);
     assert_eq!((report.orphans.len(), s.masses(body)), (1, whole.clone()));
     s.set_material(body, YoungPoisson { density: 2000.0, ..soft(1e4, 0.4) }).unwrap();
-    let loose = report.orphans[0] as usize;
+    let loose = report.orphans[0].index();
     let after = s.masses(body);
     assert_eq!(after[loose], whole[loose]);
     // everything else is what is left, of twice the density
@@ -341,7 +341,7 @@ fn loose_vertices_fly_by_the_rule_of_the_integrator() {
         let corner = touching(&mesh, |p| p.distance(DVec3::new(0.1, 0.04, 0.04)) < 1e-9);
         let report = remove(&mut s, body, corner, MassPolicy::Keep);
         assert_eq!(report.orphans.len(), 1);
-        let v = report.orphans[0] as usize;
+        let v = report.orphans[0].index();
         let (u0, v0) = (s.displacements(body)[v], s.velocities(body)[v]);
         for step in 1..=30 {
             s.step().unwrap();

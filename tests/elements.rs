@@ -2,8 +2,8 @@
 //! materials, springs, recovery.
 
 use crate::common::{
-    Shortcuts, assert_fresh, blow, disturb, guide, hold_end, options, pick, random_field, region,
-    sheet,
+    Shortcuts, assert_fresh, blow, disturb, guide, hold_end, options, pick, random_field, refused,
+    region, sheet,
 };
 use glam::DVec3;
 use sinew::engine::connectivity::ElementKind;

@@ -265,7 +265,11 @@ fn a_target_holds_until_the_next_and_survives_a_failed_step() {
     s.step().unwrap();
     assert_eq!(x(s), 0.002);
     // a step that fails moves nothing, and made again it moves as if it had not been tried
-    let load = Load { name: "bad".into(), forces: vec![(0, DVec3::NAN)], curve: Curve::Constant };
+    let load = Load {
+        name: "bad".into(),
+        forces: vec![(VertexRow(0), DVec3::NAN)],
+        curve: Curve::Constant,
+    };
     s.set_target(tool, DVec3::X * 0.004).unwrap();
     let bad = s.add_load(load);
     let before = s.state_hash();

@@ -13,12 +13,12 @@ const CELL: f64 = 0.02;
 /// Root mean square over edges of relative length change.
 fn edge_error(simulation: &mut Simulation, body: BodyHandle, mesh: &Mesh) -> f64 {
     let u = simulation.displacements(body);
-    let order = simulation.topology().bodies[body.0].vertex_order.clone();
+    let rows = simulation.topology().bodies[body.0].clone();
     let edges = simulation.topology().edges.clone();
     let sum: f64 = edges
         .iter()
-        .map(|&[a, b]| {
-            let [a, b] = [order[a as usize] as usize, order[b as usize] as usize];
+        .map(|edge| {
+            let [a, b] = edge.map(|row| rows.vertex(VertexRow(row)).index());
             let rest = mesh.points[a] - mesh.points[b];
             ((rest + u[a] - u[b]).length() / rest.length() - 1.0).powi(2)
         })

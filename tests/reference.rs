@@ -116,7 +116,7 @@ fn pooled_constants_energies_forces_and_tangents() {
         let order = simulation.topology().bodies[body.0].clone();
         let user = |rows: &[u32]| {
             let mut v: Vec<u64> =
-                rows.iter().map(|&r| u64::from(order.vertex_order[r as usize])).collect();
+                rows.iter().map(|&r| u64::from(order.vertex(VertexRow(r)).0)).collect();
             v.sort_unstable();
             v
         };
@@ -152,7 +152,7 @@ fn pooled_constants_energies_forces_and_tangents() {
                 .position(|f| (0..3).all(|j| f[j] == key[j]))
                 .unwrap();
             for m in 0..3 {
-                let vertex = u64::from(order.vertex_order[vertices.0[m] as usize]);
+                let vertex = u64::from(order.vertex(VertexRow(vertices.0[m])).0);
                 let j = key.iter().position(|v| *v == vertex).unwrap();
                 let expected = number(&case["face_c"][i][j]);
                 assert!((stiffness[m] - expected).abs() < 1e-12 * largest, "{name}: c {key:?}");
@@ -165,7 +165,7 @@ fn pooled_constants_energies_forces_and_tangents() {
         for (index, vertices, (d0, d1, d2)) in tetrahedra.iter(world) {
             let stiffness = [d0.0, d1.0, d2.0];
             let i = index.0 as usize;
-            let own = vertices.0.map(|v| u64::from(order.vertex_order[v as usize]));
+            let own = vertices.0.map(|v| u64::from(order.vertex(VertexRow(v)).0));
             let reference = [0, 1, 2, 3].map(|j| case["tets"][i][j].as_u64().unwrap());
             for m in 0..3 {
                 let pair = [own[0], own[m + 1]];
@@ -223,18 +223,15 @@ fn linearised_implicit_steps() {
                 let positions: Vec<DVec3> = positions.iter().map(|x| x.0).collect();
                 let mut fixed = vec![FixedAxes::NONE; masses.len()];
                 for &p in &pinned {
-                    fixed[rows.row(p).unwrap() as usize] = FixedAxes::ALL;
+                    fixed[rows.row(p).unwrap().index()] = FixedAxes::ALL;
                 }
                 let b: Vec<[f64; 4]> = rows
                     .vertex_order
                     .iter()
                     .enumerate()
-                    .map(|(row, &v)| {
-                        let r = if fixed[row] == FixedAxes::ALL {
-                            DVec3::ZERO
-                        } else {
-                            rhs[v as usize]
-                        };
+                    .map(|(row, v)| {
+                        let r =
+                            if fixed[row] == FixedAxes::ALL { DVec3::ZERO } else { rhs[v.index()] };
                         [r.x, r.y, r.z, 0.0]
                     })
                     .collect();
@@ -266,9 +263,9 @@ fn linearised_implicit_steps() {
                 assert_eq!(outcome.status, CgStatus::Converged, "{name} {key} {outcome:?}");
                 let expected = vectors(&case[key]["dv"]);
                 let scale = max_length(&expected);
-                for (row, &v) in rows.vertex_order.iter().enumerate() {
+                for (row, v) in rows.vertex_order.iter().enumerate() {
                     let found = DVec3::new(dv[row][0], dv[row][1], dv[row][2]);
-                    let error = found.distance(expected[v as usize]) / scale;
+                    let error = found.distance(expected[v.index()]) / scale;
                     assert!(error < 1e-9, "{name} {key} {evaluation:?}: dv {error:e}");
                 }
             }

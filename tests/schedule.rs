@@ -15,7 +15,7 @@ use sinew::engine::schedule::{
     ActiveLaws, Executor, ForceSchedule, ForceSystems, StepSchedule, StepSystems,
 };
 use sinew::engine::step::{StepError, install_engine, run_step};
-use sinew::engine::vertex::{Displacement, ElasticForce, RestPosition, VertexIndex};
+use sinew::engine::vertex::{Displacement, ElasticForce, RestPosition};
 use sinew::models::body::Evaluation;
 use sinew::models::laws::pooled::TriangleVertices;
 use sinew::prelude::*;
@@ -215,7 +215,7 @@ fn slices<C: Component, F: ArchetypeFilter + 'static>(simulation: &mut Simulatio
 fn one_table_per_kind_of_element() {
     let mut simulation = scene(&[FUSED, POOLED, FUSED, POOLED_STVK], Executor::SingleThreaded);
     // what users spawn between bodies does not matter
-    simulation.world_mut().spawn_batch((0..100).map(VertexIndex));
+    simulation.world_mut().spawn_batch((0..100).map(MeshVertex));
     simulation.add_constraint(Constraint::hold("nothing", Vec::new()));
     let s = &mut simulation;
     let tetrahedra = small().tetrahedra.len();
@@ -231,9 +231,9 @@ fn one_table_per_kind_of_element() {
     let world = s.world_mut();
     let mut query = world.query::<&RestPosition>();
     let rest = query.contiguous_iter(world).unwrap().next().unwrap();
-    for (local, &vertex) in rows.vertex_order.iter().enumerate() {
-        let expected = points[vertex as usize] + DVec3::Y * 2.0;
-        assert_eq!(rest[rows.vertices.start as usize + local].0, expected);
+    for (vertex, row) in rows.vertices_and_rows() {
+        let expected = points[vertex.index()] + DVec3::Y * 2.0;
+        assert_eq!(rest[row.index()].0, expected);
     }
     simulation.step().unwrap();
 }

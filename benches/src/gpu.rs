@@ -162,8 +162,8 @@ fn measure(size: usize, steps: usize) -> Result<Size, Box<dyn Error>> {
             bandwidth = timing.bytes as f64 / ns;
             let topology = &simulation.topology().bodies[body.0];
             let mut by_vertex = at_rest.clone();
-            for (f, &vertex) in found.forces.iter().zip(&topology.vertex_order) {
-                by_vertex[vertex as usize] = DVec3::new(f[0].into(), f[1].into(), f[2].into());
+            for (f, vertex) in found.forces.iter().zip(&topology.vertex_order) {
+                by_vertex[vertex.index()] = DVec3::new(f[0].into(), f[1].into(), f[2].into());
             }
             forces = by_vertex;
         }

@@ -10,6 +10,7 @@ use crate::element_kind::ElementKind;
 use crate::isoparametric::{
     HEXAHEDRON_FACES, HEXAHEDRON_PAIRS, QUAD_PAIRS, TETRAHEDRON10_FACES, TETRAHEDRON10_PAIRS,
 };
+use crate::row::{IndexVec, LocalRow, MeshVertex};
 use std::ops::Deref;
 
 /// Row that stands for "not part of the body".
@@ -48,10 +49,10 @@ impl ElementLists<'_> {
 /// Vertices and elements of a body in engine order.
 #[derive(Clone, Debug, Default)]
 pub struct BodyElements {
-    /// Vertex row -> index in the user's mesh.
-    pub vertex_order: Vec<u32>,
-    /// Index in the user's mesh -> vertex row, [`UNUSED`] for vertices without an element.
-    pub row_of_vertex: Vec<u32>,
+    /// Vertex of the user's mesh in every row.
+    pub vertex_order: IndexVec<LocalRow, MeshVertex>,
+    /// Row of every vertex of the user's mesh that some element uses.
+    pub row_of_vertex: IndexVec<MeshVertex, Option<LocalRow>>,
     /// Vertex rows of the tetrahedra. Local vertices are renumbered, orientation kept, so that the
     /// lowest row comes first and the next lowest second.
     pub tetrahedra: Vec<[u32; 4]>,
@@ -79,9 +80,9 @@ impl BodyElements {
     /// Orders a mesh of `vertex_count` vertices with valid, distinct indices.
     pub fn new(vertex_count: usize, elements: &ElementLists) -> Self {
         let vertex_order = reverse_cuthill_mckee(vertex_count, elements);
-        let mut row_of_vertex = vec![UNUSED; vertex_count];
-        for (row, &v) in vertex_order.iter().enumerate() {
-            row_of_vertex[v as usize] = row as u32;
+        let mut row_of_vertex = IndexVec::from(vec![None; vertex_count]);
+        for (row, &vertex) in (0..).map(LocalRow).zip(&vertex_order) {
+            row_of_vertex[vertex] = Some(row);
         }
         let (mut tetrahedron_order, tetrahedra) = ordered(elements.tetrahedra, &row_of_vertex);
         let (order, tetrahedra10) = ordered(elements.tetrahedra10, &row_of_vertex);
@@ -191,9 +192,10 @@ impl BodyLayout {
 /// Elements sorted by their vertex rows: the order, and the rows in the order of local vertices.
 fn ordered<const N: usize>(
     elements: &[[u32; N]],
-    row_of_vertex: &[u32],
+    row_of_vertex: &IndexVec<MeshVertex, Option<LocalRow>>,
 ) -> (Vec<u32>, Vec<[u32; N]>) {
-    let rows = |e: u32| elements[e as usize].map(|v| row_of_vertex[v as usize]);
+    let row = |v| row_of_vertex[MeshVertex(v)].map_or(UNUSED, |row| row.0);
+    let rows = |e: u32| elements[e as usize].map(row);
     let mut order: Vec<u32> = (0..elements.len() as u32).collect();
     order.sort_by_cached_key(|&e| {
         let mut key = rows(e);
@@ -391,7 +393,7 @@ pub fn starts(n: usize, keys: impl Iterator<Item = u32>) -> Vec<u32> {
 
 /// Reverse Cuthill-McKee order of the vertices that some element uses. Each component starts
 /// from a vertex far from everything (two breadth-first sweeps), which keeps the bandwidth low.
-fn reverse_cuthill_mckee(n: usize, elements: &ElementLists) -> Vec<u32> {
+fn reverse_cuthill_mckee(n: usize, elements: &ElementLists) -> IndexVec<LocalRow, MeshVertex> {
     // adjacency in compressed rows, duplicates removed
     let mut pairs: Vec<[u32; 2]> = elements.pairs().flat_map(|[a, b]| [[a, b], [b, a]]).collect();
     pairs.sort_unstable();
@@ -447,8 +449,7 @@ fn reverse_cuthill_mckee(n: usize, elements: &ElementLists) -> Vec<u32> {
             head += 1;
         }
     }
-    order.reverse();
-    order
+    order.into_iter().rev().map(MeshVertex).collect()
 }
 
 #[cfg(test)]
@@ -459,7 +460,7 @@ mod tests {
     fn two_tetrahedra_share_a_face() {
         let layout = BodyLayout::new(6, &[[0, 1, 2, 3], [1, 2, 3, 5]]);
         assert_eq!(layout.vertex_order.len(), 5);
-        assert_eq!(layout.row_of_vertex[4], UNUSED);
+        assert_eq!(layout.row_of_vertex[MeshVertex(4)], None);
         assert_eq!(layout.cells.edges.len(), 9);
         assert_eq!(layout.cells.triangles.len(), 7);
         for (t, edges) in layout.tetrahedra.iter().zip(&layout.cells.tetrahedron_edges) {
@@ -534,7 +535,7 @@ mod tests {
             tets.push([v(1), v(2), v(4), v(5)]);
         }
         let layout = BodyLayout::new(200, &tets);
-        let mut seen = layout.vertex_order.clone();
+        let mut seen: Vec<_> = layout.vertex_order.iter().collect();
         seen.sort_unstable();
         seen.dedup();
         assert_eq!(seen.len(), layout.vertex_order.len());

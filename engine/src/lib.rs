@@ -20,6 +20,7 @@ pub mod mesh;
 pub mod order;
 pub mod precision;
 pub mod report;
+pub mod row;
 pub mod scalar;
 pub mod schedule;
 pub mod sets;

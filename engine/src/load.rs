@@ -4,6 +4,7 @@
 
 use crate::columns::single_table;
 use crate::order::Order;
+use crate::row::VertexRow;
 use crate::scalar::Scalar;
 use crate::time::{Gravity, StepClock, StepPart};
 use crate::vertex::{
@@ -277,7 +278,7 @@ pub struct Constraint {
     /// Name for reports and probes.
     pub name: String,
     /// Vertex rows.
-    pub rows: Vec<u32>,
+    pub rows: Vec<VertexRow>,
     /// Held axes.
     pub axes: FixedAxes,
     /// Prescribed motion.
@@ -294,12 +295,17 @@ pub struct Constraint {
 
 impl Constraint {
     /// Holds `rows` where they are, for good.
-    pub fn hold(name: impl Into<String>, rows: Vec<u32>) -> Self {
+    pub fn hold(name: impl Into<String>, rows: Vec<VertexRow>) -> Self {
         Self::moving(name, rows, Motion::Hold, Curve::Constant)
     }
 
     /// Moves `rows`, for good.
-    pub fn moving(name: impl Into<String>, rows: Vec<u32>, motion: Motion, curve: Curve) -> Self {
+    pub fn moving(
+        name: impl Into<String>,
+        rows: Vec<VertexRow>,
+        motion: Motion,
+        curve: Curve,
+    ) -> Self {
         Self {
             name: name.into(),
             rows,
@@ -322,9 +328,10 @@ impl Constraint {
     /// ```
     /// use bevy_ecs::prelude::*;
     /// use sinew_engine::load::{Constraint, Pose};
+    /// use sinew_engine::row::VertexRow;
     /// use glam::{DQuat, DVec3};
     ///
-    /// let mut tool = Constraint::hold("tool", vec![0, 1, 2]);
+    /// let mut tool = Constraint::hold("tool", (0..3).map(VertexRow).collect());
     /// tool.set_target(DVec3::new(0.0, 0.0, 0.01))?;
     /// let jaw = DVec3::new(0.1, 0.0, 0.05);
     /// tool.set_target(Pose { rotation: DQuat::from_rotation_x(0.2), centre: jaw, ..Pose::IDENTITY })?;
@@ -419,7 +426,7 @@ pub(crate) enum MotionAt {
 impl Constraint {
     /// What is wrong with it in a world of `rows` vertices, if anything.
     pub(crate) fn problem(&self, rows: usize) -> Option<&'static str> {
-        if self.rows.iter().any(|&r| r as usize >= rows) {
+        if self.rows.iter().any(|r| r.index() >= rows) {
             return Some("it names a vertex row that does not exist");
         }
         if self.axes.0 > 7 {
@@ -454,7 +461,7 @@ impl Constraint {
 impl Load {
     /// What is wrong with it in a world of `rows` vertices, if anything.
     pub(crate) fn problem(&self, rows: usize) -> Option<&'static str> {
-        if self.forces.iter().any(|&(r, _)| r as usize >= rows) {
+        if self.forces.iter().any(|(r, _)| r.index() >= rows) {
             return Some("it names a vertex row that does not exist");
         }
         if self.forces.iter().any(|(_, f)| !f.is_finite()) {
@@ -471,7 +478,7 @@ pub struct Load {
     /// Name for reports.
     pub name: String,
     /// Vertex rows and their forces (N).
-    pub forces: Vec<(u32, DVec3)>,
+    pub forces: Vec<(VertexRow, DVec3)>,
     /// Factor on the forces.
     pub curve: Curve,
 }
@@ -485,7 +492,7 @@ pub struct Pressure {
     pub name: String,
     /// Vertex rows of the triangles; the pressure pushes along `(x_1 - x_0) x (x_2 - x_0)`. Triangles with
     /// an edge that is in no element carry nothing.
-    pub faces: Vec<[u32; 3]>,
+    pub faces: Vec<[VertexRow; 3]>,
     /// Pressure (Pa); negative for suction.
     pub pressure: f64,
     /// Factor on it.
@@ -495,7 +502,7 @@ pub struct Pressure {
 impl Pressure {
     /// What is wrong with it in a world of `rows` vertices, if anything.
     pub(crate) fn problem(&self, rows: usize) -> Option<&'static str> {
-        if self.faces.iter().flatten().any(|&r| r as usize >= rows) {
+        if self.faces.iter().flatten().any(|r| r.index() >= rows) {
             return Some("it names a vertex row that does not exist");
         }
         if !self.pressure.is_finite() {
@@ -555,18 +562,18 @@ pub fn apply_constraints<S: Scalar>(
         }
         if constraint.start.len() != constraint.rows.len() {
             constraint.start =
-                constraint.rows.iter().map(|&r| displacement[r as usize].get()).collect();
+                constraint.rows.iter().map(|&r| displacement[r.index()].get()).collect();
         }
         if let Motion::Follow(path) = &mut constraint.motion {
             path.prepare(&clock, part.as_deref().copied().unwrap_or_default());
         }
         let at = constraint.at(t);
         for (i, &row) in constraint.rows.iter().enumerate() {
-            let u = constraint.displacement(&at, i, rest[row as usize].0);
-            fixed[row as usize].0 |= constraint.axes.0;
+            let u = constraint.displacement(&at, i, rest[row.index()].0);
+            fixed[row.index()].0 |= constraint.axes.0;
             for k in 0..3 {
                 if constraint.axes.holds(k) {
-                    prescribed[row as usize].0[k] = S::from_f64(u[k]);
+                    prescribed[row.index()].0[k] = S::from_f64(u[k]);
                 }
             }
         }
@@ -597,7 +604,7 @@ pub fn apply_loads<S: Scalar>(
         let Ok((.., load)) = loads.get(entity) else { continue };
         let factor = load.curve.value(t);
         for &(row, f) in &load.forces {
-            force[row as usize] += f * factor;
+            force[row.index()] += f * factor;
         }
     }
 }

@@ -15,11 +15,12 @@ use crate::load::{Constraint, Load, LoadTime, Pressure, apply_constraints, apply
 use crate::order::LastOrder;
 use crate::precision::Precision;
 use crate::report::{AreaReport, StepReport, SystemTimes, VolumeReport};
+use crate::row::MeshVertex;
 use crate::scalar::{Real, Scalar};
 use crate::schedule::{Executor, StepSchedule, StepSystems, install};
 pub use crate::time::{Gravity, StepClock, StepDivider, StepPart};
 use crate::topology::{ElementTables, Topology};
-use crate::vertex::{BodyId, Displacement, Position, RestPosition, Velocity, VertexIndex};
+use crate::vertex::{BodyId, Displacement, Position, RestPosition, Velocity};
 use crate::workers::Workers;
 use crate::{by_precision, compiled_here};
 use bevy_ecs::prelude::*;
@@ -64,8 +65,8 @@ pub enum StepError {
     NotFinite {
         /// Which quantity.
         quantity: &'static str,
-        /// Index in the user's mesh.
-        vertex: u32,
+        /// Vertex of the user's mesh.
+        vertex: MeshVertex,
         /// Name of the body.
         body: String,
         /// Simulated time (s).
@@ -302,10 +303,10 @@ pub fn not_finite(
     remedy: &'static str,
 ) -> StepError {
     let time = world.resource::<StepClock>().time;
-    let mut names = world.query::<(&VertexIndex, &BodyId)>();
+    let mut names = world.query::<(&MeshVertex, &BodyId)>();
     let (vertex, body) = match single_table(names.contiguous_iter(world)) {
-        Some((index, body)) => (index[row].0, body[row].0),
-        None => (row as u32, 0),
+        Some((vertex, body)) => (vertex[row], body[row].0),
+        None => (MeshVertex(row as u32), 0),
     };
     let body = world
         .resource::<Topology>()

@@ -4,6 +4,7 @@
 use crate::columns::single_table;
 use crate::load::{Constraint, Curve, Load, MotionAt};
 use crate::order::Order;
+use crate::row::VertexRow;
 use crate::scalar::Scalar;
 use crate::time::StepClock;
 use crate::vertex::{FixedAxes, RestPosition};
@@ -21,7 +22,7 @@ pub struct WithinStep {
     /// Start of the step (s) and its length (s).
     span: [f64; 2],
     /// Vertex rows under loads that vary, ascending.
-    pub loaded: Vec<u32>,
+    pub loaded: Vec<VertexRow>,
     /// Their curves, with the value at the end of the step.
     curves: Vec<(Curve, f64)>,
     /// Index into `loaded`, index into `curves`, force (N) at curve value 1.
@@ -36,7 +37,7 @@ pub struct WithinStep {
 #[derive(Clone, Copy, Debug)]
 pub struct MovingUnknown {
     /// Vertex row.
-    pub row: u32,
+    pub row: VertexRow,
     /// Axis (0, 1, 2).
     pub axis: u32,
     /// Way (m) through the whole step.
@@ -112,7 +113,7 @@ impl WithinStep {
         active.sort_by_key(|(order, _)| **order);
         let active: Vec<&Constraint> = active.into_iter().map(|(_, c)| c).collect();
         // who holds each unknown: the last constraint in order of creation
-        let mut holders: Vec<(u32, u32, Reverse<u32>, u32)> = Vec::new();
+        let mut holders: Vec<(VertexRow, u32, Reverse<u32>, u32)> = Vec::new();
         if active.iter().any(|c| c.moves(start, end)) {
             for (index, c) in active.iter().enumerate() {
                 for (place, &row) in c.rows.iter().enumerate() {
@@ -131,11 +132,11 @@ impl WithinStep {
             self.motions.push(((*c).clone(), c.at(start)));
             ends.push([c.at(start), c.at(end)]);
         }
-        let path = |row: u32, axis: usize, to: S| {
+        let path = |row: VertexRow, axis: usize, to: S| {
             let found = holders.binary_search_by_key(&(row, axis as u32), |h| (h.0, h.1)).ok()?;
             let (_, _, Reverse(index), place) = holders[found];
             let motion = motion_of[index as usize]?;
-            let rest = rest[row as usize].0;
+            let rest = rest[row.index()].0;
             let to_axis = |at| self.motions[motion].0.displacement(at, place as usize, rest)[axis];
             let ends = [to_axis(&ends[motion][0]), to_axis(&ends[motion][1])];
             (S::from_f64(ends[1]) == to).then_some(Path {
@@ -149,14 +150,10 @@ impl WithinStep {
             for axis in (0..3).filter(|&axis| held.holds(axis)) {
                 let to = prescribed[row][axis];
                 let way = to.to_f64() - displacement[row][axis].to_f64();
-                let path = path(row as u32, axis, to);
+                let row = VertexRow(row as u32);
+                let path = path(row, axis, to);
                 if path.is_some() || way != 0.0 {
-                    self.moving.push(MovingUnknown {
-                        row: row as u32,
-                        axis: axis as u32,
-                        way,
-                        path,
-                    });
+                    self.moving.push(MovingUnknown { row, axis: axis as u32, way, path });
                 }
             }
         }

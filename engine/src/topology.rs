@@ -9,6 +9,7 @@ use crate::isoparametric::{
     Tetrahedron10Vertices,
 };
 use crate::layout::{BodyElements, starts};
+use crate::row::{LocalRow, MeshVertex, VertexRow};
 use crate::sets::DisjointSets;
 use crate::vertex::RestPosition;
 use bevy_ecs::archetype::ArchetypeId;
@@ -58,15 +59,44 @@ impl BodyRows {
         pieces.max().map_or(0, |&p| p as usize + 1)
     }
 
-    /// Vertex-table row of a vertex of the user's mesh, `None` when no element uses it.
-    pub fn row(&self, vertex: u32) -> Option<u32> {
-        let local = *self.row_of_vertex.get(vertex as usize)?;
-        (local != crate::layout::UNUSED).then(|| self.vertices.start + local)
+    /// Number of vertices of the user's mesh, those without an element included. It is good for one
+    /// [`Topology::revision`].
+    pub fn mesh_vertices(&self) -> usize {
+        self.row_of_vertex.len()
+    }
+
+    /// Row of a vertex of the user's mesh, `None` when no element uses it.
+    pub fn row(&self, vertex: impl Into<MeshVertex>) -> Option<VertexRow> {
+        let local = *self.row_of_vertex.get(vertex.into())?;
+        local.map(|local| self.in_table(local))
     }
 
     /// Rows of vertices of the user's mesh; `None` when one is in no element.
-    pub fn rows(&self, vertices: &[u32]) -> Option<Vec<u32>> {
+    pub fn rows(&self, vertices: &[impl Into<MeshVertex> + Copy]) -> Option<Vec<VertexRow>> {
         vertices.iter().map(|&vertex| self.row(vertex)).collect()
+    }
+
+    /// Row in the table of all bodies.
+    pub fn in_table(&self, row: LocalRow) -> VertexRow {
+        VertexRow(self.vertices.start + row.0)
+    }
+
+    /// Row of this body, counted from its first; `None` when the row is another body's.
+    pub fn local(&self, row: VertexRow) -> Option<LocalRow> {
+        self.vertices.contains(&row.0).then(|| LocalRow(row.0 - self.vertices.start))
+    }
+
+    /// Vertex of the user's mesh that has a row of this body.
+    ///
+    /// # Panics
+    /// When the row is another body's.
+    pub fn vertex(&self, row: VertexRow) -> MeshVertex {
+        self.vertex_order[LocalRow(row.0 - self.vertices.start)]
+    }
+
+    /// Vertices of the user's mesh with their rows, in the order of rows.
+    pub fn vertices_and_rows(&self) -> impl Iterator<Item = (MeshVertex, VertexRow)> + Clone {
+        self.vertex_order.iter().copied().zip(self.vertices.clone().map(VertexRow))
     }
 }
 
@@ -136,11 +166,6 @@ impl Topology {
         let blocks = self.bodies[body].blocks.clone();
         let used = blocks.map(|edge| edge as usize).filter(|&edge| self.uses_edge(edge));
         used.map(|edge| self.edges[edge])
-    }
-
-    /// Index of the edge between two vertex rows, `None` when the edge graph has none.
-    pub fn find_edge(&self, a: u32, b: u32) -> Option<usize> {
-        self.block(a, b).map(|block| block as usize)
     }
 
     /// Body of a given name.

@@ -161,12 +161,6 @@ impl FixedAxes {
     }
 }
 
-/// Index of the vertex in the mesh that the user gave.
-#[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[component(clone_behavior = Ignore)]
-#[repr(transparent)]
-pub struct VertexIndex(pub u32);
-
 /// Body that a vertex or element belongs to: index into [`crate::topology::Topology::bodies`].
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[component(clone_behavior = Ignore)]

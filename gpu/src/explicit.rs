@@ -5,6 +5,7 @@
 //! is repeated from the old state with twice as many substeps.
 
 use sinew_engine::report::StepReport;
+use sinew_engine::row::VertexRow;
 use sinew_engine::substep::WithinStep;
 use sinew_solvers::explicit::{GROWTH, KickFactors};
 use sinew_solvers::settings::{Integrator, SolverSettings};
@@ -147,7 +148,7 @@ impl ExplicitStep<'_> {
     }
 
     fn varies(&self, within: &WithinStep) -> bool {
-        let own = |row: u32| self.rows.contains(&(row as usize));
+        let own = |row: VertexRow| self.rows.contains(&row.index());
         within.loaded.iter().any(|&row| own(row)) || within.moving.iter().any(|m| own(m.row))
     }
 
@@ -155,8 +156,8 @@ impl ExplicitStep<'_> {
     fn write_load(&self, within: &WithinStep, part: f64, varying: &mut Varying) {
         within.load_differences(part, &mut varying.differences);
         for (&row, difference) in within.loaded.iter().zip(&varying.differences) {
-            if self.rows.contains(&(row as usize)) {
-                let local = row as usize - self.rows.start;
+            if self.rows.contains(&row.index()) {
+                let local = row.index() - self.rows.start;
                 for k in 0..3 {
                     varying.load[local][k] =
                         (f64::from(self.load[local][k]) + difference[k]) as f32;
@@ -170,8 +171,8 @@ impl ExplicitStep<'_> {
     fn write_place(&self, within: &mut WithinStep, part: f64, varying: &mut Varying) {
         within.ways(part, &mut varying.ways);
         for (m, way) in within.moving.iter().zip(&varying.ways) {
-            if self.rows.contains(&(m.row as usize)) {
-                let (local, k) = (m.row as usize - self.rows.start, m.axis as usize);
+            if self.rows.contains(&m.row.index()) {
+                let (local, k) = (m.row.index() - self.rows.start, m.axis as usize);
                 varying.place[local][k] = if part < 1.0 {
                     (f64::from(self.place[0][local][k]) + way) as f32
                 } else {

@@ -12,6 +12,7 @@ use sinew_engine::law::{ElasticEnergy, EvaluationRequest, TangentKind};
 use sinew_engine::matrix::Tangent;
 use sinew_engine::mesh::Mesh;
 use sinew_engine::mesh::generate::irregular_box_tets;
+use sinew_engine::row::LocalRow;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::schedule::{Executor, ForceSchedule, install};
 use sinew_engine::topology::Topology;
@@ -97,10 +98,10 @@ fn world<S: Scalar>(body: &BodyDescription, set: InstructionSet) -> World {
 fn respond<S: Scalar>(world: &mut World, u: &[DVec3], kind: TangentKind) -> Response {
     let order = world.resource::<Topology>().bodies[0].vertex_order.clone();
     let mut vertices = world.query::<&mut Displacement<S>>();
-    for (own, &v) in
+    for (own, v) in
         single_table(vertices.contiguous_iter_mut(world)).unwrap().iter_mut().zip(&order)
     {
-        let u = u[v as usize];
+        let u = u[v.index()];
         own.0 = [u.x, u.y, u.z, 0.0].map(S::from_f64);
     }
     world.insert_resource(EvaluationRequest { energy: true, force: true, tangent: Some(kind) });
@@ -109,22 +110,22 @@ fn respond<S: Scalar>(world: &mut World, u: &[DVec3], kind: TangentKind) -> Resp
     let (force, mass) = single_table(vertices.contiguous_iter(world)).unwrap();
     let mut forces = vec![DVec3::ZERO; order.len()];
     let mut masses = vec![0.0; order.len()];
-    for (row, &v) in order.iter().enumerate() {
+    for (row, v) in order.iter().enumerate() {
         let f = force[row].0.map(|x| x.to_f64());
-        forces[v as usize] = DVec3::new(f[0], f[1], f[2]);
-        masses[v as usize] = mass[row].0.to_f64();
+        forces[v.index()] = DVec3::new(f[0], f[1], f[2]);
+        masses[v.index()] = mass[row].0.to_f64();
     }
     let Tangent { matrix: tangent, low_rank, .. } = world.resource::<Tangent<S>>();
     let n = 3 * order.len();
     let mut dense = vec![vec![0.0; n]; n];
-    for (row, &v) in order.iter().enumerate() {
+    for (row, v) in order.iter().enumerate() {
         for k in 0..9 {
-            let at = 3 * v as usize;
+            let at = 3 * v.index();
             dense[at + k / 3][at + k % 3] = tangent.diagonal[row][k].to_f64();
         }
     }
     for (edge, block) in world.resource::<Topology>().edges.iter().zip(&tangent.off_diagonal) {
-        let [a, b] = edge.map(|row| 3 * order[row as usize] as usize);
+        let [a, b] = edge.map(|row| 3 * order[LocalRow(row)].index());
         for k in 0..9 {
             dense[a + k / 3][b + k % 3] = block[k].to_f64();
             dense[b + k % 3][a + k / 3] = block[k].to_f64();
@@ -134,7 +135,7 @@ fn respond<S: Scalar>(world: &mut World, u: &[DVec3], kind: TangentKind) -> Resp
         for vector in 0..part.pattern.start.len() - 1 {
             let mut whole = vec![0.0; n];
             for entry in part.pattern.entries(vector) {
-                let at = 3 * order[part.pattern.rows[entry] as usize] as usize;
+                let at = 3 * order[LocalRow(part.pattern.rows[entry])].index();
                 (0..3).for_each(|k| whole[at + k] = part.vectors[entry][k].to_f64());
             }
             for (row, a) in dense.iter_mut().zip(&whole) {

@@ -15,6 +15,7 @@ use sinew_engine::matrix::{ProductSpans, Tangent};
 use sinew_engine::mesh::Mesh;
 use sinew_engine::mesh::generate::{box_hexahedra, box_tets, quad_grid, triangle_grid};
 use sinew_engine::precision::Precision;
+use sinew_engine::row::VertexRow;
 use sinew_engine::scalar::{Real, Scalar};
 use sinew_engine::schedule::{
     self, ActiveLaws, DampingSchedule, Executor, ForceSchedule, changed_laws, install,
@@ -104,8 +105,8 @@ fn walk<S: Scalar>(body: &BodyDescription, pressed: bool, reached: &mut BTreeSet
     if pressed {
         let rows = &world.resource::<Topology>().bodies[0];
         let corners = rows.tetrahedra.iter().map(|t| [t[0], t[1], t[2]]);
-        let faces =
-            corners.chain(rows.hexahedra.iter().map(|h| [h[0], h[1], h[2]])).take(1).collect();
+        let faces = corners.chain(rows.hexahedra.iter().map(|h| [h[0], h[1], h[2]])).take(1);
+        let faces = faces.map(|face| face.map(VertexRow)).collect();
         let curve = Curve::Constant;
         world.spawn(Pressure { name: "p".into(), faces, pressure: 10.0, curve });
         pressure::activate::<S>(&mut world);

@@ -14,6 +14,7 @@ use sinew_engine::lanes::InstructionSet;
 use sinew_engine::law::{ElasticEnergy, EvaluationRequest, TangentKind};
 use sinew_engine::matrix::{ProductSpans, Tangent};
 use sinew_engine::mesh::generate::box_tets;
+use sinew_engine::row::{LocalRow, MeshVertex};
 use sinew_engine::scalar::Scalar;
 use sinew_engine::schedule::{Executor, ForceSchedule, install};
 use sinew_engine::topology::Topology;
@@ -88,15 +89,15 @@ fn evaluate<S: Scalar>(world: &mut World, count: usize, kind: TangentKind) -> Su
         clamped: world.resource::<Tangent<S>>().clamped,
     };
     let mut rows = world.query::<(&ElasticForce<S>, &Mass<S>)>();
-    for ((f, m), &v) in rows.iter(world).zip(&order) {
-        sums.mass[v as usize] = m.0.to_f64();
+    for ((f, m), v) in rows.iter(world).zip(&order) {
+        sums.mass[v.index()] = m.0.to_f64();
         for k in 0..3 {
-            sums.force[3 * v as usize + k] = f.0[k].to_f64();
+            sums.force[3 * v.index() + k] = f.0[k].to_f64();
         }
     }
     let n = 3 * count;
     let mut add = |a: u32, b: u32, m: &[S; 9]| {
-        let (a, b) = (order[a as usize] as usize, order[b as usize] as usize);
+        let [a, b] = [a, b].map(|row| order[LocalRow(row)].index());
         for i in 0..3 {
             for j in 0..3 {
                 sums.tangent[(3 * a + i) * n + 3 * b + j] += m[3 * i + j].to_f64();
@@ -167,7 +168,7 @@ fn reference_meshes() {
                     let tensions = flat(&reference["edge_tension"]);
                     for (i, edge) in flat(&case["edges"]).chunks(2).enumerate() {
                         let found = edges.iter(&world).find(|(e, _)| {
-                            let [a, b] = e.0.map(|row| order[row as usize] as f64);
+                            let [a, b] = e.0.map(|row| f64::from(order[LocalRow(row)].0));
                             [a.min(b), a.max(b)] == [edge[0], edge[1]]
                         });
                         let (_, tension) = found.expect("an edge of the mesh");
@@ -396,7 +397,7 @@ fn several_bodies_share_the_tables() {
         let mut alone = world::<f64>(&body, &moved, InstructionSet::default_set().unwrap());
         energies.push(evaluate::<f64>(&mut alone, points.len(), TangentKind::Exact).energy);
     }
-    let orders: Vec<u32> = together
+    let orders: Vec<MeshVertex> = together
         .resource::<Topology>()
         .bodies
         .iter()
@@ -405,7 +406,7 @@ fn several_bodies_share_the_tables() {
     let mut query = together.query::<&mut Displacement<f64>>();
     let mut rows = single_table(query.contiguous_iter_mut(&mut together)).unwrap();
     for (u, v) in rows.iter_mut().zip(orders) {
-        let [x, y, z] = moved[v as usize].to_array();
+        let [x, y, z] = moved[v.index()].to_array();
         u.0 = [x, y, z, 0.0];
     }
     together.insert_resource(EvaluationRequest { energy: true, force: false, tangent: None });

@@ -397,8 +397,8 @@ fn all_kinds_side_by_side() {
     }
     let order = together.resource::<Topology>().bodies[0].vertex_order.clone();
     let mut query = together.query::<&mut Displacement<f64>>();
-    for (mut u, &v) in query.iter_mut(&mut together).zip(order.iter().cycle()) {
-        let [x, y, z] = moved[v as usize].to_array();
+    for (mut u, v) in query.iter_mut(&mut together).zip(order.iter().cycle()) {
+        let [x, y, z] = moved[v.index()].to_array();
         u.0 = [x, y, z, 0.0];
     }
     let sums = evaluate::<f64>(&mut together, TangentKind::Exact);

@@ -39,6 +39,7 @@ use sinew_engine::compiled_here;
 use sinew_engine::law::{ElasticEnergy, EvaluationRequest, ViscousRequest};
 use sinew_engine::load::{LoadTime, SweptVolumes};
 use sinew_engine::report::{ContactFigures, StepReport};
+use sinew_engine::row::VertexRow;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::schedule::{
     ActiveLaws, ForceSchedule, evaluate_viscous, has_dampers, law_inputs_unchanged,
@@ -343,7 +344,7 @@ fn substep<S: Scalar>(
     let elastic = recall(world, report, scratch);
     let limit = scratch.limit.get(world, &scratch.node, &scratch.force, &mut report.evaluations);
     let touch = contact.as_ref().map_or([0.0; 2], |contact| {
-        let mass = |row: u32| scratch.node.mass[row as usize].to_f64();
+        let mass = |row: VertexRow| scratch.node.mass[row.index()].to_f64();
         contact.rates(&mass)
     });
     // omega^2 of contact adds to that of the elements
@@ -378,7 +379,7 @@ fn prepare<S: Scalar>(
 ) -> Result<ContactSet, StepError> {
     let mut contact = contact.clone();
     let x = position(&scratch.rest, &scratch.node.u);
-    let v = |row: u32| vector(&scratch.node.v[row as usize]);
+    let v = |row: VertexRow| vector(&scratch.node.v[row.index()]);
     contact.prepare(world, &scratch.rest, &x, &v, false)?;
     integrator.check_contact(&contact)?;
     Ok(contact)
@@ -827,10 +828,9 @@ fn load<S: Scalar>(
         scratch.external.extend(known.map(|(e, d)| [0, 1, 2, 3].map(|k| e[k] + d[k])));
     }
     for (&row, difference) in scratch.within.loaded.iter().zip(&books.differences) {
-        let (now, end) =
-            (&mut scratch.external[row as usize], &scratch.node.external[row as usize]);
+        let (now, end) = (&mut scratch.external[row.index()], &scratch.node.external[row.index()]);
         for k in 0..3 {
-            let viscous = scratch.viscous.get(row as usize).map_or(S::ZERO, |d| d[k]);
+            let viscous = scratch.viscous.get(row.index()).map_or(S::ZERO, |d| d[k]);
             now[k] = end[k] + S::from_f64(difference[k]) + viscous;
         }
     }
@@ -843,8 +843,13 @@ fn load<S: Scalar>(
     }
 }
 
-fn reaction<S: Scalar>(scratch: &ExplicitScratch<S>, force: &[[S; 4]], row: u32, axis: u32) -> f64 {
-    let (row, axis) = (row as usize, axis as usize);
+fn reaction<S: Scalar>(
+    scratch: &ExplicitScratch<S>,
+    force: &[[S; 4]],
+    row: VertexRow,
+    axis: u32,
+) -> f64 {
+    let (row, axis) = (row.index(), axis as usize);
     -(force[row][axis] + scratch.external[row][axis]).to_f64()
 }
 
@@ -864,7 +869,7 @@ fn open_books<S: Scalar>(
     books.reactions.extend(moving.iter().map(|m| reaction(scratch, force, m.row, m.axis)));
     books.differences_before.clone_from(&books.differences);
     books.loaded.clear();
-    books.loaded.extend(scratch.within.loaded.iter().map(|&row| vector(&u[row as usize])));
+    books.loaded.extend(scratch.within.loaded.iter().map(|row| vector(&u[row.index()])));
 }
 
 /// Puts the moving unknowns where their constraints want them.
@@ -879,7 +884,7 @@ fn place_held<S: Scalar>(
     books.ways_before.resize(books.ways.len(), 0.0);
     for ((m, way), before) in scratch.within.moving.iter().zip(&books.ways).zip(&books.ways_before)
     {
-        let (row, k) = (m.row as usize, m.axis as usize);
+        let (row, k) = (m.row.index(), m.axis as usize);
         u[row][k] = if end {
             scratch.node.prescribed[row][k]
         } else {
@@ -904,7 +909,7 @@ fn close_books<S: Scalar>(
     books.ways_before.clone_from(&books.ways);
     for (i, &row) in scratch.within.loaded.iter().enumerate() {
         let mean = 0.5 * (books.differences_before[i] + books.differences[i]);
-        books.load_work += mean.dot(vector(&u[row as usize]) - books.loaded[i]);
+        books.load_work += mean.dot(vector(&u[row.index()]) - books.loaded[i]);
     }
 }
 

@@ -6,6 +6,7 @@ use glam::DVec3;
 use sinew_engine::columns::single_table;
 use sinew_engine::law::{ElasticEnergy, EvaluationRequest, TangentKind, ViscousRequest};
 use sinew_engine::report::StepReport;
+use sinew_engine::row::VertexRow;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::schedule::{ForceSchedule, evaluate_dampers, evaluate_viscous, has_dampers};
 use sinew_engine::vertex::{
@@ -119,9 +120,9 @@ pub fn dot3<S: Scalar>(a: &[S; 4], b: &[S; 4]) -> f64 {
 }
 
 /// Positions (m) of vertex rows at displacements `u`.
-pub fn position<S: Scalar>(rest: &[DVec3], u: &[[S; 4]]) -> impl Fn(u32) -> DVec3 {
+pub fn position<S: Scalar>(rest: &[DVec3], u: &[[S; 4]]) -> impl Fn(VertexRow) -> DVec3 {
     move |row| {
-        let (x, u) = (rest[row as usize], &u[row as usize]);
+        let (x, u) = (rest[row.index()], &u[row.index()]);
         x + DVec3::new(u[0].to_f64(), u[1].to_f64(), u[2].to_f64())
     }
 }

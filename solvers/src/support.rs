@@ -5,6 +5,7 @@ use bevy_ecs::prelude::*;
 use glam::DVec3;
 use sinew_engine::columns::single_table;
 use sinew_engine::layout::UNUSED;
+use sinew_engine::row::LocalRow;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::sets::DisjointSets;
 use sinew_engine::step::StepError;
@@ -79,7 +80,8 @@ fn check_pieces(body: &BodyRows, held: &[(usize, [f64; 6])]) -> Result<(), StepE
                 "body `{}`: {free} of the 6 rigid motions of the piece with vertex {} are not \
                  held, so its equilibrium is not unique; fix more vertices or axes, or use a \
                  dynamic integrator",
-                body.name, body.vertex_order[sample]
+                body.name,
+                body.vertex_order[LocalRow(sample as u32)]
             )));
         }
     }
@@ -115,7 +117,8 @@ fn check_parts(
             "body `{}`: parts of it share no more than an edge or a vertex, such as vertex {}, and can turn \
              about it in {free} ways without deforming, so its equilibrium is not unique; join their meshes \
              by faces, fix more vertices, or use a dynamic integrator",
-            body.name, body.vertex_order[local]
+            body.name,
+            body.vertex_order[LocalRow(local as u32)]
         ))),
         _ => Ok(()),
     }

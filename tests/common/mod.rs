@@ -255,7 +255,7 @@ pub fn tangent_product(
     world.insert_resource(EvaluationRequest { energy: false, force: false, tangent: Some(kind) });
     world.run_schedule(ForceSchedule);
     let x: Vec<[f64; 4]> =
-        rows.vertex_order.iter().map(|&v| dx[v as usize]).map(|d| [d.x, d.y, d.z, 0.0]).collect();
+        rows.vertex_order.iter().map(|v| dx[v.index()]).map(|d| [d.x, d.y, d.z, 0.0]).collect();
     let mut y = vec![[0.0; 4]; x.len()];
     world.resource::<Tangent<f64>>().matrix.multiply(
         world.resource(),
@@ -265,8 +265,8 @@ pub fn tangent_product(
         &mut y,
     );
     let mut result = vec![DVec3::ZERO; dx.len()];
-    for (row, &vertex) in rows.vertex_order.iter().enumerate() {
-        result[vertex as usize] = DVec3::new(y[row][0], y[row][1], y[row][2]);
+    for (row, vertex) in rows.vertex_order.iter().enumerate() {
+        result[vertex.index()] = DVec3::new(y[row][0], y[row][1], y[row][2]);
     }
     result
 }

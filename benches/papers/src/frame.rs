@@ -127,7 +127,7 @@ pub(crate) struct Stride {
 /// some vertex rows; `None` from where there is none.
 pub(crate) fn path<T>(
     simulation: &mut Simulation,
-    rows: &[u32],
+    rows: &[VertexRow],
     strains: &[f64],
     stride: f64,
     motion: impl Fn(Stride) -> Motion,

@@ -182,10 +182,11 @@ fn build(whole: &Whole, dt: f64) -> Result<Floor, BenchError> {
     let stretched: Vec<DVec3> = mesh.points.iter().map(|p| whole.tension * *p).collect();
     simulation.set_state(body, &stretched, &vec![DVec3::ZERO; stretched.len()])?;
     clamp(&mut simulation, body, mesh, whole.held)?;
-    let light: BTreeSet<u32> =
+    let light: BTreeSet<VertexRow> =
         simulation.rows(body, "surroundings", &whole.light)?.into_iter().collect();
     let world = simulation.world_mut();
-    for (row, mut mass) in (0..).zip(world.query::<&mut Mass<f64>>().iter_mut(world)) {
+    for (row, mut mass) in (0..).map(VertexRow).zip(world.query::<&mut Mass<f64>>().iter_mut(world))
+    {
         mass.0 *= if light.contains(&row) { LIGHT } else { 1.0 };
     }
     let mut balloon = Vec::new();

@@ -25,6 +25,7 @@ use sinew::engine::law::{ElasticEnergy, LawBuffers, TangentKind};
 use sinew::engine::matrix::{BlockMatrix, ProductSpans, Tangent};
 use sinew::engine::mesh::Mesh;
 use sinew::engine::report::SystemTimes;
+use sinew::engine::row::{IndexVec, LocalRow};
 use sinew::engine::scalar::{Scalar, add, dot, scale, sub};
 use sinew::engine::schedule::ForceSchedule;
 use sinew::engine::topology::Topology;
@@ -309,7 +310,7 @@ pub fn free<L: TetrahedronLaw, S: Scalar>(world: &mut World, x: &[[S; 4]], y: &m
 pub struct Timed<S: Scalar> {
     simulation: Simulation,
     /// Vertex of every row.
-    order: Vec<u32>,
+    order: IndexVec<LocalRow, MeshVertex>,
     /// The exact tangent of the state, and what it is multiplied with.
     matrix: BlockMatrix<S>,
     spans: ProductSpans<S>,
@@ -337,8 +338,8 @@ impl<S: Scalar> Timed<S> {
     pub fn new(mut simulation: Simulation, body: BodyHandle, free: Option<Free<S>>) -> Self {
         let order = simulation.topology().bodies[body.0].vertex_order.clone();
         let direction = directions(order.len());
-        let row = |&vertex: &u32| {
-            let [a, b, c] = direction[vertex as usize].to_array().map(S::from_f64);
+        let row = |vertex: &MeshVertex| {
+            let [a, b, c] = direction[vertex.index()].to_array().map(S::from_f64);
             [a, b, c, S::ZERO]
         };
         let x: Vec<[S; 4]> = order.iter().map(row).collect();
@@ -363,8 +364,8 @@ impl<S: Scalar> Timed<S> {
     /// Largest difference of a product from the true one, by vertex.
     pub fn product_error(&mut self, quantity: Quantity, truth: &[DVec3]) -> f64 {
         self.measure(quantity, 1);
-        let by_vertex = self.order.iter().zip(&self.y).map(|(&vertex, y)| {
-            (DVec3::from_array([0, 1, 2].map(|k| y[k].to_f64())), truth[vertex as usize])
+        let by_vertex = self.order.iter().zip(&self.y).map(|(vertex, y)| {
+            (DVec3::from_array([0, 1, 2].map(|k| y[k].to_f64())), truth[vertex.index()])
         });
         largest_difference(by_vertex)
     }

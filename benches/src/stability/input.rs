@@ -166,7 +166,7 @@ fn states(setting: &Setting, mesh: &Mesh) -> Outcome {
             run.simulation.set_state(run.body, &bad_u, &bad_v)?;
             let hash = run.simulation.state_hash();
             let error = run.simulation.step().err();
-            let right = matches!(error, Some(StepError::NotFinite { vertex: 11, .. }));
+            let right = matches!(error, Some(StepError::NotFinite { vertex: MeshVertex(11), .. }));
             let message = error.map_or(String::new(), |e| e.to_string());
             let intact = run.simulation.state_hash() == hash;
             refusals.note(right, &message, &["vertex 11 ", "`body`"], intact);

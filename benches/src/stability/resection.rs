@@ -154,7 +154,7 @@ fn orphan(setting: &Setting, mesh: &Mesh, policy: MassPolicy, dt: f64) -> Outcom
     }
     let limit = setting.pick(1e-9, 1e-5);
     let checks = [
-        Check::holds("the vertex is reported", report.orphans == [vertex as u32]),
+        Check::holds("the vertex is reported", report.orphans == [MeshVertex(vertex as u32)]),
         Check::at_most("vertex off its course, relative", off, limit),
         fresh(&mut run, setting, policy)?,
     ];

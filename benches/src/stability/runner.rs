@@ -245,7 +245,7 @@ impl<'a> Run<'a> {
     }
 
     /// Vertex rows of a side of the mesh.
-    pub fn side(&self, name: &str) -> Result<Vec<u32>, Problem> {
+    pub fn side(&self, name: &str) -> Result<Vec<VertexRow>, Problem> {
         Ok(self.simulation.group_rows(self.body, self.mesh, name)?)
     }
 
@@ -370,7 +370,7 @@ impl<'a> Run<'a> {
         let u = self.simulation.displacements(self.body);
         let topology = self.simulation.topology();
         let rows = &topology.bodies[self.body.0];
-        let vertex = |row: u32| rows.vertex_order[(row - rows.vertices.start) as usize] as usize;
+        let vertex = |row| rows.vertex(VertexRow(row)).index();
         let x = &self.mesh.points;
         let changes = topology.edges.iter().map(|edge| {
             let [a, b] = edge.map(vertex);

@@ -141,7 +141,7 @@ fn hang(setting: &Setting, mesh: &Mesh, body: &BodyDescription, dt: f64, heavy: 
         run.simulation.set_gravity(GRAVITY);
     } else {
         // its weight would crush the bar, so the bar swings about it from a bend instead
-        let row = run.simulation.rows(run.body, "heavy", &[vertex])?[0] as usize;
+        let row = run.simulation.rows(run.body, "heavy", &[vertex])?[0].index();
         match setting.precision {
             Precision::F64 => scale_mass::<f64>(&mut run.simulation, row, heavy),
             Precision::F32 => scale_mass::<f32>(&mut run.simulation, row, heavy),

@@ -70,7 +70,7 @@ pub fn modes(
     let mut fixed = vec![FixedAxes::NONE; n];
     for &vertex in held {
         if let Some(row) = rows.row(vertex) {
-            fixed[row as usize] = FixedAxes(7);
+            fixed[row.index()] = FixedAxes(7);
         }
     }
     let rest: Vec<DVec3> = world.query::<&RestPosition>().iter(world).map(|x| x.0).collect();
@@ -129,9 +129,9 @@ pub fn modes(
         values = new;
         if settled {
             let shape = |x: &Rows<f64>| {
-                let mut shape = vec![DVec3::ZERO; rows.row_of_vertex.len()];
-                for (row, &vertex) in rows.vertex_order.iter().enumerate() {
-                    shape[vertex as usize] = DVec3::new(x[row][0], x[row][1], x[row][2]);
+                let mut shape = vec![DVec3::ZERO; rows.mesh_vertices()];
+                for (row, vertex) in rows.vertex_order.iter().enumerate() {
+                    shape[vertex.index()] = DVec3::new(x[row][0], x[row][1], x[row][2]);
                 }
                 shape
             };

@@ -14,6 +14,7 @@ use sinew::engine::columns::single_table;
 use sinew::engine::law::{ElasticEnergy, RecoveringBodies};
 use sinew::engine::precision::Precision;
 use sinew::engine::report::VolumeReport;
+use sinew::engine::row::LocalRow;
 use sinew::engine::scalar::Scalar;
 use sinew::engine::surface::SurfaceReader;
 use sinew::engine::topology::Topology;
@@ -404,7 +405,7 @@ fn surface(world: &mut World, index: usize) -> SinewSurface {
     };
     let found = (read.0)(world, index);
     let body = &world.resource::<Topology>().bodies[index];
-    let user = |triangle: &[u32; 3]| triangle.map(|v| body.vertex_order[v as usize]);
+    let user = |triangle: &[u32; 3]| triangle.map(|v| body.vertex_order[LocalRow(v)].0);
     let triangles = found.triangles.iter().chain(&found.sheets).map(user).collect();
     SinewSurface { triangles, revision: 1, changes: body.changes }
 }
@@ -508,7 +509,7 @@ fn state(world: &mut World, index: usize) -> SinewBodyState {
     let kinetic_energy = by_precision!(precision, kinetic_energy(world, rows.clone()));
     let (clock, volumes) = (world.resource::<StepClock>(), world.resource::<VolumeReport>());
     let contact = world.get_resource::<ContactSet>().map_or(&[][..], ContactSet::forces);
-    let on_it = contact.iter().filter(|(row, _)| rows.contains(row));
+    let on_it = contact.iter().filter(|(row, _)| rows.contains(&row.0));
     let smallest_ratio = volumes.smallest_by_body.get(index).copied().unwrap_or(f64::INFINITY);
     SinewBodyState {
         step: clock.step,

@@ -210,16 +210,16 @@ impl Drawn {
     ) -> Aabb3d {
         let to_frame = affine(transform).inverse();
         self.fraction = fraction;
-        self.positions.resize(body.row_of_vertex.len(), [0.0; 3]);
+        self.positions.resize(body.mesh_vertices(), [0.0; 3]);
         let (mut min, mut max) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-        for (local, (&vertex, position)) in body.vertex_order.iter().zip(positions).enumerate() {
+        for (local, (vertex, position)) in body.vertex_order.iter().zip(positions).enumerate() {
             let mut there = position.0;
             if let Some(before) = before.get(local) {
                 there = before.lerp(there, fraction);
             }
             let there = to_frame.transform_point3(there);
             (min, max) = (min.min(there), max.max(there));
-            self.positions[vertex as usize] = there.as_vec3().to_array();
+            self.positions[vertex.index()] = there.as_vec3().to_array();
         }
         Aabb3d { min: Vec3A::from(min.as_vec3()), max: Vec3A::from(max.as_vec3()) }
     }
@@ -313,17 +313,17 @@ fn collect_lines(
         let body = &from.topology.bodies[index.0];
         let arm = 0.01 * body.size;
         for constraint in from.constraints.iter().filter(|c| c.active(from.clock.time)) {
-            for &row in constraint.rows.iter().filter(|row| body.vertices.contains(row)) {
+            for row in constraint.rows.iter().filter(|row| body.local(**row).is_some()) {
                 for axis in DVec3::AXES {
-                    let (a, b) = (at(row) - arm * axis, at(row) + arm * axis);
+                    let (a, b) = (at(row.0) - arm * axis, at(row.0) + arm * axis);
                     lines.0.push(line(a, b, GizmoKind::Held));
                 }
             }
         }
         let forces = from.contact.as_ref().map_or(&[][..], |contact| contact.forces());
-        for &(row, force) in forces.iter().filter(|(row, _)| body.vertices.contains(row)) {
-            let end = at(row) + gizmos.per_newton * force;
-            lines.0.push(line(at(row), end, GizmoKind::Force));
+        for (row, force) in forces.iter().filter(|(row, _)| body.local(*row).is_some()) {
+            let from = at(row.0);
+            lines.0.push(line(from, from + gizmos.per_newton * *force, GizmoKind::Force));
         }
         if state.inverted > 0 {
             for (nodes, _) in from.tetrahedra.iter().filter(|(_, id)| id.0 as usize == index.0) {

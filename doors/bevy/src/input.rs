@@ -10,6 +10,7 @@ use bevy_math::{DQuat, DVec3};
 use bevy_time::{Fixed, Time};
 use bevy_transform::components::{GlobalTransform, Transform};
 use bevy_transform::helper::TransformHelper;
+use sinew::engine::row::VertexRow;
 use sinew::engine::topology::Topology;
 use sinew::engine::vertex::FixedAxes;
 use sinew::prelude::{Constraint, Pose, Pull, Tool, ToolPose};
@@ -239,7 +240,7 @@ impl Begin<'_, '_> {
         name: &str,
         parent: Option<&ChildOf>,
         patch: &Patch,
-    ) -> Result<Option<Vec<u32>>, InputError> {
+    ) -> Result<Option<Vec<VertexRow>>, InputError> {
         let body = parent.and_then(|parent| self.bodies.get(parent.parent()).ok());
         let Some(body) = body else { return Err(InputError::NoBody { name: name.into() }) };
         let (own, Some(index)) = body else { return Ok(None) };

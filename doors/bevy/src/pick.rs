@@ -65,7 +65,7 @@ impl SinewRayCast<'_, '_> {
             let body = &self.topology.bodies[index.0];
             for &vertices in &surface.triangles {
                 let Some(rows) = body.rows(&vertices) else { continue };
-                let corners = [rows[0], rows[1], rows[2]].map(|row| positions[row as usize].0);
+                let corners = [rows[0], rows[1], rows[2]].map(|row| positions[row.index()].0);
                 let Some((distance, weights)) = hit(origin, way, corners) else { continue };
                 if found.is_none_or(|found| distance < found.distance) {
                     let position = origin + distance * way;

@@ -131,8 +131,8 @@ fn the_transform_says_where_a_body_rests() {
     let topology = app.world().resource::<Topology>().bodies[0].clone();
     let world = app.world_mut();
     let rest: Vec<_> = world.query::<&RestPosition>().iter(world).map(|r| r.0).collect();
-    for (row, &vertex) in rest.iter().zip(&topology.vertex_order) {
-        let point = mesh().points[vertex as usize].as_vec3();
+    for (row, vertex) in rest.iter().zip(&topology.vertex_order) {
+        let point = mesh().points[vertex.index()].as_vec3();
         let expected = parent.transform_point(place.transform_point(point)).as_dvec3();
         assert!(row.distance(expected) < 1e-6, "{row} {expected}");
     }
@@ -352,9 +352,9 @@ fn state_of(app: &mut bevy_app::App, body: Entity) -> Vec<f64> {
     let rows = app.world().resource::<Topology>().bodies[index].clone();
     let world = app.world_mut();
     let u: Vec<DVec3> = world.query::<&Displacement<f64>>().iter(world).map(|u| u.get()).collect();
-    let mut result = vec![DVec3::ZERO; rows.row_of_vertex.len()];
-    for (row, &vertex) in rows.vertices.zip(&rows.ordered.vertex_order) {
-        result[vertex as usize] = u[row as usize];
+    let mut result = vec![DVec3::ZERO; rows.mesh_vertices()];
+    for (vertex, row) in rows.vertices_and_rows() {
+        result[vertex.index()] = u[row.index()];
     }
     result.iter().flat_map(|u| u.to_array()).collect()
 }

@@ -35,7 +35,7 @@ fn positions(app: &mut App) -> Vec<DVec3> {
     let world = app.world_mut();
     let rows: Vec<_> = world.query::<&Position>().iter(world).map(|p| p.0).collect();
     let mut result = vec![DVec3::ZERO; order.len()];
-    order.iter().zip(rows).for_each(|(&vertex, row)| result[vertex as usize] = row);
+    order.iter().zip(rows).for_each(|(vertex, row)| result[vertex.index()] = row);
     result
 }
 
@@ -201,9 +201,9 @@ fn interpolation_draws_between_two_steps() {
         let points = attribute(drawn(&app, body), false);
         let way =
             steps.0[0].iter().zip(&steps.0[1]).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max);
-        for (row, &vertex) in order.iter().enumerate() {
+        for (row, vertex) in order.iter().enumerate() {
             let expected = steps.0[0][row].lerp(steps.0[1][row], fraction);
-            let found = points[vertex as usize].as_dvec3();
+            let found = points[vertex.index()].as_dvec3();
             assert!(found.distance(expected) < 1e-7, "frame {frame}: {found} {expected}");
         }
         seen += usize::from(way > 1e-5 && (0.1..0.9).contains(&fraction));

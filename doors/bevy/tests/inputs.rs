@@ -18,7 +18,7 @@ use std::time::Duration;
 fn vertex(app: &mut bevy_app::App, vertex: u32) -> DVec3 {
     let row = app.world().resource::<Topology>().bodies[0].row(vertex).unwrap();
     let world = app.world_mut();
-    world.query::<&Position>().iter(world).nth(row as usize).unwrap().0
+    world.query::<&Position>().iter(world).nth(row.index()).unwrap().0
 }
 
 #[test]

@@ -7,6 +7,7 @@ use crate::mesh::{cells, finite, vector, vectors};
 use glam::DVec3;
 use serde::Serialize;
 use sinew::engine::load::{Constraint, Curve, Load, Motion, Pose, Pressure};
+use sinew::engine::row::VertexRow;
 use sinew::engine::vertex::FixedAxes;
 use sinew::simulation::BodyHandle;
 
@@ -55,7 +56,12 @@ pub struct Wrench {
 
 impl Embedding {
     /// Rows of vertices of a body, at least one.
-    pub(crate) fn rows(&self, body: Handle, name: &str, vertices: &[u32]) -> Result<Vec<u32>> {
+    pub(crate) fn rows(
+        &self,
+        body: Handle,
+        name: &str,
+        vertices: &[u32],
+    ) -> Result<Vec<VertexRow>> {
         let body = self.body(body)?;
         if vertices.is_empty() {
             return Err(InputError::invalid(format!("`{name}`"), "no vertex is given").into());
@@ -196,7 +202,7 @@ impl Embedding {
         body: Handle,
         name: &str,
         triangles: &[u32],
-    ) -> Result<Vec<[u32; 3]>> {
+    ) -> Result<Vec<[VertexRow; 3]>> {
         let index = self.body(body)?;
         let triangles = cells::<3>("triangles", triangles, self.vertex_count(body)?)?;
         if triangles.is_empty() {

@@ -8,6 +8,7 @@ use glam::DVec3;
 use serde::Deserialize;
 use sinew::engine::connectivity::ElementKind;
 use sinew::engine::mesh::{CheckOptions, Mesh, check};
+use sinew::engine::row::LocalRow;
 use sinew::engine::surface::SurfaceReader;
 use sinew::models::body::present::MassPolicy;
 use sinew::models::body::sheet::{MembraneSettings, PlaneState};
@@ -467,7 +468,7 @@ fn outside(simulation: &mut Simulation, body: usize) -> Vec<[u32; 3]> {
     let Some(read) = world.get_resource::<SurfaceReader>().copied() else { return Vec::new() };
     let surface = (read.0)(world, body);
     let order = &simulation.topology().bodies[body].vertex_order;
-    let user = |t: &[u32; 3]| t.map(|v| order[v as usize]);
+    let user = |t: &[u32; 3]| t.map(|v| order[LocalRow(v)].0);
     let mut triangles: Vec<[u32; 3]> = surface.triangles.iter().map(user).collect();
     let sorted = |mut t: [u32; 3]| {
         t.sort_unstable();

@@ -209,7 +209,7 @@ impl Embedding {
         let simulation = &mut self.built.simulation;
         let Some(pick) = simulation.pick(origin, direction) else { return Ok(None) };
         let rows = &simulation.topology().bodies[pick.body];
-        let vertices = pick.rows.map(|row| rows.vertex_order[(row - rows.vertices.start) as usize]);
+        let vertices = pick.rows.map(|row| rows.vertex(row).0);
         Ok(self.handles.of_body(pick.body).map(|body| Pick {
             body,
             vertices,

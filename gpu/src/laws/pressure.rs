@@ -40,14 +40,14 @@ pub(super) fn columns(
     let rows = &topology.bodies[body].vertices;
     let found = sources.into_iter().map(|(entity, faces)| {
         let mut columns = ElementColumns { load: Some(entity), ..ElementColumns::default() };
-        for face in faces.into_iter().filter(|face| face.iter().all(|row| rows.contains(row))) {
+        for face in faces.into_iter().filter(|face| face.iter().all(|row| rows.contains(&row.0))) {
             // an edge that no element has any more carries nothing
-            let [a, b, c] = face;
+            let [a, b, c] = face.map(|row| row.0);
             if [(a, b), (b, c), (c, a)].iter().any(|&(a, b)| topology.block(a, b).is_none()) {
                 continue;
             }
-            columns.nodes.extend(face.map(|row| row - first_row));
-            let [a, b, c] = face.map(|row| rest[row as usize].0);
+            columns.nodes.extend(face.map(|row| row.0 - first_row));
+            let [a, b, c] = face.map(|row| rest[row.index()].0);
             for edge in [b - a, c - a].map(|edge| edge.as_vec3()) {
                 columns.data.extend([edge.x, edge.y, edge.z, 0.0]);
             }

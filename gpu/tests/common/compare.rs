@@ -17,10 +17,10 @@ const BOUND: f64 = 1e-4;
 
 fn rows_of(simulation: &Simulation, values: &[[f32; 4]]) -> Vec<DVec3> {
     let rows = &simulation.topology().bodies[0];
-    let mut result = vec![DVec3::ZERO; rows.row_of_vertex.len()];
-    for (row, &vertex) in values.iter().zip(&rows.vertex_order) {
+    let mut result = vec![DVec3::ZERO; rows.mesh_vertices()];
+    for (row, vertex) in values.iter().zip(&rows.vertex_order) {
         let [x, y, z, _] = row.map(f64::from);
-        result[vertex as usize] = DVec3::new(x, y, z);
+        result[vertex.index()] = DVec3::new(x, y, z);
     }
     result
 }

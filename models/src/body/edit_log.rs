@@ -6,6 +6,8 @@ use serde::{Deserialize, Serialize};
 use sinew_engine::columns::TableImage;
 use sinew_engine::connectivity::{ByKind, ElementKind};
 use sinew_engine::fnv::Fnv64;
+use sinew_engine::layout::UNUSED;
+use sinew_engine::row::LocalRow;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::topology::Topology;
 use sinew_engine::vertex::{BodyId, RestPosition};
@@ -136,9 +138,11 @@ pub fn scene_hash<S: Scalar>(world: &mut World) -> u64 {
         for body in &world.resource::<Topology>().bodies {
             let mut sum = Sum::default();
             sum.text(&body.name);
-            for order in [&body.vertex_order, &body.row_of_vertex] {
-                sum.numbers(order);
-            }
+            let vertices: Vec<u32> = body.vertex_order.iter().map(|vertex| vertex.0).collect();
+            let row = |row: &Option<LocalRow>| row.map_or(UNUSED, |row| row.0);
+            let rows: Vec<u32> = body.row_of_vertex.iter().map(row).collect();
+            sum.numbers(&vertices);
+            sum.numbers(&rows);
             for kind in ElementKind::ALL {
                 sum.numbers(body.order(kind));
             }

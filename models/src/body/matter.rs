@@ -16,6 +16,7 @@ use sinew_engine::connectivity::{ByKind, ElementKind};
 use sinew_engine::element::TETRAHEDRON_FACES;
 use sinew_engine::isoparametric::{RestHexahedron, RestQuad, RestTetrahedron10};
 use sinew_engine::layout::{BodyElements, Cells};
+use sinew_engine::row::LocalRow;
 use sinew_engine::scalar::sub;
 use sinew_identify::cells::Cells as Elements;
 use sinew_identify::mass::{MassLumping, lumped_masses};
@@ -359,7 +360,7 @@ impl Matter<'_> {
                 continue;
             }
             if let Some(given) = self.given {
-                let user = |row: &u32| self.ordered.vertex_order[*row as usize];
+                let user = |row: &u32| self.ordered.vertex_order[LocalRow(*row)].0;
                 let of = |e: usize| cells.element(e).2.iter().map(user).collect::<Vec<_>>();
                 springs.constants[kind] = (0..cells.len())
                     .flat_map(|e| given.constants(kind, &of(e)).collect::<Vec<_>>())

@@ -14,12 +14,13 @@ use sinew_engine::law::{BodiesWithoutRecovery, partition_laws};
 use sinew_engine::layout::{BodyLayout, ElementLists};
 use sinew_engine::memory;
 use sinew_engine::precision::Precision;
+use sinew_engine::row::LocalRow;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::surface::SurfaceReader;
 use sinew_engine::topology::{BodyRows, ElementTables, Topology};
 use sinew_engine::vertex::{
     BodyId, Displacement, ElasticForce, ExternalForce, FixedAxes, Mass, Position,
-    PrescribedDisplacement, RestPosition, Velocity, VertexIndex,
+    PrescribedDisplacement, RestPosition, Velocity,
 };
 use std::sync::Arc;
 
@@ -82,7 +83,7 @@ fn spawn<S: Scalar>(world: &mut World, body: &BodyDescription) -> Result<Entity,
         quads: membrane.map_or(&[][..], |m| m.quads),
     };
     let layout = BodyLayout::of(body.points.len(), &lists);
-    let rest_of = |row: u32| body.points[layout.vertex_order[row as usize] as usize];
+    let rest_of = |row: u32| body.points[layout.vertex_order[LocalRow(row)].index()];
     let rest = RestShapes::new(body.name, &layout, &rest_of)?;
     let sheet = match &membrane {
         Some(m) => Some(Sheet::new(m, &layout, rest_of).map_err(of_membrane)?),
@@ -398,7 +399,7 @@ impl RestShapes {
 impl SolidPart<'_> {
     fn spawn_vertices<S: Scalar>(&self, world: &mut World, masses: &[f64]) {
         let order = self.layout.vertex_order.iter().zip(masses);
-        let vertices = (0..).zip(order).map(|(row, (&original, &mass))| {
+        let vertices = (0..).zip(order).map(|(row, (&vertex, &mass))| {
             let x = (self.rest_of)(row);
             (
                 RestPosition(x),
@@ -410,7 +411,7 @@ impl SolidPart<'_> {
                 PrescribedDisplacement::<S>::default(),
                 Mass(S::from_f64(mass)),
                 FixedAxes::NONE,
-                VertexIndex(original),
+                vertex,
                 self.at.body,
             )
         });

@@ -34,6 +34,7 @@ use sinew_engine::law::{
 };
 use sinew_engine::load::{LoadTime, Pressure, SweptVolumes};
 use sinew_engine::order::Order;
+use sinew_engine::row::VertexRow;
 use sinew_engine::scalar::{Real, Scalar, add, cross, dot, scale, sub};
 use sinew_engine::schedule::{
     ForceSystems, Input, StepSchedule, StepSystems, activate_law_of_systems, declare_inputs,
@@ -218,7 +219,8 @@ fn collect_faces<S: Scalar>(world: &mut World) {
 
 /// A triangle with its rows in ascending order, the blocks of its edges, and whether that turned it
 /// over; `None` when an edge is in no element.
-fn ascending(t: [u32; 3], topology: &Topology) -> Option<([u32; 3], [u32; 3], bool)> {
+fn ascending(t: [VertexRow; 3], topology: &Topology) -> Option<([u32; 3], [u32; 3], bool)> {
+    let t = t.map(|row| row.0);
     let mut nodes = t;
     nodes.sort_unstable();
     let flipped = ![[0, 1, 2], [1, 2, 0], [2, 0, 1]].map(|p| p.map(|i| nodes[i])).contains(&t);

@@ -248,8 +248,8 @@ impl BodyResection {
         let v0 = topology.bodies[body].vertices.start;
         for &edge in &touched.unused_edges {
             let [a, b] = self.connectivity.cells.edges[edge as usize].map(|v| v + v0);
-            if let Some(block) = topology.find_edge(a, b) {
-                topology.unused_edges[block] = true;
+            if let Some(block) = topology.block(a, b) {
+                topology.unused_edges[block as usize] = true;
             }
         }
         let rows = &mut topology.bodies[body];

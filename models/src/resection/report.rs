@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 use sinew_engine::connectivity::{ElementKind, Touched};
+use sinew_engine::row::{LocalRow, MeshVertex};
 use sinew_engine::topology::BodyRows;
 use std::time::Duration;
 
@@ -34,7 +35,7 @@ pub struct RemovalReport {
     /// Faces that follower pressures lost with them.
     pub pressure_faces: usize,
     /// Vertices that lost their last element, by their indices in the user's mesh, ascending.
-    pub orphans: Vec<u32>,
+    pub orphans: Vec<MeshVertex>,
     /// Connected pieces of the body now; vertices without elements are none.
     pub pieces: usize,
     /// Volume of the removed solid elements (m^3, at rest).
@@ -74,7 +75,9 @@ impl RemovalReport {
             self.remaining_hexahedra,
             self.remaining_quads,
         ] = left;
-        self.orphans = sorted(&touched.orphans, &rows.vertex_order);
+        let orphans = touched.orphans.iter();
+        self.orphans = orphans.map(|&row| rows.vertex_order[LocalRow(row)]).collect();
+        self.orphans.sort_unstable();
         self.pieces = own.pieces;
         self.edges = touched.unused_edges.len();
         self.faces = touched.unused_triangles.len() + touched.unused_faces;

@@ -4,6 +4,7 @@ use bevy_ecs::prelude::*;
 use sinew_engine::columns::single_table;
 use sinew_engine::connectivity::{ByKind, ElementKind, Incidence, Touched};
 use sinew_engine::load::Pressure;
+use sinew_engine::row::VertexRow;
 use sinew_engine::scalar::{Scalar, sub};
 use sinew_engine::topology::Topology;
 use sinew_engine::vertex::{Mass, Velocity};
@@ -135,11 +136,11 @@ impl BodyResection {
     /// Takes the faces that no element has any more out of the pressures; how many there were.
     pub(super) fn drop_pressures(&self, world: &mut World, body: usize) -> usize {
         let rows = world.resource::<Topology>().bodies[body].vertices.clone();
-        let is_gone = |face: &[u32; 3]| {
-            if !rows.contains(&face[0]) {
+        let is_gone = |face: &[VertexRow; 3]| {
+            if !rows.contains(&face[0].0) {
                 return false;
             }
-            let mut local = face.map(|v| v - rows.start);
+            let mut local = face.map(|row| row.0 - rows.start);
             local.sort_unstable();
             let [a, b, c] = local;
             match self.triangle(local) {

@@ -29,6 +29,7 @@ use sinew_engine::law::{ElasticEnergy, EvaluationRequest, RecoveringBodies, Tang
 use sinew_engine::load::{LoadTime, Pressure};
 use sinew_engine::matrix::Tangent;
 use sinew_engine::mesh::Mesh;
+use sinew_engine::row::{LocalRow, VertexRow};
 use sinew_engine::scalar::Scalar;
 use sinew_engine::schedule::{Executor, ForceSchedule, evaluate_dampers, has_dampers};
 use sinew_engine::step::install_engine;
@@ -93,11 +94,11 @@ fn compare<S: Scalar>(world: &mut World, body: usize) -> Result<FreshDifference,
         of_tetrahedra.map(|&index| cluster.get(&(index as u32)).copied()).collect();
     let clusters = clusters.filter(|_| soft.volume == VolumeRule::Clusters);
     let mut vertices = world.query::<(&RestPosition, &Displacement<S>)>();
-    let mut displacement = vec![Displacement::<S>::default(); rows.row_of_vertex.len()];
+    let mut displacement = vec![Displacement::<S>::default(); rows.mesh_vertices()];
     if let Some((rest, u)) = single_table(vertices.contiguous_iter(world)) {
-        for (row, &v) in (rows.vertices.start as usize..).zip(&rows.vertex_order) {
-            mesh.points[v as usize] = rest[row].0;
-            displacement[v as usize] = u[row];
+        for (vertex, row) in rows.vertices_and_rows() {
+            mesh.points[vertex.index()] = rest[row.index()].0;
+            displacement[vertex.index()] = u[row.index()];
         }
     }
     let mut fresh = World::new();
@@ -121,7 +122,7 @@ fn what_is_left(world: &World, body: usize, rows: &BodyRows) -> (Mesh, Vec<usize
         let is_left = move |e: &usize| connectivity.is_none_or(|c| c.is_present(kind, *e as u32));
         (0..rows.order(kind).len()).filter(is_left)
     };
-    let user = |v: u32| rows.vertex_order[v as usize];
+    let user = |v: u32| rows.vertex_order[LocalRow(v)].0;
     let (tetrahedra, hexahedra) = (left(ElementKind::Tetrahedron), left(ElementKind::Hexahedron));
     let first = rows.tetrahedron_order.len();
     let index = tetrahedra.clone().map(|t| rows.tetrahedron_order[t] as usize);
@@ -132,7 +133,7 @@ fn what_is_left(world: &World, body: usize, rows: &BodyRows) -> (Mesh, Vec<usize
         None => rows.tetrahedra[t],
     };
     let mesh = Mesh {
-        points: vec![DVec3::ZERO; rows.row_of_vertex.len()],
+        points: vec![DVec3::ZERO; rows.mesh_vertices()],
         tetrahedra: tetrahedra.clone().map(|t| corners(t).map(user)).collect(),
         middles: match rows.tetrahedra10.is_empty() {
             true => Vec::new(),
@@ -196,9 +197,8 @@ fn copy_state<S: Scalar>(
     let new = fresh.resource::<Topology>().bodies[0].clone();
     let mut pressures = world.query::<(Entity, &Pressure)>();
     let rows = &world.resource::<Topology>().bodies[body];
-    let row =
-        |row: u32| new.row(rows.vertex_order[(row - rows.vertices.start) as usize]).unwrap_or(0);
-    let own = |p: &Pressure| p.faces.iter().all(|face| rows.vertices.contains(&face[0]));
+    let row = |row: VertexRow| new.row(rows.vertex(row)).unwrap_or_default();
+    let own = |p: &Pressure| p.faces.iter().all(|face| rows.local(face[0]).is_some());
     let moved = |p: &Pressure| {
         let faces = p.faces.iter().map(|face| face.map(row)).collect();
         Pressure { faces, ..p.clone() }
@@ -214,8 +214,8 @@ fn copy_state<S: Scalar>(
     }
     let mut vertices = fresh.query::<&mut Displacement<S>>();
     if let Some(mut u) = single_table(vertices.contiguous_iter_mut(fresh)) {
-        for (u, &v) in u.iter_mut().zip(&new.vertex_order) {
-            *u = displacement[v as usize];
+        for (u, vertex) in u.iter_mut().zip(&new.vertex_order) {
+            *u = displacement[vertex.index()];
         }
     }
 }
@@ -285,7 +285,7 @@ fn largest_difference<'a>(a: &'a Values, b: &'a Values, least: f64) -> (f64, Opt
 
 /// The blocks of the world's tangent that belong to a body, by the user's vertices.
 fn tangent_blocks<S: Scalar>(world: &World, rows: &BodyRows) -> Values {
-    let user = |row: u32| rows.vertex_order[(row - rows.vertices.start) as usize];
+    let user = |row: u32| rows.vertex(VertexRow(row)).0;
     let (topology, tangent) = (world.resource::<Topology>(), world.resource::<Tangent<S>>());
     let block = |a: u32, b: u32, m: &[S; 9]| {
         let (a, b) = (user(a), user(b));
@@ -324,8 +324,8 @@ fn snapshot<S: Scalar>(world: &mut World, body: usize) -> Snapshot {
     all.insert("energy", Values::from([(("body", Vec::new(), 0), vec![energy])]));
     let mut vertices = world.query::<(&Mass<S>, &ElasticForce<S>)>();
     if let Some((mass, force)) = single_table(vertices.contiguous_iter(world)) {
-        let own = (rows.vertices.start as usize..).zip(&rows.vertex_order);
-        let own = own.map(|(row, &v)| (row, ("vertex", vec![v], 0)));
+        let own = rows.vertices_and_rows();
+        let own = own.map(|(vertex, row)| (row.index(), ("vertex", vec![vertex.0], 0)));
         let masses = own.clone().map(|(row, key)| (key, vec![mass[row].0.to_f64()]));
         all.insert("mass", masses.collect());
         let forces = own.map(|(row, key)| (key, force[row].0[..3].iter().map(|x| x.to_f64())));
@@ -368,12 +368,10 @@ impl Elements<'_> {
         kind: &'static str,
         all: &mut Snapshot,
     ) {
-        let first = self.rows.vertices.start;
         let mut elements = world.query_filtered::<(EntityRef, &BodyId, &C), F>();
         for (entity, _, nodes) in elements.iter(world).filter(|(_, id, _)| **id == self.id) {
-            let nodes = nodes.vertex_rows().iter();
-            let nodes: Vec<u32> =
-                nodes.map(|row| self.rows.vertex_order[(row - first) as usize]).collect();
+            let nodes = nodes.vertex_rows().iter().map(|&row| self.rows.vertex(VertexRow(row)).0);
+            let nodes: Vec<u32> = nodes.collect();
             let mut key = (kind, nodes.clone(), 0);
             key.1.sort_unstable();
             let held = self.quantities.iter().map(|quantity| {

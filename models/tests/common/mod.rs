@@ -12,6 +12,7 @@ use sinew_engine::element::{TETRAHEDRON_EDGES, TetrahedronShapes};
 use sinew_engine::lanes::InstructionSet;
 use sinew_engine::law::{EvaluationRequest, LawBuffer};
 use sinew_engine::layout::BodyElements;
+use sinew_engine::row::{LocalRow, MeshVertex};
 use sinew_engine::scalar::Scalar;
 use sinew_engine::schedule::{Executor, install};
 use sinew_engine::topology::{BodyRows, Topology};
@@ -193,8 +194,8 @@ impl<S: Scalar> Columns<S> {
         let block = |edge: [u32; 2]| edges.binary_search(&edge).unwrap() as u32;
         let blocks = nodes.iter().map(|t| pairs(t).map(block)).collect();
         let ordered = BodyElements {
-            vertex_order: (0..displacement.len() as u32).collect(),
-            row_of_vertex: (0..displacement.len() as u32).collect(),
+            vertex_order: (0..displacement.len() as u32).map(MeshVertex).collect(),
+            row_of_vertex: (0..displacement.len() as u32).map(|v| Some(LocalRow(v))).collect(),
             tetrahedra: nodes.clone(),
             ..BodyElements::default()
         };
@@ -236,8 +237,8 @@ pub fn world<S: Scalar>(body: &BodyDescription, moved: &[DVec3], workers: Worker
     spawn_body(&mut world, body).unwrap();
     let order = world.resource::<Topology>().bodies[0].vertex_order.clone();
     let mut query = world.query::<&mut Displacement<S>>();
-    for (mut u, v) in query.iter_mut(&mut world).zip(order) {
-        let [x, y, z] = moved[v as usize].to_array().map(S::from_f64);
+    for (mut u, v) in query.iter_mut(&mut world).zip(&order) {
+        let [x, y, z] = moved[v.index()].to_array().map(S::from_f64);
         u.0 = [x, y, z, S::ZERO];
     }
     world

@@ -1,6 +1,7 @@
 //! Distance of a point from deformed faces.
 
 use glam::DVec3;
+use sinew_engine::row::VertexRow;
 use sinew_engine::surface::closest_point;
 
 /// A point beside some faces.
@@ -11,7 +12,7 @@ pub(crate) struct Beside {
     /// Gradient of the distance by the point; by the vertices of the face it is this times minus their `weights`.
     pub normal: DVec3,
     /// Vertex rows of the closest face.
-    pub face: [u32; 3],
+    pub face: [VertexRow; 3],
     /// Barycentric coordinates of the closest point.
     pub weights: [f64; 3],
 }
@@ -20,11 +21,11 @@ pub(crate) struct Beside {
 /// faces that meet there (Baerentzen & Aanaes 2005). `side` gives the sign instead where faces have two sides.
 pub(crate) fn beside(
     p: DVec3,
-    faces: &[[u32; 3]],
-    x: &dyn Fn(u32) -> DVec3,
+    faces: &[[VertexRow; 3]],
+    x: &dyn Fn(VertexRow) -> DVec3,
     side: Option<f64>,
 ) -> Option<Beside> {
-    let mut best: Option<(f64, [u32; 3], [f64; 3], DVec3)> = None;
+    let mut best: Option<(f64, [VertexRow; 3], [f64; 3], DVec3)> = None;
     for &face in faces {
         let corners = face.map(x);
         let weights = closest_point(p, corners);
@@ -107,9 +108,9 @@ mod tests {
             let faces = [
                 [0, 2, 4], [0, 4, 1], [0, 1, 5], [0, 5, 3], [0, 3, 6], [0, 6, 2],
                 [7, 3, 5], [7, 6, 3], [7, 4, 2], [7, 2, 6], [7, 5, 1], [7, 1, 4],
-            ];
+            ].map(|face| face.map(VertexRow));
             let p = DVec3::from_array(p);
-            let x = |i: u32| points[i as usize];
+            let x = |row: VertexRow| points[row.index()];
             let q = (p - 0.5).abs() - 0.5;
             let exact = q.max(DVec3::ZERO).length() + q.max_element().min(0.0);
             let found = beside(p, &faces, &x, None).unwrap();

@@ -15,6 +15,10 @@ use crate::shape::Shape;
 use glam::{DMat3, DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 use sinew_engine::order::Order;
+use sinew_engine::row::VertexRow;
+
+/// Stands in a [`Key`] where there is no vertex.
+pub(crate) const NO_ROW: VertexRow = VertexRow(u32::MAX);
 
 /// Identity of a point from step to step: the owner of the contact, its part, and the point of the surface.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
@@ -25,14 +29,16 @@ pub(crate) struct PointKey {
     pub owner: Order,
     /// Part of a tool, direction of a pair.
     pub part: u32,
-    /// Vertex row, or vertex rows of a face and the number of the point in it.
-    pub point: [u32; 4],
+    /// Vertex row and twice [`NO_ROW`], or vertex rows of a face.
+    pub rows: [VertexRow; 3],
+    /// Number of the point in the face.
+    pub number: u32,
 }
 
 impl PointKey {
     /// Of a vertex row.
-    pub fn of_vertex(body: u32, owner: Order, part: u32, row: u32) -> Self {
-        Self { body, owner, part, point: [row, u32::MAX, u32::MAX, 0] }
+    pub fn of_vertex(body: u32, owner: Order, part: u32, row: VertexRow) -> Self {
+        Self { body, owner, part, rows: [row, NO_ROW, NO_ROW], number: 0 }
     }
 }
 
@@ -99,7 +105,7 @@ pub(crate) struct ContactPoint {
     pub key: PointKey,
     pub against: Against,
     /// Vertex rows; unused ones have weight 0.
-    pub rows: [u32; 3],
+    pub rows: [VertexRow; 3],
     pub weights: [f64; 3],
     /// Rest area (m^2); of pulls the share of the patch.
     pub area: f64,
@@ -158,7 +164,7 @@ pub(crate) struct Active {
     /// It pushes or holds.
     pub on: bool,
     /// Vertex rows that its force acts on, and their shares; the shares of faces on the other side are negative.
-    pub rows: [u32; 4],
+    pub rows: [VertexRow; 4],
     pub weights: [f64; 4],
     /// Place (m).
     pub at: DVec3,
@@ -183,7 +189,7 @@ impl Default for Active {
     fn default() -> Self {
         Self {
             on: false,
-            rows: [0; 4],
+            rows: [VertexRow(0); 4],
             weights: [0.0; 4],
             at: DVec3::ZERO,
             push: DVec3::ZERO,
@@ -216,7 +222,7 @@ impl ContactPoint {
     pub fn new(
         key: PointKey,
         against: Against,
-        (rows, weights): ([u32; 3], [f64; 3]),
+        (rows, weights): ([VertexRow; 3], [f64; 3]),
         area: f64,
         k: f64,
     ) -> Self {
@@ -241,7 +247,7 @@ impl ContactPoint {
     }
 
     /// Place (m) among positions.
-    pub fn at(&self, x: &dyn Fn(u32) -> DVec3) -> DVec3 {
+    pub fn at(&self, x: &dyn Fn(VertexRow) -> DVec3) -> DVec3 {
         let mut at = x(self.rows[0]) * self.weights[0];
         for i in 1..3 {
             if self.weights[i] != 0.0 {
@@ -256,9 +262,9 @@ impl ContactPoint {
     pub fn evaluate(
         &mut self,
         parts: &[PartNow],
-        faces: &[[u32; 3]],
-        x: &dyn Fn(u32) -> DVec3,
-        start: &dyn Fn(u32) -> DVec3,
+        faces: &[[VertexRow; 3]],
+        x: &dyn Fn(VertexRow) -> DVec3,
+        start: &dyn Fn(VertexRow) -> DVec3,
         limits: Limits,
     ) -> Active {
         let at = self.at(x);
@@ -292,7 +298,7 @@ impl ContactPoint {
                 let [d, e, f] = near.face;
                 let [p, q, r] = near.weights;
                 (active.rows, active.weights) = ([a, d, e, f], [1.0, -p, -q, -r]);
-                let way = |row: u32| x(row) - start(row);
+                let way = |row| x(row) - start(row);
                 // what goes with the faces: the slip is the rest of the way
                 self.carried = at - (way(a) - way(d) * p - way(e) * q - way(f) * r);
             }
@@ -472,7 +478,10 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    const FACES: [[u32; 3]; 2] = [[1, 2, 3], [2, 4, 3]];
+    const FACES: [[VertexRow; 3]; 2] = {
+        let [b, c, d, e] = [VertexRow(1), VertexRow(2), VertexRow(3), VertexRow(4)];
+        [[b, c, d], [c, e, d]]
+    };
 
     fn part(shape: Shape, turn: f64) -> PartNow {
         let pose = |turn: f64, centre| RigidPose {
@@ -484,7 +493,7 @@ mod tests {
     }
 
     fn point(against: Against, friction: f64) -> ContactPoint {
-        let own = ([0; 3], [1.0, 0.0, 0.0]);
+        let own = ([VertexRow(0); 3], [1.0, 0.0, 0.0]);
         ContactPoint {
             friction,
             slip: DVec3::new(0.01, -0.02, 0.015),
@@ -496,23 +505,23 @@ mod tests {
     /// Compares force and tangent of a point with differences of energy and force on every coordinate of five rows.
     /// `exact` shapes have no curvature where the test puts them.
     fn check(point: &mut ContactPoint, parts: &[PartNow], places: [DVec3; 5], exact: bool) -> bool {
-        let start = |row: u32| DVec3::splat(0.01 * f64::from(row));
-        let at = |places: [DVec3; 5]| move |row: u32| places[row as usize];
+        let start = |row: VertexRow| DVec3::splat(0.01 * f64::from(row.0));
+        let at = |places: [DVec3; 5]| move |row: VertexRow| places[row.index()];
         let active = point.evaluate(parts, &FACES, &at(places), &start, Limits::Take);
         if !active.on || active.pressure < 0.05 {
             return false;
         }
-        let force_on = |active: &Active, row: u32| {
+        let force_on = |active: &Active, row: VertexRow| {
             let used =
                 active.rows.iter().zip(active.weights).filter(|(r, w)| **r == row && *w != 0.0);
             used.map(|(_, w)| w).sum::<f64>() * (active.push + active.rub)
         };
         let h = 1e-6;
-        for row in 0..5_u32 {
+        for row in (0..5).map(VertexRow) {
             for axis in 0..3 {
                 let mut step = |sign: f64| {
                     let mut moved = places;
-                    moved[row as usize][axis] += sign * h;
+                    moved[row.index()][axis] += sign * h;
                     point.evaluate(parts, &FACES, &at(moved), &start, Limits::Keep)
                 };
                 let (more, less) = (step(1.0), step(-1.0));
@@ -554,7 +563,7 @@ mod tests {
                     places[0] = 1.4 * DVec3::new(random(), random(), random());
                     if check(&mut point, &parts, places, *exact) {
                         checked += 1;
-                        let x = |_: u32| places[0];
+                        let x = |_: VertexRow| places[0];
                         let active = point.evaluate(&parts, &FACES, &x, &x, Limits::Take);
                         slipped += u32::from(point.k * active.slip.length() > point.limit);
                     }

@@ -6,6 +6,7 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use sinew_engine::load::Pose;
 use sinew_engine::order::Order;
+use sinew_engine::row::VertexRow;
 
 /// Draws every vertex of a patch to the place to which a moving pose carries it. The pose starts when the pull takes
 /// hold. The energy is `sum_a w_a (k |x_a - T(X_a)|^2 + c |v_a - v_T|^2 h) / 2`, solved implicitly with everything
@@ -16,7 +17,7 @@ pub struct Pull {
     /// Name for reports and probes.
     pub name: String,
     /// Vertex rows.
-    pub rows: Vec<u32>,
+    pub rows: Vec<VertexRow>,
     /// Share of each row in the stiffness; made to sum to 1.
     pub weights: Vec<f64>,
     /// Stiffness (N/m) of all rows together.
@@ -33,7 +34,12 @@ pub struct Pull {
 
 impl Pull {
     /// Pulls on rows with equal weights.
-    pub fn new(name: impl Into<String>, rows: Vec<u32>, stiffness: f64, damping: f64) -> Self {
+    pub fn new(
+        name: impl Into<String>,
+        rows: Vec<VertexRow>,
+        stiffness: f64,
+        damping: f64,
+    ) -> Self {
         let weights = vec![1.0; rows.len()];
         Self {
             name: name.into(),
@@ -59,7 +65,7 @@ impl Pull {
         if self.rows.is_empty() {
             return Some("it pulls on no vertex".into());
         }
-        if self.rows.iter().any(|&r| r as usize >= rows) {
+        if self.rows.iter().any(|r| r.index() >= rows) {
             return Some("it names a vertex row that does not exist".into());
         }
         if self.weights.len() != self.rows.len() {
@@ -107,7 +113,7 @@ pub struct Pick {
     /// Index of the body.
     pub body: usize,
     /// Vertex rows of the triangle.
-    pub rows: [u32; 3],
+    pub rows: [VertexRow; 3],
     /// Barycentric coordinates of the point in it, for [`Pull::with_weights`].
     pub weights: [f64; 3],
     /// The point (m).

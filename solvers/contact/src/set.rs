@@ -5,7 +5,7 @@ use crate::beside::beside;
 use crate::limits::Limits;
 use crate::pair::{BodyContact, BodyContactReport};
 use crate::point::{
-    Active, Against, ContactPoint, PartNow, PointKey, PointMemory, RigidPose, Side, outer,
+    Active, Against, ContactPoint, NO_ROW, PartNow, PointKey, PointMemory, RigidPose, Side, outer,
 };
 use crate::pull::{Pull, PullReport};
 use crate::skin::{ContactSkin, EMPTY, face_points, grown, overlap};
@@ -15,6 +15,7 @@ use glam::{DMat3, DVec3};
 use serde::{Deserialize, Serialize};
 use sinew_engine::order::Order;
 use sinew_engine::report::ContactFigures;
+use sinew_engine::row::VertexRow;
 use sinew_engine::step::StepError;
 use sinew_engine::surface::SurfaceReader;
 use sinew_engine::time::{StepClock, StepPart};
@@ -45,9 +46,9 @@ const DENSE: f64 = 2.0;
 #[derive(Clone, Copy)]
 pub struct RowPlaces<'a> {
     /// Now.
-    pub now: &'a dyn Fn(u32) -> DVec3,
+    pub now: &'a dyn Fn(VertexRow) -> DVec3,
     /// At the start of the step.
-    pub start: &'a dyn Fn(u32) -> DVec3,
+    pub start: &'a dyn Fn(VertexRow) -> DVec3,
 }
 
 /// Blocks that contact adds to the matrix of a step: `sum_q B_q^T C_q B_q` with `B_q` the shares of a point.
@@ -126,8 +127,8 @@ pub struct ContactMemory {
     /// Energy (J) that friction of pairs has taken.
     dissipated: BTreeMap<Order, f64>,
     /// Forces (N) at the end of the last step, and pressures (Pa), of vertex rows.
-    forces: Vec<(u32, DVec3)>,
-    pressures: Vec<(u32, f64)>,
+    forces: Vec<(VertexRow, DVec3)>,
+    pressures: Vec<(VertexRow, f64)>,
     /// Energy (J) stored at the end of the last step.
     stored: f64,
 }
@@ -135,7 +136,7 @@ pub struct ContactMemory {
 impl ContactMemory {
     /// Whether it can belong to a world of so many bodies and vertex rows.
     pub fn fits(&self, bodies: usize, rows: usize) -> bool {
-        let row = |row: &u32| (*row as usize) < rows;
+        let row = |row: &VertexRow| row.index() < rows;
         self.points.iter().all(|(key, _)| (key.body as usize) < bodies)
             && self.points.is_sorted_by_key(|(key, _)| *key)
             && self.forces.iter().all(|(of, _)| row(of))
@@ -160,7 +161,7 @@ pub struct ContactSet {
     active: Vec<Active>,
     /// Points of the last round of an inner loop, and their places (m).
     rounds: Vec<(Active, DVec3)>,
-    faces: Vec<[u32; 3]>,
+    faces: Vec<[VertexRow; 3]>,
     figures: ContactFigures,
     /// Local stiffnesses (N/m) found in this step, by tool.
     local: Vec<(usize, DMat3)>,
@@ -196,8 +197,8 @@ impl ContactSet {
         &mut self,
         world: &mut World,
         rest: &[DVec3],
-        x: &dyn Fn(u32) -> DVec3,
-        v: &dyn Fn(u32) -> DVec3,
+        x: &dyn Fn(VertexRow) -> DVec3,
+        v: &dyn Fn(VertexRow) -> DVec3,
         limit_ways: bool,
     ) -> Result<(), StepError> {
         let clock = *world.resource::<StepClock>();
@@ -238,8 +239,8 @@ impl ContactSet {
 
     /// Bounds on the largest frequency (1/s) that contacts alone could give vertices of these masses (kg), and on the
     /// rate (1/s) at which pulls damp them.
-    pub fn rates(&self, mass: &dyn Fn(u32) -> f64) -> [f64; 2] {
-        let mut rows: Vec<(u32, f64, f64)> = Vec::new();
+    pub fn rates(&self, mass: &dyn Fn(VertexRow) -> f64) -> [f64; 2] {
+        let mut rows: Vec<(VertexRow, f64, f64)> = Vec::new();
         for point in &self.points {
             let damping = match point.against {
                 Against::Hand { damping, .. } => damping * point.area,
@@ -258,7 +259,8 @@ impl ContactSet {
         for own in rows.chunk_by(|a, b| a.0 == b.0) {
             let m = mass(own[0].0);
             if m > 0.0 {
-                let sum = |of: fn(&(u32, f64, f64)) -> f64| own.iter().map(of).sum::<f64>() / m;
+                let sum =
+                    |of: fn(&(VertexRow, f64, f64)) -> f64| own.iter().map(of).sum::<f64>() / m;
                 most = [most[0].max(sum(|r| r.1)), most[1].max(sum(|r| r.2))];
             }
         }
@@ -357,7 +359,7 @@ impl ContactSet {
     /// Corrects the tangents of points whose force changed by more than the last tangent said: normals turn in a furrow
     /// between faces, and limits of friction follow the pressure. Call it once a round, at the positions `x` of the
     /// last evaluation.
-    pub fn learn(&mut self, bodies: &Range<usize>, x: &dyn Fn(u32) -> DVec3, first: bool) {
+    pub fn learn(&mut self, bodies: &Range<usize>, x: &dyn Fn(VertexRow) -> DVec3, first: bool) {
         let range = self.range(bodies);
         self.rounds.resize(self.active.len(), (Active::default(), DVec3::ZERO));
         for (active, (last, place)) in
@@ -402,7 +404,7 @@ impl ContactSet {
             let force = active.push + active.rub;
             for (row, weight) in active.rows.iter().zip(active.weights) {
                 if weight != 0.0 {
-                    f(*row as usize, weight * force);
+                    f(row.index(), weight * force);
                 }
             }
         }
@@ -414,11 +416,11 @@ impl ContactSet {
         for active in self.active[self.range(bodies)].iter().filter(|active| active.on) {
             let used = || active.rows.iter().zip(active.weights).filter(|(_, w)| *w != 0.0);
             for (&row, weight) in used() {
-                blocks.diagonal.push((row, weight * weight * active.block));
+                blocks.diagonal.push((row.0, weight * weight * active.block));
             }
             if used().count() > 1 {
                 let Active { rows, weights, block, .. } = *active;
-                blocks.couplings.push(Coupling { rows, weights, block });
+                blocks.couplings.push(Coupling { rows: rows.map(|row| row.0), weights, block });
             }
         }
         sum_by_row(&mut blocks.diagonal);
@@ -430,7 +432,7 @@ impl ContactSet {
     pub fn resistance(
         &self,
         bodies: &Range<usize>,
-        inside: &dyn Fn(u32) -> bool,
+        inside: &dyn Fn(VertexRow) -> bool,
     ) -> (DVec3, DMat3) {
         let (mut force, mut block) = (DVec3::ZERO, DMat3::ZERO);
         for active in self.active[self.range(bodies)].iter().filter(|active| active.on) {
@@ -524,13 +526,13 @@ impl ContactSet {
     pub fn for_motion(&self, tool: usize, way: DVec3, mut f: impl FnMut(usize, DVec3)) {
         for active in self.touching(tool) {
             for (row, weight) in active.rows.iter().zip(active.weights).filter(|(_, w)| *w != 0.0) {
-                f(*row as usize, weight * (active.block * way));
+                f(row.index(), weight * (active.block * way));
             }
         }
     }
 
     /// Keeps the local stiffness of a tool. `ways` gives the motion (m) of a row when the tool moves 1 m along an axis.
-    pub fn keep_stiffness(&mut self, tool: usize, ways: &dyn Fn(usize, u32) -> DVec3) {
+    pub fn keep_stiffness(&mut self, tool: usize, ways: &dyn Fn(usize, VertexRow) -> DVec3) {
         let axes = [DVec3::X, DVec3::Y, DVec3::Z];
         let columns = [0, 1, 2].map(|axis| {
             let force = |active: &Active| {
@@ -553,7 +555,7 @@ impl ContactSet {
     }
 
     /// Ends a substep: contacts go on from positions `x`, those of the last evaluation.
-    pub fn settle(&mut self, x: &dyn Fn(u32) -> DVec3) {
+    pub fn settle(&mut self, x: &dyn Fn(VertexRow) -> DVec3) {
         for (point, active) in self.points.iter().zip(&self.active).filter(|(_, a)| a.on) {
             let force = active.push + active.rub;
             let (tool, way) = match point.against {
@@ -622,7 +624,7 @@ impl ContactSet {
 }
 
 /// Ascending rows, each once with the sum of what it had, in the order in which that came.
-fn sum_by_row<T: Copy + std::ops::AddAssign>(parts: &mut Vec<(u32, T)>) {
+fn sum_by_row<R: Copy + Ord, T: Copy + std::ops::AddAssign>(parts: &mut Vec<(R, T)>) {
     parts.sort_by_key(|(row, _)| *row);
     parts.dedup_by(|later, first| {
         let same = later.0 == first.0;

@@ -1,6 +1,7 @@
 //! Contact surfaces of bodies: areas and stiffness of points, and the boxes of the broad phase.
 
 use glam::DVec3;
+use sinew_engine::row::VertexRow;
 use sinew_engine::surface::BodySurface;
 
 /// Vertices per box of the broad phase. Vertex order is local, so a block is a patch.
@@ -10,7 +11,7 @@ const BLOCK: usize = 64;
 #[derive(Clone, Debug, Default)]
 pub(crate) struct ContactSkin {
     /// Vertex rows of the world, ascending.
-    pub rows: Vec<u32>,
+    pub rows: Vec<VertexRow>,
     /// A third of the rest areas (m^2) of the faces round each.
     pub area: Vec<f64>,
     /// Young's modulus (Pa) there.
@@ -40,38 +41,38 @@ impl ContactSkin {
     /// triangles of world rows, of those of them that belong to the body.
     pub fn new(
         surface: &BodySurface,
-        first: u32,
+        first: VertexRow,
         rest: &[DVec3],
-        only: Option<&[[u32; 3]]>,
+        only: Option<&[[VertexRow; 3]]>,
     ) -> Self {
-        let world = |t: &[u32; 3]| t.map(|v| v + first);
-        let sorted = |mut t: [u32; 3]| {
+        let world = |t: &[u32; 3]| t.map(|v| VertexRow(v + first.0));
+        let sorted = |mut t: [VertexRow; 3]| {
             t.sort_unstable();
             t
         };
-        let mut faces: Vec<[u32; 3]> = surface.triangles.iter().map(world).collect();
-        let mut solid: Vec<[u32; 3]> = faces.iter().map(|t| sorted(*t)).collect();
+        let mut faces: Vec<[VertexRow; 3]> = surface.triangles.iter().map(world).collect();
+        let mut solid: Vec<[VertexRow; 3]> = faces.iter().map(|t| sorted(*t)).collect();
         solid.sort_unstable();
         let mut sheets = faces.len();
         // a membrane that covers a solid is touched as the solid is
-        let bare = |t: &[u32; 3]| solid.binary_search(&sorted(*t)).is_err();
+        let bare = |t: &[VertexRow; 3]| solid.binary_search(&sorted(*t)).is_err();
         faces.extend(surface.sheets.iter().map(world).filter(bare));
         if let Some(only) = only {
-            let mut wanted: Vec<[u32; 3]> = only.iter().map(|t| sorted(*t)).collect();
+            let mut wanted: Vec<[VertexRow; 3]> = only.iter().map(|t| sorted(*t)).collect();
             wanted.sort_unstable();
-            let keep = |t: &[u32; 3]| wanted.binary_search(&sorted(*t)).is_ok();
+            let keep = |t: &[VertexRow; 3]| wanted.binary_search(&sorted(*t)).is_ok();
             sheets = faces[..sheets].iter().filter(|t| keep(t)).count();
             faces.retain(keep);
         }
-        let mut rows: Vec<u32> = faces.iter().flatten().copied().collect();
+        let mut rows: Vec<VertexRow> = faces.iter().flatten().copied().collect();
         rows.sort_unstable();
         rows.dedup();
         let mut skin = Self { sheets, ..Self::default() };
-        let place = |row: u32| rows.binary_search(&row).unwrap_or(0) as u32;
+        let place = |row| rows.binary_search(&row).unwrap_or(0) as u32;
         skin.area = vec![0.0; rows.len()];
         let mut length = 0.0;
         for face in &faces {
-            let [a, b, c] = face.map(|row| rest[row as usize]);
+            let [a, b, c] = face.map(|row| rest[row.index()]);
             let area = 0.5 * (b - a).cross(c - a).length();
             length += a.distance(b) + b.distance(c) + c.distance(a);
             let local = face.map(place);
@@ -84,19 +85,26 @@ impl ContactSkin {
         skin.edge = if faces.is_empty() { 0.0 } else { length / (3 * faces.len()) as f64 };
         skin.young = rows
             .iter()
-            .map(|row| surface.young_modulus.get((row - first) as usize).copied().unwrap_or(0.0))
+            .map(|row| {
+                surface.young_modulus.get((row.0 - first.0) as usize).copied().unwrap_or(0.0)
+            })
             .collect();
         skin.rows = rows;
         skin
     }
 
     /// Takes the places (m) at the start of a step of `dt` (s), and velocities (m/s), of all rows.
-    pub fn refit(&mut self, dt: f64, x: &dyn Fn(u32) -> DVec3, v: &dyn Fn(u32) -> DVec3) {
+    pub fn refit(
+        &mut self,
+        dt: f64,
+        x: &dyn Fn(VertexRow) -> DVec3,
+        v: &dyn Fn(VertexRow) -> DVec3,
+    ) {
         self.at.clear();
         self.at.extend(self.rows.iter().map(|&row| x(row)));
         self.way.clear();
         // forces of the step change the speed that it begins with
-        let way = |&row: &u32| 1.5 * v(row).length() * dt + 0.25 * self.edge;
+        let way = |&row: &VertexRow| 1.5 * v(row).length() * dt + 0.25 * self.edge;
         self.way.extend(self.rows.iter().map(way));
         self.boxes.clear();
         self.normals.clear();
@@ -217,11 +225,12 @@ mod tests {
             sheets: vec![[2, 1, 0], [0, 1, 4]],
             young_modulus: vec![1.0; 5],
         };
-        let skin = ContactSkin::new(&surface, 0, &rest, None);
+        let skin = ContactSkin::new(&surface, VertexRow(0), &rest, None);
         assert_eq!((skin.faces.len(), skin.sheets), (3, 2));
         let total: f64 = skin.area.iter().sum();
         assert!((total - skin.face_area.iter().sum::<f64>()).abs() < 1e-15);
-        let only = ContactSkin::new(&surface, 0, &rest, Some(&[[2, 3, 1]]));
+        let only =
+            ContactSkin::new(&surface, VertexRow(0), &rest, Some(&[[2, 3, 1].map(VertexRow)]));
         assert_eq!((only.rows.len(), only.faces.len(), only.sheets), (3, 1, 1));
         assert!((only.area[0] - 1.0 / 6.0).abs() < 1e-15);
     }

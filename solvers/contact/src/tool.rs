@@ -6,6 +6,7 @@ use glam::{DMat3, DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 use sinew_engine::load::{Curve, rotation};
 use sinew_engine::order::Order;
+use sinew_engine::row::VertexRow;
 
 /// Where a tool is: its origin and its rotation in the world, and how far its jaws are open.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -197,7 +198,7 @@ pub struct Tool {
     /// bodies need that go on between two steps. Costs three linear systems a step.
     pub local_stiffness: bool,
     /// Triangles of vertex rows that it touches; all surfaces without.
-    pub faces: Option<Vec<[u32; 3]>>,
+    pub faces: Option<Vec<[VertexRow; 3]>>,
     /// Time (s) from which it touches.
     pub from: f64,
     /// Time (s) after which it touches no more.
@@ -381,7 +382,7 @@ impl Tool {
             return Some("its times are not numbers".into());
         }
         let faces = self.faces.iter().flatten().flatten();
-        if faces.into_iter().any(|&row| row as usize >= rows) {
+        if faces.into_iter().any(|row| row.index() >= rows) {
             return Some("it names a vertex row that does not exist".into());
         }
         self.stiffness.problem().or_else(|| self.motion_problem())

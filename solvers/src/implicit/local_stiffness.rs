@@ -51,7 +51,7 @@ impl<S: Scalar> Step<'_, S> {
             }
             if found {
                 contact.keep_stiffness(tool, &|axis, row| {
-                    let way = ways[axis][row as usize].map(Scalar::to_f64);
+                    let way = ways[axis][row.index()].map(Scalar::to_f64);
                     DVec3::new(way[0], way[1], way[2])
                 });
             }

@@ -59,6 +59,7 @@ use sinew_contact::set::ContactSet;
 use sinew_engine::law::ElasticEnergy;
 use sinew_engine::load::SweptVolumes;
 use sinew_engine::report::StepReport;
+use sinew_engine::row::VertexRow;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::step::{StepClock, StepError, not_finite};
 use sinew_engine::topology::Topology;
@@ -119,8 +120,8 @@ fn prepare<S: Scalar>(
     scratch: &ImplicitScratch<S>,
 ) -> Result<(), StepError> {
     let x = position(&scratch.rest, &scratch.node.u);
-    let v = |row: u32| {
-        let v = &scratch.node.v[row as usize];
+    let v = |row: VertexRow| {
+        let v = &scratch.node.v[row.index()];
         DVec3::new(v[0].to_f64(), v[1].to_f64(), v[2].to_f64())
     };
     contact.prepare(world, &scratch.rest, &x, &v, true)?;

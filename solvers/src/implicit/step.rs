@@ -367,7 +367,7 @@ impl<S: Scalar> ImplicitScratch<S> {
         self.within.load_differences(part, &mut differences);
         for (&row, difference) in self.within.loaded.iter().zip(&differences) {
             for k in 0..3 {
-                self.load[row as usize][k] += S::from_f64(difference[k]);
+                self.load[row.index()][k] += S::from_f64(difference[k]);
             }
         }
     }
@@ -377,7 +377,7 @@ impl<S: Scalar> ImplicitScratch<S> {
         let mut increments = Vec::new();
         self.within.ways(part, &mut increments);
         for (moving, increment) in self.within.moving.iter().zip(&increments) {
-            let (row, k) = (moving.row as usize, moving.axis as usize);
+            let (row, k) = (moving.row.index(), moving.axis as usize);
             self.prescribed[row][k] = self.node.u[row][k] + S::from_f64(*increment);
         }
     }

@@ -19,6 +19,7 @@ use crate::state::{Rows, dot3, position};
 use glam::{DMat3, DVec3};
 use sinew_contact::limits::Limits;
 use sinew_contact::set::{ContactSet, RowPlaces};
+use sinew_engine::row::VertexRow;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::step::StepError;
 use std::ops::Range;
@@ -290,7 +291,7 @@ impl<S: Scalar> Step<'_, S> {
                 FreePiece::Whole => body.rows.clone().collect(),
                 FreePiece::Rows(rows) => rows.iter().map(|&row| row as usize).collect(),
             };
-            let inside = |row: u32| rows.binary_search(&(row as usize)).is_ok();
+            let inside = |row: VertexRow| rows.binary_search(&row.index()).is_ok();
             let node = &self.scratch.node;
             let mass: f64 = rows.iter().map(|&row| factor * node.mass[row].to_f64()).sum();
             for _ in 0..MOST_BALANCES {

@@ -3,6 +3,7 @@
 use bevy_ecs::entity::Entity;
 use glam::DVec3;
 use sinew::engine::load::Curve;
+use sinew::engine::row::VertexRow;
 use sinew::engine::time::StepClock;
 use sinew::simulation::Simulation;
 use sinew::touch::pull::{Pull, PullReport};
@@ -81,7 +82,7 @@ pub struct BuiltPull {
     /// Index of the body.
     pub body: usize,
     /// Vertex rows.
-    pub rows: Vec<u32>,
+    pub rows: Vec<VertexRow>,
     /// Stiffness (N/m) of all of them together.
     pub stiffness: f64,
     /// Damping (N s/m) of all of them together.
@@ -99,7 +100,13 @@ pub struct BuiltPull {
 }
 
 impl BuiltPull {
-    pub(super) fn new(name: String, body: usize, rows: Vec<u32>, way: Way, motion: String) -> Self {
+    pub(super) fn new(
+        name: String,
+        body: usize,
+        rows: Vec<VertexRow>,
+        way: Way,
+        motion: String,
+    ) -> Self {
         let (from, until) = (f64::NEG_INFINITY, f64::INFINITY);
         let (stiffness, damping, work) = (0.0, 0.0, 0.0);
         Self { name, body, rows, stiffness, damping, motion, way, from, until, entity: None, work }

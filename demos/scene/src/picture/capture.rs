@@ -12,6 +12,7 @@ use glam::{DVec3, Vec3};
 use sinew::engine::connectivity::ElementKind;
 use sinew::engine::load::{Load, Pressure};
 use sinew::engine::report::SystemTimes;
+use sinew::engine::row::{MeshVertex, VertexRow};
 use sinew::engine::topology::BodyRows;
 use sinew::touch::pull::{Pull, PullReport};
 use sinew_render::colour::{ColourMap, Rgb};
@@ -383,9 +384,9 @@ impl<'a> Recorder<'a> {
             let count = pressure.faces.len();
             let chosen = self.pushed.entry(entity).or_default();
             if chosen.0 != count {
-                let middle = |face: &[u32; 3]| {
+                let middle = |face: &[VertexRow; 3]| {
                     let places = face.iter().filter_map(|&row| now.place(row));
-                    let points = places.map(|(body, v)| bodies[body].mesh.points[v as usize]);
+                    let points = places.map(|(body, v)| bodies[body].mesh.points[v.index()]);
                     points.sum::<DVec3>() / 3.0
                 };
                 let middles: Vec<DVec3> = pressure.faces.iter().map(middle).collect();
@@ -395,7 +396,7 @@ impl<'a> Recorder<'a> {
                 let [a, b, c] = pressure.faces[face].map(|row| {
                     // pressures act on vertices
                     let place = now.place(row);
-                    place.map_or(Vec3::ZERO, |(body, v)| now.points[body][v as usize].as_vec3())
+                    place.map_or(Vec3::ZERO, |(body, v)| now.points[body][v.index()].as_vec3())
                 });
                 pushes.push(((a + b + c) / 3.0, push, (b - a).cross(c - a).normalize_or_zero()));
             }
@@ -455,10 +456,9 @@ impl Now {
     }
 
     /// Body and vertex of a row.
-    fn place(&self, row: u32) -> Option<(usize, u32)> {
-        let body = self.rows.iter().position(|b| b.vertices.contains(&row))?;
-        let own = &self.rows[body];
-        Some((body, own.vertex_order[(row - own.vertices.start) as usize]))
+    fn place(&self, row: VertexRow) -> Option<(usize, MeshVertex)> {
+        let body = self.rows.iter().position(|body| body.local(row).is_some())?;
+        Some((body, self.rows[body].vertex(row)))
     }
 }
 
@@ -485,7 +485,7 @@ fn forces(scene: &Scene, built: &mut BuiltScene, now: &Now) -> Vec<Force> {
         let (mut at, mut force, mut centre) = (DVec3::ZERO, DVec3::ZERO, DVec3::ZERO);
         for &(row, f) in &load.forces {
             let Some((body, v)) = now.place(row) else { continue };
-            at += now.points[body][v as usize];
+            at += now.points[body][v.index()];
             force += f;
             centre = now.centres[body];
         }
@@ -497,7 +497,7 @@ fn forces(scene: &Scene, built: &mut BuiltScene, now: &Now) -> Vec<Force> {
         let (mut at, mut weights) = (DVec3::ZERO, 0.0);
         for (&row, weight) in pull.rows.iter().zip(&pull.weights) {
             let Some((body, v)) = now.place(row) else { continue };
-            at += *weight * now.points[body][v as usize];
+            at += *weight * now.points[body][v.index()];
             weights += weight;
         }
         let (at, force) = ((at / weights).as_vec3(), -report.force.as_vec3());

@@ -112,15 +112,15 @@ fn tangent_times(simulation: &mut Simulation, v: &[DVec3]) -> Vec<DVec3> {
     let rows = &topology.bodies[0];
     let mut x = vec![[0.0; 4]; topology.vertex_count()];
     let mut y = x.clone();
-    for (&vertex, x) in rows.vertex_order.iter().zip(&mut x) {
-        let [a, b, c] = v[vertex as usize].to_array();
+    for (vertex, x) in rows.vertex_order.iter().zip(&mut x) {
+        let [a, b, c] = v[vertex.index()].to_array();
         *x = [a, b, c, 0.0];
     }
     let (tangent, workers) = (world.resource::<Tangent<f64>>(), world.resource::<Workers>());
     tangent.multiply(topology, workers, &mut ProductSpans::default(), &x, &mut y);
     let mut product = vec![DVec3::ZERO; v.len()];
-    for (&vertex, y) in rows.vertex_order.iter().zip(&y) {
-        product[vertex as usize] = DVec3::new(y[0], y[1], y[2]);
+    for (vertex, y) in rows.vertex_order.iter().zip(&y) {
+        product[vertex.index()] = DVec3::new(y[0], y[1], y[2]);
     }
     product
 }

@@ -7,6 +7,7 @@ use bevy_ecs::prelude::World;
 use glam::DVec3;
 use serde::Serialize;
 use sinew::engine::load::LoadTime;
+use sinew::engine::row::VertexRow;
 use sinew::engine::step::StepClock;
 use sinew::engine::vertex::FixedAxes;
 use sinew::models::axes::muscle::activate_at;
@@ -262,7 +263,7 @@ impl Forward {
         let constraint = &self.scene.constraints[constraint];
         let body = self.scene.bodies[constraint.body].handle;
         let rows = &self.scene.simulation.topology().bodies[body.0];
-        constraint.vertices.iter().filter_map(|&v| rows.row(v)).map(|row| row as usize)
+        constraint.vertices.iter().filter_map(|&v| rows.row(v)).map(VertexRow::index)
     }
 }
 

@@ -24,6 +24,7 @@ use nalgebra::DMatrix;
 use serde::Serialize;
 use sinew::engine::law::TangentKind;
 use sinew::engine::matrix::{ProductSpans, Tangent};
+use sinew::engine::row::VertexRow;
 use sinew::engine::topology::Topology;
 use sinew::engine::workers::Workers;
 use sinew::models::body::Model;
@@ -393,7 +394,7 @@ impl Forward {
 
     fn row(&self, body: usize, vertex: u32) -> Option<usize> {
         let handle = self.scene.bodies[body].handle.0;
-        self.scene.simulation.topology().bodies[handle].row(vertex).map(|row| row as usize)
+        self.scene.simulation.topology().bodies[handle].row(vertex).map(VertexRow::index)
     }
 }
 

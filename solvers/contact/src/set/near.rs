@@ -119,7 +119,7 @@ impl ContactSet {
         };
         self.skins.resize_with(versions.len(), KnownSkin::default);
         for (body, version) in versions.into_iter().enumerate() {
-            let first = world.resource::<Topology>().bodies[body].vertices.start;
+            let first = VertexRow(world.resource::<Topology>().bodies[body].vertices.start);
             let mut surface = None;
             if self.skins[body].version != version {
                 let read = read(world, body);
@@ -153,8 +153,8 @@ impl ContactSet {
         &mut self,
         world: &mut World,
         dt: f64,
-        x: &dyn Fn(u32) -> DVec3,
-        v: &dyn Fn(u32) -> DVec3,
+        x: &dyn Fn(VertexRow) -> DVec3,
+        v: &dyn Fn(VertexRow) -> DVec3,
     ) -> Result<(), StepError> {
         self.know(world)?;
         let own = self.own_skins.values_mut();
@@ -242,7 +242,7 @@ impl ContactSet {
                     let skin = self.skin(now, body);
                     let mut hull = EMPTY;
                     for &row in &skin.rows {
-                        let Some(at) = at.get(row as usize) else { continue };
+                        let Some(at) = at.get(row.index()) else { continue };
                         hull = [hull[0].min(*at), hull[1].max(*at)];
                     }
                     overlap(&grown(hull, skin.edge), &swept)

@@ -96,12 +96,13 @@ impl ContactSet {
         let reach = grown(reach, longest);
         let slack = longest + 1e-9 * skin.edge;
         let thin = part.shape.thickness() < skin.edge;
-        let point = |point: [u32; 4], rows, weights, outward, [area, young]: [f64; 2]| {
+        let point = |(key_rows, number), rows, weights, outward, [area, young]: [f64; 2]| {
             let key = PointKey {
                 body: body as u32,
                 owner: now.id,
                 part: (part_index - now.parts.start) as u32,
-                point,
+                rows: key_rows,
+                number,
             };
             let memory = self.remembered(&key);
             let k = stiffness(now.tool.stiffness, young, skin.edge);
@@ -137,9 +138,8 @@ impl ContactSet {
                     let at =
                         corners[0] * weights[0] + corners[1] * weights[1] + corners[2] * weights[2];
                     if part.gap(at, &Side::default()).0 <= slack + way {
-                        let [a, b, c] = rows;
-                        let id = [a, b, c, number];
-                        points.push(point(id, rows, *weights, outward, [area, young]));
+                        let numbers = [area, young];
+                        points.push(point((rows, number), rows, *weights, outward, numbers));
                     }
                 }
             }
@@ -147,7 +147,7 @@ impl ContactSet {
             skin.near(&reach, |i| {
                 if part.gap(skin.at[i], &Side::default()).0 <= slack + skin.way[i] {
                     let row = skin.rows[i];
-                    let id = [row, u32::MAX, u32::MAX, 0];
+                    let id = ([row, NO_ROW, NO_ROW], 0);
                     let numbers = [skin.area[i], skin.young[i]];
                     let outward = skin.normals[i];
                     points.push(point(id, [row; 3], [1.0, 0.0, 0.0], outward, numbers));
@@ -180,7 +180,7 @@ impl ContactSet {
         [from, to]: [usize; 2],
         rest: &[DVec3],
         points: &mut Vec<ContactPoint>,
-        faces: &mut Vec<[u32; 3]>,
+        faces: &mut Vec<[VertexRow; 3]>,
     ) -> u32 {
         let mut buried = 0;
         let (own, other) = (&self.skins[from].skin, &self.skins[to].skin);
@@ -211,10 +211,10 @@ impl ContactSet {
                     continue;
                 }
                 if from == to {
-                    let here = rest[own.rows[i] as usize];
+                    let here = rest[own.rows[i].index()];
                     let near_at_rest = local.iter().any(|&v| {
                         let row = other.rows[v as usize];
-                        row == own.rows[i] || rest[row as usize].distance(here) < 2.0 * own.edge
+                        row == own.rows[i] || rest[row.index()].distance(here) < 2.0 * own.edge
                     });
                     if near_at_rest {
                         continue;
@@ -232,7 +232,7 @@ impl ContactSet {
             faces.extend(
                 chosen.iter().map(|&face| other.faces[face].map(|v| other.rows[v as usize])),
             );
-            let x = |row: u32| match other.rows.binary_search(&row) {
+            let x = |row: VertexRow| match other.rows.binary_search(&row) {
                 Ok(at) => other.at[at],
                 Err(_) => at,
             };
@@ -266,7 +266,7 @@ impl ContactSet {
     }
 
     /// Points of patches that hands pull on.
-    pub(super) fn find_pull_points(&mut self, world: &World, x: &dyn Fn(u32) -> DVec3) {
+    pub(super) fn find_pull_points(&mut self, world: &World, x: &dyn Fn(VertexRow) -> DVec3) {
         let bodies = &world.resource::<Topology>().bodies;
         for now in &mut self.pulls {
             let pull = &mut now.of;
@@ -279,7 +279,7 @@ impl ContactSet {
                 let carried = |pose: &sinew_engine::load::Pose| *anchor + pose.way(*anchor);
                 let (to, from) = (carried(&pull.target), carried(&pull.last));
                 let against = Against::Hand { to, from, damping: pull.damping, rate: 0.0 };
-                let body = bodies.partition_point(|body| body.vertices.end <= row) as u32;
+                let body = bodies.partition_point(|body| body.vertices.end <= row.0) as u32;
                 let key = PointKey::of_vertex(body, now.id, number, row);
                 let own = ([row; 3], [1.0, 0.0, 0.0]);
                 let point = ContactPoint::new(key, against, own, weight / sum, pull.stiffness);

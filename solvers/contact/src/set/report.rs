@@ -22,18 +22,18 @@ impl ContactSet {
     }
 
     /// Forces (N) that contact and pulls exert on vertex rows at the end of the last step, ascending.
-    pub fn forces(&self) -> &[(u32, DVec3)] {
+    pub fn forces(&self) -> &[(VertexRow, DVec3)] {
         &self.kept.forces
     }
 
     /// Pressures (Pa) on vertex rows at the end of the last step, ascending; rows without are left out.
-    pub fn pressures(&self) -> &[(u32, f64)] {
+    pub fn pressures(&self) -> &[(VertexRow, f64)] {
         &self.kept.pressures
     }
 
     pub(super) fn keep_forces(&mut self) {
         let mut forces = Vec::new();
-        let mut pressures: Vec<(u32, f64)> = Vec::new();
+        let mut pressures: Vec<(VertexRow, f64)> = Vec::new();
         for (point, active) in self.points.iter().zip(&self.active).filter(|(_, a)| a.on) {
             let force = active.push + active.rub;
             for (&row, weight) in active.rows.iter().zip(active.weights).filter(|(_, w)| *w != 0.0)
@@ -53,7 +53,7 @@ impl ContactSet {
         (self.kept.forces, self.kept.pressures) = (forces, pressures);
     }
 
-    fn vertex_area(&self, row: u32) -> f64 {
+    fn vertex_area(&self, row: VertexRow) -> f64 {
         for known in &self.skins {
             if let Ok(at) = known.skin.rows.binary_search(&row) {
                 return known.skin.area[at];
