@@ -17,11 +17,11 @@
 //! for _ in 0..10 {
 //!     simulation.step()?;
 //! }
-//! // read: a stone would have fallen by 49 mm; the wall holds the beam back a little
+//! // read: the end of a falling rod outruns a stone (49 mm), by half of that at most
 //! let positions = simulation.positions(beam);
 //! let right = &mesh.group("x1").ok_or("no such group")?.vertices;
 //! let fallen = 0.01 - right.iter().map(|&i| positions[i as usize].z).sum::<f64>() / right.len() as f64;
-//! assert!(0.03 < fallen && fallen < 0.049, "{fallen}");
+//! assert!(0.049 < fallen && fallen < 1.5 * 0.0491, "{fallen}");
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
