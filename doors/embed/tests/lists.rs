@@ -153,7 +153,7 @@ fn python(name: &str, of: &str, json: bool) -> (String, &'static str) {
         "bool" => ("bool", ""),
         "[f64; 3]" => ("list[float]", ""),
         "Vec<f64>" => ("list[float | None]", ""),
-        "Vec<u32>" | "Vec<u64>" => ("list[int]", ""),
+        "Vec<u32>" | "Vec<u64>" | "Vec<MeshVertex>" => ("list[int]", ""),
         "Vec<PartReport>" => ("tuple[PartReport, ...]", ""),
         "Fallbacks" | "ContactFigures" => (of, ""),
         "VolumeReport" => ("Volume", ""),
