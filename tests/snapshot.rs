@@ -732,7 +732,7 @@ fn stored_snapshots_are_read() {
         let ball = Shape::Sphere { radius: 0.01 };
         let ball = Tool::new("ball", ball, DVec3::new(0.03, 0.03, 0.029)).with_friction(0.3);
         simulation.add_tool(ball).unwrap();
-        simulation.add_constraint(Constraint::hold("foot", vec![0, 1, 2]));
+        simulation.add_constraint(Constraint::hold("foot", [0, 1, 2].map(VertexRow).to_vec()));
         simulation.steps(3);
         simulation
             .remove_elements(BodyHandle(0), &Removal::new(Region::Tetrahedra(vec![1])))

@@ -193,7 +193,7 @@ fn reports_of_python() -> String {
         text += &format!("\n\n@dataclass(frozen=True{eq})\nclass {name}:\n{doc}");
         // figures of a step stand beside the others; the time that a removal took is not told
         let flat = |field| match field {
-            &Item { ref of, .. } if of == "StepReport" => &figures[..],
+            Item { of, .. } if of == "StepReport" => &figures[..],
             field => slice::from_ref(field),
         };
         for field in fields.iter().flat_map(flat).filter(|field| field.of != "Duration") {
