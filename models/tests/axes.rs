@@ -5,7 +5,7 @@ use glam::{DQuat, DVec3};
 use proptest::prelude::*;
 use serde_json::Value;
 use sinew_models::axes::damper::AxialDamper;
-use sinew_models::axes::element::{AXIS_PAIRS, AxisElement, Fibre, Triad, VolumeTerm};
+use sinew_models::axes::element::{AxisElement, Fibre, Triad, VolumeTerm};
 use sinew_models::axes::site::{Blocks, Nodes};
 use sinew_models::element::precompute::RestTetrahedron;
 use sinew_models::element::tetrahedron::{Element, TangentKind, TetrahedronTangent};

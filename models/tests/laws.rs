@@ -438,7 +438,7 @@ fn a_law_of_axes_of_another_crate_is_a_row() {
     let mut world = world::<f64>();
     spawn_body(&mut world, &BodyDescription::new("b", &mesh, material())).unwrap();
     let topology = world.resource::<Topology>();
-    let block = |[a, b]: [u32; 2]| topology.find_edge(a, b).unwrap() as u32;
+    let block = |[a, b]: [u32; 2]| topology.block(a, b).unwrap();
     let own = topology.bodies[0].tetrahedra.iter().enumerate().map(|(i, t)| {
         let blocks = TETRAHEDRON_EDGES.map(|pair| block(pair.map(|v| t[v])));
         let tie = Tie { shape: [-1.0, 0.25, 0.5, 0.25], stiffness: 1.0 + i as f64 };
