@@ -192,11 +192,11 @@ fn reports_of_python() -> String {
         let doc = wrapped(&format!("\"\"\"{}\"\"\"", words(&doc)), "    ");
         text += &format!("\n\n@dataclass(frozen=True{eq})\nclass {name}:\n{doc}");
         // figures of a step stand beside the others; the time that a removal took is not told
-        let flat = |field| match field {
-            Item { of, .. } if of == "StepReport" => &figures[..],
-            field => slice::from_ref(field),
-        };
-        for field in fields.iter().flat_map(flat).filter(|field| field.of != "Duration") {
+        let flat = fields.iter().flat_map(|field| match field.of.as_str() {
+            "StepReport" => &figures[..],
+            _ => slice::from_ref(field),
+        });
+        for field in flat.filter(|field| field.of != "Duration") {
             let (of, shape) = python(&field.name, &field.of, json);
             let mut doc = words(&field.doc);
             if !shape.is_empty() {
