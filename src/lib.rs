@@ -39,7 +39,7 @@
 //! | go back, keep a state, do a session again | [`snapshot`], [`replay`] |
 //! | know what a step did | [`StepReport`](engine::report::StepReport), [`VolumeReport`](engine::report::VolumeReport) |
 //! | run it in a Bevy app | [`SinewPlugins`] |
-//! | add a law of your own | [`LawTable`](models::laws::LawTable) |
+//! | add a law of your own | [`Model::Own`](models::body::Model::Own), [`models::laws`] |
 //!
 //! [`prelude`] has what a first program needs. The repository has ten small programs in `examples`, explained in
 //! `docs/first-hour.md`; scene files and the command `sinew` need no Rust at all.
