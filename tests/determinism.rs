@@ -240,7 +240,6 @@ impl Hashes {
                 ],
                 angles: vec![AxisAngle { families: [0, 1], modulus: 2e3 }],
                 volume_modulus: 4e3,
-                ..Default::default()
             };
             let body = BodyDescription { axes: Some(axes), ..new() };
             self.record(&format!("{kind}-axes"), size.x, &body, &settings, |_, _| ());

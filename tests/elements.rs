@@ -64,12 +64,7 @@ impl Mixed {
             AxisFamily { muscle: Some(settings), ..AxisFamily::new("muscle", &[DVec3::X], 1e3) };
         let stiff = AxisFamily::new("fibres", &[DVec3::Y], 5e3);
         let angles = vec![AxisAngle { families: [0, 1], modulus: 2e3 }];
-        let axes = AxesDescription {
-            families: vec![family, stiff],
-            angles,
-            volume_modulus: 4e3,
-            ..AxesDescription::default()
-        };
+        let axes = AxesDescription { families: vec![family, stiff], angles, volume_modulus: 4e3 };
         BodyDescription { axes: Some(axes), ..BodyDescription::new("bar", &self.mesh, SOFT) }
     }
 

@@ -306,7 +306,6 @@ fn axes_and_muscles() {
         ],
         angles: vec![AxisAngle { families: [0, 2], modulus: 2e3 }],
         volume_modulus: 4e3,
-        ..Default::default()
     };
     let body = BodyDescription {
         axes: Some(axes),
