@@ -2,24 +2,24 @@
 #![allow(clippy::print_stdout, reason = "iterations and substeps are part of the result")]
 #![allow(missing_docs, reason = "criterion's macros make public items")]
 
-mod common;
-
-use common::{SIZES, beam, bent};
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use sinew::models::body::Evaluation;
 use sinew::prelude::*;
+use sinew_benches::toolbox::beam::{SIZES, beam, bent};
 use std::time::{Duration, Instant};
 
 fn step(c: &mut Criterion) {
     for (size, cells) in SIZES {
-        let mesh = beam(cells);
+        let mesh = beam(cells).expect("valid sizes");
         let mut group = c.benchmark_group(format!("step/{size}"));
         group.throughput(Throughput::Elements(mesh.tetrahedra.len() as u64));
         group.sample_size(10);
         for integrator in [Integrator::Safe, Integrator::StormerVerlet] {
             for precision in [Precision::F64, Precision::F32] {
                 for threads in [1, 2] {
-                    let (mut simulation, body) = bent(&mesh, precision, threads, Evaluation::Fused);
+                    let (evaluation, model) = (Evaluation::Fused, Model::CompressibleStVK);
+                    let (mut simulation, body) =
+                        bent(&mesh, precision, threads, evaluation, model).expect("a beam");
                     simulation.set_dt(0.01);
                     simulation.set_solver(SolverSettings { integrator, ..Default::default() });
                     // off the start, in motion

@@ -12,297 +12,46 @@
 //!
 //! A ball pressed into a block compares contact ([`TouchRow`]).
 
-mod beam;
+pub mod beam;
 mod charts;
-pub(crate) mod mujoco;
+pub mod equilibrium;
+pub mod mujoco;
 #[cfg(feature = "rapier")]
-pub(crate) mod rapier;
-pub(crate) mod sinew_rows;
-mod touch;
+pub mod rapier;
+pub mod rival;
+pub mod sinew_rows;
+pub mod touch;
 
-use crate::bench::error::BenchError;
-use crate::bench::table::three_digits;
-use glam::DVec3;
-use serde::{Deserialize, Serialize};
-use sinew::models::body::VolumeRule;
-use sinew::prelude::*;
+use crate::toolbox::aim::BenchAim;
+use crate::toolbox::error::BenchError;
+use crate::toolbox::options::BenchOptions;
+use serde::Serialize;
+use sinew_tune::table::three_digits;
 
-pub use beam::Beam;
-pub(crate) use beam::at_zero;
+pub use beam::{Beam, at_zero};
 use mujoco::Freedom;
+use rival::compete;
+pub use rival::{BeamCase, DAMPING, LARGE, MAX_SETTLE_STEPS, PeerRow, Rival, SETTLE_SECONDS, say};
 pub use touch::TouchRow;
 
-/// Mass-proportional damping (1/s) while a beam settles.
-pub const DAMPING: f64 = 20.0;
-/// Simulated time (s) in which a beam settles: rests of its first modes fade by more than 1e-8.
-pub const SETTLE_SECONDS: f64 = 2.0;
-/// Most steps spent on settling a body of [`LARGE`] elements or more.
-pub const MAX_SETTLE_STEPS: usize = 60;
-/// Elements from which on a body counts as large.
-pub const LARGE: usize = 20_000;
-
-/// What to run.
-#[derive(Clone, Debug)]
-pub struct PeerOptions {
-    /// Smallest meshes and few repeats, below a minute.
-    pub quick: bool,
-    /// Threads of Sinew (0: one per core). The rivals run on one thread.
-    pub threads: usize,
-    /// Python with the package `mujoco`.
-    pub python: String,
-    /// Only these of `beam` and `touch`; both when it names neither.
-    pub only: Vec<String>,
-}
-
-impl Default for PeerOptions {
-    fn default() -> Self {
-        Self { quick: false, threads: 1, python: "python3".into(), only: Vec::new() }
-    }
-}
-
-/// One engine in one setting on one scene.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct PeerRow {
-    /// Engine.
-    pub engine: String,
-    /// Its version.
-    pub version: String,
-    /// Scene: size of the beam, load, energy.
-    pub scene: String,
-    /// Vertices.
-    pub nodes: usize,
-    /// Tetrahedra.
-    pub elements: usize,
-    /// Young's modulus (Pa).
-    pub young_modulus: f64,
-    /// Poisson's ratio.
-    pub poisson_ratio: f64,
-    /// Step, solver, iterations in words.
-    pub setting: String,
-    /// Threads.
-    pub threads: usize,
-    /// `"f64"` or `"f32"`.
-    pub precision: String,
-    /// Median time (ms) of a step.
-    pub ms_per_step: Option<f64>,
-    /// Seconds of computation per simulated second.
-    pub cost_per_simulated_second: Option<f64>,
-    /// Time (ns) of the elastic forces per tetrahedron.
-    pub force_ns_per_element: Option<f64>,
-    /// Static error (%): root mean square of the displacement error over that of the truth.
-    pub error_percent: Option<f64>,
-    /// What else there is to know, in words.
-    pub note: String,
-}
-
-/// A goal and whether it was met.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct PeerAim {
-    /// The goal in words.
-    pub aim: String,
-    /// What was measured.
-    pub measured: String,
-    /// Reached.
-    pub met: bool,
-}
-
 /// All rows.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct PeerReport {
     /// One row per engine, scene and setting.
     pub rows: Vec<PeerRow>,
     /// Rivals that did not run, why, and what to do about it.
     pub skipped: Vec<String>,
-    /// Goals that the rows allow to judge.
-    pub aims: Vec<PeerAim>,
     /// Contact: equilibria, then one row per engine and setting.
-    #[serde(default)]
     pub touch: Vec<TouchRow>,
-}
-
-/// A beam with its truth.
-pub(crate) struct Case {
-    /// The beam.
-    pub(crate) beam: Beam,
-    /// Equilibrium displacements (m).
-    pub(crate) truth: Vec<DVec3>,
-}
-
-impl Case {
-    fn new(beam: Beam) -> Result<Self, BenchError> {
-        let truth = sinew_rows::equilibrium(&beam, Model::StVK, VolumeRule::Elements)?;
-        Ok(Self { beam, truth })
-    }
-
-    /// Where timed runs begin: half of the equilibrium displacement.
-    fn start(&self) -> Vec<DVec3> {
-        self.truth.iter().map(|u| *u * 0.5).collect()
-    }
-
-    /// Steps of settling at `h`, and whether they start from the truth.
-    fn settling(&self, h: f64) -> (usize, bool) {
-        let steps = (SETTLE_SECONDS / h).ceil() as usize;
-        let warm = self.beam.mesh.tetrahedra.len() >= LARGE && steps > MAX_SETTLE_STEPS;
-        (if warm { MAX_SETTLE_STEPS / 2 } else { steps }, warm)
-    }
-
-    /// A row without figures.
-    fn row(&self, engine: &str, version: &str, setting: String) -> PeerRow {
-        let b = &self.beam;
-        PeerRow {
-            engine: engine.into(),
-            version: version.into(),
-            scene: b.name.clone(),
-            nodes: b.mesh.points.len(),
-            elements: b.mesh.tetrahedra.len(),
-            young_modulus: b.material.young_modulus,
-            poisson_ratio: b.material.poisson_ratio,
-            setting,
-            threads: 1,
-            precision: "f64".into(),
-            ms_per_step: None,
-            cost_per_simulated_second: None,
-            force_ns_per_element: None,
-            error_percent: None,
-            note: String::new(),
-        }
-    }
-}
-
-/// Static error (%) of displacements against the truth: (field, tip).
-fn static_error(beam: &Beam, u: &[DVec3], truth: &[DVec3]) -> (f64, f64) {
-    let sum =
-        |values: &mut dyn Iterator<Item = DVec3>| values.map(|x| x.length_squared()).sum::<f64>();
-    let difference = sum(&mut u.iter().zip(truth).map(|(a, b)| *a - *b));
-    let field = (difference / sum(&mut truth.iter().copied())).sqrt();
-    let tip = beam.tip(u) / beam.tip(truth) - 1.0;
-    (100.0 * field, 100.0 * tip)
-}
-
-fn median(mut values: Vec<f64>) -> Option<f64> {
-    values.sort_by(f64::total_cmp);
-    let n = values.len();
-    match n {
-        0 => None,
-        _ if n % 2 == 1 => Some(values[n / 2]),
-        _ => Some(0.5 * (values[n / 2 - 1] + values[n / 2])),
-    }
-}
-
-/// A time in words.
-fn milliseconds(seconds: f64) -> String {
-    format!("{} ms", (seconds * 1e5).round() / 100.0)
-}
-
-/// Adds a sentence to a note.
-pub(crate) fn say(note: &mut String, text: impl AsRef<str>) {
-    if !note.is_empty() {
-        note.push_str("; ");
-    }
-    note.push_str(text.as_ref());
-}
-
-/// One engine in one setting: timed in turns with the others, then settled.
-pub(crate) trait Rival {
-    /// Times undamped steps (ms each) from the case's start.
-    fn time(&mut self, case: &Case, steps: usize) -> Result<Vec<f64>, BenchError>;
-    /// Displacements (m) after every `every` of undamped steps from the shape at rest.
-    fn swing(
-        &mut self,
-        case: &Case,
-        steps: usize,
-        every: usize,
-    ) -> Result<Vec<Vec<DVec3>>, BenchError>;
-    /// Linear iterations per timed step, where the engine tells them.
-    fn linear_iterations(&self) -> Option<f64> {
-        None
-    }
-    /// Seconds of one evaluation of the elastic forces, where it can be told.
-    fn force(&mut self, case: &Case) -> Result<Option<f64>, BenchError>;
-    /// Settles and returns the displacements (m).
-    fn settle(&mut self, case: &Case) -> Result<Vec<DVec3>, BenchError>;
-    /// What its settled state should be, where that is not the case's truth.
-    fn truth(&self, _: &Case) -> Result<Option<Vec<DVec3>>, BenchError> {
-        Ok(None)
-    }
-    /// Row without figures.
-    fn row(&self, case: &Case) -> PeerRow;
-    /// Step (s); none for an equilibrium in one go.
-    fn step(&self) -> Option<f64>;
-    /// What the runs said.
-    fn remark(&self) -> String {
-        String::new()
-    }
-}
-
-/// Runs the rivals in turns and fills their rows; a rival that fails keeps its row with the reason.
-fn compete(case: &Case, rivals: &mut [Box<dyn Rival + '_>], quick: bool, report: &mut PeerReport) {
-    let (rounds, steps) = match (quick, case.beam.mesh.tetrahedra.len() >= LARGE) {
-        (true, _) => (3, 5),
-        (false, false) => (5, 10),
-        (false, true) => (3, 3),
-    };
-    let mut rows: Vec<PeerRow> = rivals.iter().map(|r| r.row(case)).collect();
-    let mut times = vec![Vec::new(); rivals.len()];
-    let mut forces = vec![Vec::new(); rivals.len()];
-    let mut failed = vec![false; rivals.len()];
-    let n = case.beam.mesh.tetrahedra.len() as f64;
-    for _ in 0..rounds {
-        for (i, rival) in rivals.iter_mut().enumerate() {
-            if failed[i] {
-                continue;
-            }
-            // an equilibrium starts from rest whatever came before: one is enough per round
-            let steps = if rival.step().is_some() { steps } else { 1 };
-            match rival.time(case, steps).and_then(|t| Ok((t, rival.force(case)?))) {
-                Ok((time, force)) => {
-                    times[i].extend(time);
-                    forces[i].extend(force.map(|seconds| seconds * 1e9 / n));
-                }
-                Err(error) => {
-                    failed[i] = true;
-                    say(&mut rows[i].note, format!("failed: {error}"));
-                }
-            }
-        }
-    }
-    for (i, rival) in rivals.iter_mut().enumerate() {
-        let row = &mut rows[i];
-        // a speed without an error is half a result: none is given for a run that failed
-        if failed[i] {
-            continue;
-        }
-        match rival.settle(case).and_then(|u| Ok((u, rival.truth(case)?))) {
-            Ok((u, truth)) => {
-                let truth = truth.as_deref().unwrap_or(&case.truth);
-                let (field, tip) = static_error(&case.beam, &u, truth);
-                row.ms_per_step = median(std::mem::take(&mut times[i]));
-                row.cost_per_simulated_second =
-                    rival.step().zip(row.ms_per_step).map(|(h, ms)| ms * 1e-3 / h);
-                row.force_ns_per_element = median(std::mem::take(&mut forces[i]));
-                row.error_percent = Some(field);
-                say(&mut row.note, format!("tip {tip:+.3e} %"));
-                if rival.step().is_some_and(|h| case.settling(h).1) {
-                    say(&mut row.note, "settled from the truth: drift only");
-                }
-            }
-            Err(error) => say(&mut row.note, format!("failed to settle: {error}")),
-        }
-        let remark = rival.remark();
-        if !remark.is_empty() {
-            say(&mut row.note, remark);
-        }
-    }
-    report.rows.extend(rows);
 }
 
 /// Runs every rival that is there. What is missing is listed with the remedy; nothing is guessed.
 ///
 /// # Errors
 /// When a mesh cannot be made or Sinew's own truth does not converge.
-pub fn run(options: &PeerOptions) -> Result<PeerReport, BenchError> {
+pub fn run(options: &BenchOptions) -> Result<PeerReport, BenchError> {
     let mut report = PeerReport::default();
-    let named = |name: &str| options.only.iter().any(|n| n == name);
+    let named = |name: &str| options.cases.iter().any(|n| n == name);
     let [beam, touch] = ["beam", "touch"].map(named);
     let (beam, touch) = (beam || !touch, touch || !beam);
     let mut mujoco = match mujoco::MuJoCo::start(&options.python) {
@@ -330,13 +79,12 @@ pub fn run(options: &PeerOptions) -> Result<PeerReport, BenchError> {
             .into(),
     );
     report.skipped.extend(NOT_COMPARED.iter().map(|s| s.to_string()));
-    report.aims = aims(&report.rows);
     Ok(report)
 }
 
 /// The beams of the MuJoCo rows.
 fn run_beams(
-    options: &PeerOptions,
+    options: &BenchOptions,
     mut mujoco: Option<&mut mujoco::MuJoCo>,
     report: &mut PeerReport,
 ) -> Result<(), BenchError> {
@@ -345,8 +93,8 @@ fn run_beams(
     for &cells in mujoco_cells {
         let poisson: &[f64] = if options.quick || cells[0] > 24 { &[0.3] } else { &[0.3, 0.45] };
         for &poisson_ratio in poisson {
-            let case = Case::new(Beam::mujoco(cells, poisson_ratio)?)?;
-            let mut rivals = sinew_rows::rivals(options.threads, &[1e-3, 1e-2, 1.0 / 30.0], true);
+            let case = BeamCase::new(Beam::mujoco(cells, poisson_ratio)?)?;
+            let mut rivals = sinew_rows::rivals(&[1e-3, 1e-2, 1.0 / 30.0], true);
             if let Some(mujoco) = mujoco.as_deref_mut() {
                 match mujoco.rivals(&case, &[1e-3, 1e-2, 1.0 / 30.0], Freedom::Full) {
                     Ok(more) => rivals.extend(more),
@@ -355,7 +103,7 @@ fn run_beams(
                     }
                 }
             }
-            compete(&case, &mut rivals, options.quick, report);
+            report.rows.extend(compete(&case, &mut rivals, options.quick));
         }
     }
     Ok(())
@@ -363,14 +111,14 @@ fn run_beams(
 
 /// A ball on a block, all engines in turns.
 fn run_touch(
-    options: &PeerOptions,
+    options: &BenchOptions,
     mujoco: Option<&mut mujoco::MuJoCo>,
     report: &mut PeerReport,
 ) -> Result<(), BenchError> {
     // edges of 8, and of 5 to 6 mm: 1 920 and 5 760 tetrahedra, both fine enough for vertices as points
     let cells = if options.quick { [10, 8, 4] } else { [16, 12, 5] };
-    let block = touch::Block::new(cells)?;
-    let mut fingers = touch::ours(options.threads, options.quick);
+    let block = touch::TouchBlock::new(cells)?;
+    let mut fingers = touch::ours(options.quick);
     if let Some(mujoco) = mujoco {
         match mujoco.fingers(&block) {
             Ok(more) => fingers.extend(more),
@@ -379,7 +127,8 @@ fn run_touch(
     }
     #[cfg(feature = "rapier")]
     fingers.extend(rapier::fingers(&block, options.quick)?);
-    touch::compete(&block, &mut fingers, report)
+    report.touch = touch::compete(&block, &mut fingers)?;
+    Ok(())
 }
 
 /// Engines looked at and left out.
@@ -391,17 +140,17 @@ const NOT_COMPARED: [&str; 2] = [
 ];
 
 #[cfg(feature = "rapier")]
-fn run_rapier(options: &PeerOptions, report: &mut PeerReport) -> Result<(), BenchError> {
+fn run_rapier(options: &BenchOptions, report: &mut PeerReport) -> Result<(), BenchError> {
     let cells: &[[usize; 3]] =
         if options.quick { &[[8, 2, 2]] } else { &[[8, 2, 2], [16, 4, 4], [24, 6, 6]] };
     for &cells in cells {
         for poisson_ratio in [0.3, 0.45] {
             // a tenth of the weight: strains below 1 %, where the corotational energy and StVK meet
             for gravity in [9.81, 0.981] {
-                let case = Case::new(Beam::rapier(cells, poisson_ratio, gravity)?)?;
-                let mut rivals = sinew_rows::rivals(options.threads, &[1.0 / 60.0], gravity > 1.0);
+                let case = BeamCase::new(Beam::rapier(cells, poisson_ratio, gravity)?)?;
+                let mut rivals = sinew_rows::rivals(&[1.0 / 60.0], gravity > 1.0);
                 rivals.extend(rapier::rivals(&case, rapier::STEP));
-                compete(&case, &mut rivals, options.quick, report);
+                report.rows.extend(compete(&case, &mut rivals, options.quick));
             }
         }
     }
@@ -417,17 +166,11 @@ fn best(rows: &[PeerRow], pick: impl Fn(&PeerRow) -> Option<f64>) -> Option<(&Pe
 const SAME_ERROR: f64 = 1e-3;
 
 /// Judges the goals that the rows cover.
-fn aims(rows: &[PeerRow]) -> Vec<PeerAim> {
+pub fn aims(rows: &[PeerRow]) -> Vec<BenchAim> {
     let mut aims = Vec::new();
-    let at_least = |aim: String, ours: f64, theirs: f64, factor: f64| PeerAim {
-        aim,
-        measured: format!(
-            "{} times ({} against {})",
-            three_digits(theirs / ours),
-            three_digits(ours),
-            three_digits(theirs)
-        ),
-        met: theirs / ours >= factor,
+    let at_least = |aim: String, ours: f64, theirs: f64, factor: f64| {
+        let what = format!("{aim} ({} against {})", three_digits(ours), three_digits(theirs));
+        BenchAim::at_least(what, factor, "times", theirs / ours)
     };
     let mut scenes: Vec<&str> = rows.iter().map(|r| r.scene.as_str()).collect();
     scenes.dedup();
@@ -468,7 +211,10 @@ fn aims(rows: &[PeerRow]) -> Vec<PeerAim> {
                 );
                 aims.push(match ours {
                     Some((_, ours)) => at_least(aim, ours, theirs, factor),
-                    None => PeerAim { aim, measured: "no setting as exact".into(), met: false },
+                    None => {
+                        let what = format!("{aim} (no setting as exact)");
+                        BenchAim::at_least(what, factor, "times", 0.0)
+                    }
                 });
             }
         }
@@ -479,14 +225,8 @@ fn aims(rows: &[PeerRow]) -> Vec<PeerAim> {
         .filter_map(|r| r.error_percent)
         .max_by(f64::total_cmp);
     if let Some(worst) = worst {
-        aims.push(PeerAim {
-            aim: "every default setting of ours below 1 % static error".into(),
-            measured: format!("worst {worst:.2e} %"),
-            met: worst < 1.0,
-        });
+        let what = "worst static error of our default settings";
+        aims.push(BenchAim::at_most(what, 1.0, "%", worst));
     }
     aims
 }
-
-#[cfg(test)]
-mod tests;

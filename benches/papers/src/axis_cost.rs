@@ -8,7 +8,7 @@ use sinew::engine::mesh::generate::{box_hexahedra, irregular_box_tets};
 use sinew::engine::vertex::FixedAxes;
 use sinew::models::body::MassRule;
 use sinew::prelude::*;
-use sinew_benches::bench::error::BenchError;
+use sinew_benches::toolbox::error::BenchError;
 use sinew_tune::table_of;
 use std::time::Instant;
 

@@ -6,8 +6,8 @@ use sinew::engine::mesh::generate::box_hexahedra;
 use sinew::engine::vertex::FixedAxes;
 use sinew::models::axes::description::{AxesDescription, AxisFamily};
 use sinew::prelude::*;
-use sinew_benches::bench::error::BenchError;
-use sinew_benches::bench::plot::{Scales, Series, lines};
+use sinew_benches::toolbox::error::BenchError;
+use sinew_benches::toolbox::plot::{Scales, Series, lines};
 use sinew_tune::table_of;
 use std::borrow::Cow;
 

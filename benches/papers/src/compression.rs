@@ -5,8 +5,8 @@ use sinew::engine::scalar::dot;
 use sinew::models::element::precompute::RestTetrahedron;
 use sinew::models::element::tetrahedron::{Element, forces};
 use sinew::prelude::YoungPoisson;
-use sinew_benches::bench::error::BenchError;
-use sinew_benches::bench::plot::{Scales, Series, lines};
+use sinew_benches::toolbox::error::BenchError;
+use sinew_benches::toolbox::plot::{Scales, Series, lines};
 use sinew_tune::table_of;
 
 const RATIOS: [f64; 4] = [0.0, 0.3, 0.45, 0.49];

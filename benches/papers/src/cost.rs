@@ -12,14 +12,14 @@ use sinew::models::laws::corotational::WarpedStiffness;
 use sinew::models::laws::quadratic::QuadraticSprings;
 use sinew::models::laws::svk::FusedStVK;
 use sinew::prelude::*;
-use sinew_benches::beam::{beam, bend, bent, cells_for, precision_of};
-use sinew_benches::bench::error::BenchError;
-use sinew_benches::bench::kernels::{Free, Reference, Timed, Timing, free, quartiles, repetitions};
-use sinew_benches::bench::membranes::{self, QUANTITIES, sheet};
-use sinew_benches::bench::plot::{Bar, bars};
-use sinew_benches::bench::stats::{Rounds, Spread, interleave};
-use sinew_benches::bench::table::Table;
-use sinew_benches::report::Chart;
+use sinew_benches::bench::membranes::{MembraneSubject, QUANTITIES, sheet};
+use sinew_benches::bench::subject::{Free, KernelTiming, Reference, Timed, free, repetitions};
+use sinew_benches::toolbox::beam::{beam, bend, bent, cells_for, precision_of};
+use sinew_benches::toolbox::error::BenchError;
+use sinew_benches::toolbox::plot::{Bar, bars};
+use sinew_benches::toolbox::stats::{Rounds, Spread, interleave};
+use sinew_tune::page::Chart;
+use sinew_tune::table::Table;
 use sinew_tune::table_of;
 
 /// Places in [`QUANTITIES`].
@@ -86,7 +86,7 @@ struct Subject {
     quantities: usize,
     /// Errors of force and product.
     errors: [f64; 2],
-    timed: Box<dyn Timing>,
+    timed: Box<dyn KernelTiming>,
     /// Samples by quantity, turn by turn.
     samples: [Vec<f64>; QUANTITIES.len()],
 }
@@ -99,8 +99,8 @@ impl Subject {
         evaluation: Evaluation,
     ) -> Result<Self, BenchError> {
         let (element, precision, elements) = ("triangle", S::NAME, mesh.triangles.len());
-        let own = membranes::Subject::new::<S>(mesh, model, evaluation)?;
-        let membranes::Subject { timed, quantities, errors, .. } = own;
+        let own = MembraneSubject::new::<S>(mesh, model, evaluation)?;
+        let MembraneSubject { timed, quantities, errors, .. } = own;
         let samples = Default::default();
         Ok(Self { element, law, precision, elements, quantities, errors, timed, samples })
     }
@@ -305,7 +305,7 @@ fn tables(subjects: &[Subject]) -> Vec<Table> {
         }
         "element" => element, "law" => law, "over" => base, "paper" => paper,
         "force f64" => median("f64", &[FORCE]),
-        "quartiles" => of("f64", &[FORCE]).as_ref().map_or("-".into(), quartiles),
+        "quartiles" => of("f64", &[FORCE]).as_ref().map_or("-".into(), Spread::quartiles),
         "product f64" => median("f64", &[FREE]), "both f64" => median("f64", &[FORCE, FREE]),
         "force f32" => median("f32", &[FORCE]), "product f32" => median("f32", &[FREE]),
     )
@@ -322,7 +322,7 @@ fn tables(subjects: &[Subject]) -> Vec<Table> {
         let mut table = table_of!(name, title; for s in own();
             where {
                 let median = |quantity| s.time(quantity).map(|t| t.median);
-                let spread = |quantity| s.time(quantity).as_ref().map_or("-".into(), quartiles);
+                let spread = |quantity| s.time(quantity).as_ref().map_or("-".into(), Spread::quartiles);
             }
             "law" => s.law, "precision" => s.precision, "force" => median(FORCE),
             "quartiles" => spread(FORCE), "product without matrix" => median(FREE),

@@ -6,8 +6,8 @@ use glam::DVec3;
 use sinew::engine::mesh::Mesh;
 use sinew::engine::mesh::generate::cylinder_tets;
 use sinew::prelude::*;
-use sinew_benches::bench::error::BenchError;
-use sinew_benches::bench::plot::{Scales, Series, lines};
+use sinew_benches::toolbox::error::BenchError;
+use sinew_benches::toolbox::plot::{Scales, Series, lines};
 use sinew_tune::table_of;
 
 const RADIUS: f64 = 0.005;

@@ -2,8 +2,8 @@
 
 use glam::{DMat3, DVec2, DVec3};
 use sinew::engine::mesh::Mesh;
-use sinew_benches::bench::table::escape;
-use sinew_benches::report::Chart;
+use sinew_tune::page::Chart;
+use sinew_tune::table::escape;
 use std::fmt::Write;
 
 /// A body as it is drawn.

@@ -12,10 +12,10 @@ use sinew::models::body::sheet::{MembraneDescription, MembraneModel};
 use sinew::models::element::membrane::{RestTriangle, SpringConstants, plane_stress};
 use sinew::models::material::LameParameters;
 use sinew::prelude::*;
-use sinew_benches::bench::error::BenchError;
 use sinew_benches::bench::membranes::sheet;
-use sinew_benches::bench::plot::{Scales, Series, lines};
-use sinew_benches::report::Chart;
+use sinew_benches::toolbox::error::BenchError;
+use sinew_benches::toolbox::plot::{Scales, Series, lines};
+use sinew_tune::page::Chart;
 use sinew_tune::table_of;
 
 /// Ordinary constants: the paper prints none for these statements.

@@ -1,8 +1,8 @@
 //! A figure made again, and what it says about the paper.
 
 use serde::Serialize;
-use sinew_benches::bench::table::Table;
-use sinew_benches::report::Chart;
+use sinew_tune::page::Chart;
+use sinew_tune::table::Table;
 
 /// A statement of a paper held against the numbers of this run.
 #[derive(Clone, Debug, PartialEq, Serialize)]

@@ -2,8 +2,8 @@
 
 use super::lumped::{MATERIAL, SECTION, printed_name};
 use crate::figure::{Figure, Finding};
-use sinew_benches::bench::error::BenchError;
-use sinew_benches::bench::stats::Spread;
+use sinew_benches::toolbox::error::BenchError;
+use sinew_benches::toolbox::stats::Spread;
 use sinew_identify::ElementMethod::{self, Block, Frobenius, TwoNorm};
 use sinew_identify::{ElementGeometry, ElementKind, fit_element};
 use sinew_tune::fit::FitError;

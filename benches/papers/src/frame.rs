@@ -8,7 +8,7 @@ use sinew::engine::mesh::Mesh;
 use sinew::models::axes::description::AxesDescription;
 use sinew::models::body::lumped::{HexahedronSprings, SpringRule, UniformSprings};
 use sinew::prelude::*;
-use sinew_benches::bench::error::BenchError;
+use sinew_benches::toolbox::error::BenchError;
 
 /// A body in a world of its own, without gravity, on one thread.
 pub(crate) fn world(

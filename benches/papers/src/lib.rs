@@ -31,10 +31,11 @@ mod volume;
 
 use figure::{Figure, Finding};
 use lumped::Meshes;
-use sinew_benches::bench::error::BenchError;
-use sinew_benches::bench::machine::MachineNotes;
-use sinew_benches::bench::table::escape;
-use sinew_benches::report::{Files, Page};
+use sinew_benches::toolbox::error::BenchError;
+use sinew_benches::toolbox::report::ReportFiles;
+use sinew_tune::machine::MachineNotes;
+use sinew_tune::page::Page;
+use sinew_tune::table::escape;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
@@ -293,7 +294,7 @@ impl Paper {
             "machine": self.machine,
             "findings": findings,
         });
-        let mut files = Files::default();
+        let mut files = ReportFiles::default();
         files.add(format!("{name}.html"), self.html());
         files.add(format!("{name}.md"), self.markdown());
         files.json(format!("{name}.json"), &json)?;

@@ -4,12 +4,12 @@
 use super::lumped::{Meshes, Specimen, printed_name};
 use glam::{DVec2, DVec3};
 use sinew::engine::mesh::Mesh;
-use sinew_benches::bench::error::BenchError;
-use sinew_benches::bench::table::escape;
-use sinew_benches::report::Chart;
+use sinew_benches::toolbox::error::BenchError;
 use sinew_identify::ElementMethod::{Frobenius, TwoNorm};
 use sinew_tune::fit::assess::against;
 use sinew_tune::fit::rig::Reading;
+use sinew_tune::page::Chart;
+use sinew_tune::table::escape;
 use std::collections::BTreeSet;
 use std::fmt::Write;
 

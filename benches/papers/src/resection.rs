@@ -3,11 +3,11 @@
 use crate::figure::{Figure, Finding};
 use sinew::models::resection::Region;
 use sinew::prelude::*;
-use sinew_benches::bench::cases::demo_mesh;
-use sinew_benches::bench::error::BenchError;
-use sinew_benches::bench::plot::{Scales, Series, lines};
-use sinew_benches::bench::table::Table;
-use sinew_benches::resection::{FRAME, Frame, Organ, Run, at_random, cut};
+use sinew_benches::bench::resection::{FRAME, Organ, ResectionFrame, ResectionRun, at_random, cut};
+use sinew_benches::toolbox::error::BenchError;
+use sinew_benches::toolbox::meshes::demo_mesh;
+use sinew_benches::toolbox::plot::{Scales, Series, lines};
+use sinew_tune::table::Table;
 use sinew_tune::table_of;
 
 /// Frames while single tetrahedra are taken out.
@@ -27,7 +27,7 @@ fn tool(frame: usize) -> DVec3 {
 /// Frames while a lobe is cut off by a tool, or while single tetrahedra are taken out at random.
 struct Case {
     name: &'static str,
-    run: Run,
+    run: ResectionRun,
 }
 
 fn measure(frames: [usize; 2]) -> Result<Vec<Case>, BenchError> {
@@ -37,7 +37,7 @@ fn measure(frames: [usize; 2]) -> Result<Vec<Case>, BenchError> {
     // stiffer than the preset, so that it keeps its shape while it hangs
     let material = YoungPoisson { young_modulus: 2e4, ..preset("liver")?.material };
     let organ = Organ { mesh: &mesh, held: &held, material };
-    let failed = |e: Box<dyn std::error::Error>| BenchError::Request {
+    let failed = |e: BenchError| BenchError::Request {
         what: format!("resection: {e}"),
         remedy: "this is a defect of the engine, report it".into(),
     };
@@ -50,7 +50,7 @@ fn measure(frames: [usize; 2]) -> Result<Vec<Case>, BenchError> {
 
 pub(crate) fn figure() -> Result<Figure, BenchError> {
     let cases = measure([STROKES * STROKE, FRAMES])?;
-    let series = |name: &str, case: &Case, colour, hollow, pick: fn(&Frame) -> f64| {
+    let series = |name: &str, case: &Case, colour, hollow, pick: fn(&ResectionFrame) -> f64| {
         let mut times: Vec<f64> = case.run.frames.iter().map(pick).collect();
         times.sort_by(f64::total_cmp);
         let share = 100.0 / times.len() as f64;

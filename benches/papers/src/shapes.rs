@@ -15,7 +15,7 @@ use sinew::engine::mesh::generate::{
     specimen_quads,
 };
 use sinew::engine::mesh::{Group, Mesh};
-use sinew_benches::bench::error::BenchError;
+use sinew_benches::toolbox::error::BenchError;
 use std::f64::consts::TAU;
 
 /// Width of the straight part of the specimen and thickness of the solid one (m).

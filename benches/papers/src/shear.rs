@@ -6,7 +6,7 @@ use super::lumped::{
 };
 use crate::figure::{Figure, Finding};
 use glam::DVec3;
-use sinew_benches::bench::error::BenchError;
+use sinew_benches::toolbox::error::BenchError;
 use sinew_identify::ElementMethod::{self, Baudet, Frobenius, Lloyd, TwoNorm, VanGelder};
 use sinew_identify::error_metrics::PositionErrors;
 use sinew_identify::virtual_test::SpringOptions;

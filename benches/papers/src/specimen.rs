@@ -8,8 +8,7 @@ use super::lumped::{
 use super::overlay;
 use super::shapes::WIDTH;
 use crate::figure::{Figure, Finding};
-use sinew_benches::bench::error::BenchError;
-use sinew_benches::bench::table::Cell;
+use sinew_benches::toolbox::error::BenchError;
 use sinew_identify::ElementMethod::{self, Baudet, Frobenius, Lloyd, TwoNorm, VanGelder};
 use sinew_identify::baselines::baudet_tension_correction;
 use sinew_identify::virtual_test::Loading;
@@ -17,6 +16,7 @@ use sinew_identify::virtual_test::facets::nodes_at;
 use sinew_identify::virtual_test::gauge::{MeasuredModuli, tensile_moduli};
 use sinew_tune::fit::assess::against;
 use sinew_tune::fit::rig::Reading;
+use sinew_tune::table::Cell;
 use sinew_tune::table_of;
 
 const STRETCH: f64 = 0.1;

@@ -10,10 +10,10 @@ use sinew::engine::mesh::generate::{jitter_interior, triangle_grid};
 use sinew::engine::vertex::FixedAxes;
 use sinew::models::body::sheet::{MembraneDescription, MembraneModel};
 use sinew::prelude::*;
-use sinew_benches::beam::sheet as sheet_body;
-use sinew_benches::bench::error::BenchError;
-use sinew_benches::bench::plot::{Scales, Series, lines};
-use sinew_benches::report::Chart;
+use sinew_benches::toolbox::beam::sheet as sheet_body;
+use sinew_benches::toolbox::error::BenchError;
+use sinew_benches::toolbox::plot::{Scales, Series, lines};
+use sinew_tune::page::Chart;
 use sinew_tune::table_of;
 
 /// Side (m) and thickness (m) of the sheet.

@@ -9,10 +9,10 @@ use rayon::prelude::*;
 use sinew::engine::mesh::Mesh;
 use sinew::engine::mesh::generate::{box_tets, jitter_interior};
 use sinew::prelude::*;
-use sinew_benches::bench::error::BenchError;
-use sinew_benches::bench::plot::{Scales, Series, lines};
-use sinew_benches::bench::table::{Cell, Table};
-use sinew_benches::report::Chart;
+use sinew_benches::toolbox::error::BenchError;
+use sinew_benches::toolbox::plot::{Scales, Series, lines};
+use sinew_tune::page::Chart;
+use sinew_tune::table::{Cell, Table};
 use sinew_tune::table_of;
 
 /// Strains at which laws are compared.

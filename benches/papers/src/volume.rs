@@ -12,8 +12,8 @@ use sinew::engine::mesh::generate::{box_hexahedra, irregular_box_tets};
 use sinew::engine::vertex::FixedAxes;
 use sinew::models::body::MassRule;
 use sinew::prelude::*;
-use sinew_benches::bench::error::BenchError;
-use sinew_benches::bench::plot::{Scales, Series, lines};
+use sinew_benches::toolbox::error::BenchError;
+use sinew_benches::toolbox::plot::{Scales, Series, lines};
 use sinew_tune::table_of;
 
 /// Side of the cube (m) and cells along it: the numbers of masses and tetrahedra of the paper's table 1.

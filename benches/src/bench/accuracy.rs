@@ -1,33 +1,21 @@
 //! Speed against error: every method on every case is a point (cost, error).
 
-use super::cases::{Case, Kind, Method, Outcome, Truth, cases};
-use super::elements::{self, Body, ElementOptions, ElementReport};
-use super::error::BenchError;
-use super::stats::{Rounds, Spread, interleave};
-use super::table::Table;
-use serde::{Deserialize, Serialize};
+use super::cases::{AccuracyCase, AccuracyKind, CaseTruth, Method, MethodOutcome, cases};
+use super::elements::{self, ElementBody, ElementReport};
+use crate::toolbox::error::BenchError;
+use crate::toolbox::options::BenchOptions;
+use crate::toolbox::stats::{Rounds, Spread, interleave};
+use serde::Serialize;
 use sinew::models::body::Evaluation;
 use sinew::prelude::*;
 use sinew_scene::summary::{evaluation_name, model_name};
 use sinew_tune::measures::{displacement_error, front};
+use sinew_tune::table::Table;
 use sinew_tune::table_of;
 
-/// What is measured.
-#[derive(Clone, Debug)]
-pub struct AccuracyOptions {
-    /// Coarser meshes and fewer methods.
-    pub quick: bool,
-    /// Turns of every method.
-    pub rounds: Rounds,
-    /// Only these cases; all when empty.
-    pub only: Vec<String>,
-    /// Python with the package `mujoco`, for the rivals of the elements.
-    pub python: String,
-}
-
 /// One method on one mesh.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Point {
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct AccuracyPoint {
     /// Case.
     pub case: String,
     /// Tetrahedra.
@@ -69,7 +57,7 @@ pub struct Point {
 }
 
 /// A converged solution.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct TruthRow {
     /// Case.
     pub case: String,
@@ -84,7 +72,7 @@ pub struct TruthRow {
 }
 
 /// Names and descriptions of the cases.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct CaseRow {
     /// Name.
     pub case: String,
@@ -97,16 +85,15 @@ pub struct CaseRow {
 }
 
 /// All points.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct AccuracyReport {
     /// The cases.
     pub cases: Vec<CaseRow>,
     /// The converged solutions.
     pub truths: Vec<TruthRow>,
     /// The points.
-    pub points: Vec<Point>,
+    pub points: Vec<AccuracyPoint>,
     /// Kinds of elements, of one body each.
-    #[serde(default)]
     pub elements: Vec<ElementReport>,
 }
 
@@ -116,36 +103,38 @@ pub struct AccuracyReport {
 /// When a case cannot be set up or has no converged solution. A method that fails is a point without
 /// error, with a note.
 pub fn run(
-    options: &AccuracyOptions,
+    options: &BenchOptions,
+    rounds: Rounds,
     mut tell: impl FnMut(&str),
 ) -> Result<AccuracyReport, BenchError> {
     let mut report = AccuracyReport::default();
     let all = cases(options.quick)?;
-    let known: Vec<&str> = all.iter().map(|c| c.name).chain(Body::ALL.map(Body::name)).collect();
-    if let Some(name) = options.only.iter().find(|name| !known.contains(&name.as_str())) {
+    let known: Vec<&str> =
+        all.iter().map(|c| c.name).chain(ElementBody::ALL.map(ElementBody::name)).collect();
+    if let Some(name) = options.cases.iter().find(|name| !known.contains(&name.as_str())) {
         return Err(BenchError::Request {
             what: format!("there is no case `{name}`"),
             remedy: format!("choose among {}", known.join(", ")),
         });
     }
-    let wanted = |name: &str| options.only.is_empty() || options.only.iter().any(|n| n == name);
+    let wanted = |name: &str| options.cases.is_empty() || options.cases.iter().any(|n| n == name);
     for case in all.iter().filter(|case| wanted(case.name)) {
         tell(&format!("accuracy: {}", case.name));
-        run_case(case, options, &mut report)?;
+        run_case(case, options.quick, rounds, &mut report)?;
     }
-    for body in Body::ALL.into_iter().filter(|body| wanted(body.name())) {
-        let options = ElementOptions { quick: options.quick, python: options.python.clone() };
-        report.elements.push(elements::run(body, &options, &mut tell)?);
+    for body in ElementBody::ALL.into_iter().filter(|body| wanted(body.name())) {
+        report.elements.push(elements::run(body, options, &mut tell)?);
     }
     Ok(report)
 }
 
 fn run_case(
-    case: &Case,
-    options: &AccuracyOptions,
+    case: &AccuracyCase,
+    quick: bool,
+    rounds: Rounds,
     report: &mut AccuracyReport,
 ) -> Result<(), BenchError> {
-    let truths: Vec<Truth> =
+    let truths: Vec<CaseTruth> =
         case.meshes.iter().map(|mesh| case.truth(mesh)).collect::<Result<_, _>>()?;
     let refined = truths.last().filter(|_| case.meshes.len() > case.measured);
     for (mesh, truth) in case.meshes.iter().zip(&truths) {
@@ -170,9 +159,9 @@ fn run_case(
     let first = report.points.len();
     for (level, mesh) in case.meshes[..case.measured].iter().enumerate() {
         let n = mesh.points.len();
-        let mut runs: Vec<(Method, Option<Result<Outcome, BenchError>>)> =
-            methods(case, level, options.quick).into_iter().map(|m| (m, None)).collect();
-        let samples = interleave(&mut runs, options.rounds, |(method, outcome)| {
+        let mut runs: Vec<(Method, Option<Result<MethodOutcome, BenchError>>)> =
+            methods(case, level, quick).into_iter().map(|m| (m, None)).collect();
+        let samples = interleave(&mut runs, rounds, |(method, outcome)| {
             if let Some(Err(_)) = outcome {
                 return Ok::<f64, BenchError>(f64::INFINITY);
             }
@@ -184,10 +173,10 @@ fn run_case(
         })?;
         let begin = report.points.len();
         for ((method, outcome), samples) in runs.into_iter().zip(samples) {
-            let mut point = Point::new(case, mesh.tetrahedra.len(), n, &method);
+            let mut point = AccuracyPoint::new(case, mesh.tetrahedra.len(), n, &method);
             match outcome {
                 Some(Ok(outcome)) => {
-                    let percent = |truth: &Truth| {
+                    let percent = |truth: &CaseTruth| {
                         displacement_error(&outcome.states, &truth.states, n).map(|e| 100.0 * e)
                     };
                     let per = if case.is_motion() { outcome.simulated } else { 1.0 };
@@ -216,11 +205,11 @@ fn run_case(
 const MARGIN: f64 = 0.01;
 
 fn mark(
-    points: &mut [Point],
-    error: impl Fn(&Point) -> Option<f64>,
-    flag: impl Fn(&mut Point) -> &mut bool,
+    points: &mut [AccuracyPoint],
+    error: impl Fn(&AccuracyPoint) -> Option<f64>,
+    flag: impl Fn(&mut AccuracyPoint) -> &mut bool,
 ) {
-    let of = |p: &Point| {
+    let of = |p: &AccuracyPoint| {
         let cost = p.cost.map_or(f64::NAN, |c| c.median);
         [cost, error(p).unwrap_or(f64::NAN)]
     };
@@ -231,7 +220,7 @@ fn mark(
 }
 
 /// The default and, one at a time, everything that can be chosen otherwise.
-fn methods(case: &Case, level: usize, quick: bool) -> Vec<Method> {
+fn methods(case: &AccuracyCase, level: usize, quick: bool) -> Vec<Method> {
     let with = |integrator, dt| Method {
         dt,
         settings: SolverSettings { integrator, ..Default::default() },
@@ -250,7 +239,7 @@ fn methods(case: &Case, level: usize, quick: bool) -> Vec<Method> {
     };
     let mut all = Vec::new();
     match case.kind {
-        Kind::Equilibrium => {
+        AccuracyKind::Equilibrium => {
             let load_steps: &[f64] = if quick { &[1.0, 4.0] } else { &[1.0, 2.0, 4.0, 8.0] };
             let tolerances = [(1e-2, 1e-2), (1e-2, 1e-4), (1e-3, 1e-6), (1e-3, 1e-9), (1e-8, 1e-9)];
             for &parts in load_steps {
@@ -286,7 +275,7 @@ fn methods(case: &Case, level: usize, quick: bool) -> Vec<Method> {
                 all.push(Method { settled: 1e-2, precision: Precision::F32, ..explicit });
             }
         }
-        Kind::Motion { .. } => {
+        AccuracyKind::Motion { .. } => {
             let steps: &[f64] =
                 if quick { &[0.02, 0.01, 0.005] } else { &[0.02, 0.01, 0.005, 0.002, 0.001] };
             for &dt in steps {
@@ -322,8 +311,8 @@ fn methods(case: &Case, level: usize, quick: bool) -> Vec<Method> {
     all
 }
 
-impl Point {
-    fn new(case: &Case, tetrahedra: usize, vertices: usize, method: &Method) -> Self {
+impl AccuracyPoint {
+    fn new(case: &AccuracyCase, tetrahedra: usize, vertices: usize, method: &Method) -> Self {
         let s = &method.settings;
         let explicit =
             matches!(s.integrator, Integrator::StormerVerlet | Integrator::SymplecticEuler);
@@ -365,7 +354,9 @@ impl Point {
         let mut words = vec![self.integrator.clone()];
         match (self.load_steps, self.step_s) {
             (Some(n), _) => words.push(format!("{n} load steps")),
-            (None, Some(h)) => words.push(format!("{} ms", super::table::three_digits(1e3 * h))),
+            (None, Some(h)) => {
+                words.push(format!("{} ms", sinew_tune::table::three_digits(1e3 * h)))
+            }
             (None, None) => {}
         }
         if let Some(tolerance) = self.linear_tolerance {
@@ -378,7 +369,7 @@ impl Point {
 impl AccuracyReport {
     /// Tables: the fronts, the converged solutions, all points.
     pub fn tables(&self) -> Vec<Table> {
-        let table = |name, title: &str, keep: fn(&Point) -> bool| {
+        let table = |name, title: &str, keep: fn(&AccuracyPoint) -> bool| {
             table_of!(name, title; for p in self.points.iter().filter(|p| keep(p));
                 "case" => &p.case, "tets" => p.tetrahedra, "method" => p.method(), "model" => &p.model,
                 "evaluation" => &p.evaluation, "precision" => &p.precision, "threads" => p.threads,

@@ -3,42 +3,19 @@
 use super::accuracy::AccuracyReport;
 use super::elements::ElementReport;
 use super::kernels::KernelReport;
-use super::step::{StepReport, StepRow};
-use super::table::Table;
-use serde::{Deserialize, Serialize};
+use super::step::{StepRow, StepsReport};
+use crate::toolbox::aim::BenchAim;
+use sinew_tune::table::Table;
 use sinew_tune::table_of;
-
-/// One aim.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Aim {
-    /// What is measured, and how.
-    pub what: String,
-    /// Largest value that meets it.
-    pub limit: f64,
-    /// Value of this run.
-    pub found: f64,
-    /// Unit.
-    pub unit: String,
-    /// Whether it was met.
-    pub met: bool,
-}
-
-impl Aim {
-    /// An aim that is met at or below `limit`.
-    pub fn at_most(what: impl Into<String>, limit: f64, unit: &str, found: f64) -> Self {
-        let met = found <= limit;
-        Self { what: what.into(), limit, found, unit: unit.into(), met }
-    }
-}
 
 const SIZES: [(&str, usize); 2] = [("5k", 5_000), ("50k", 50_000)];
 
 /// Aims of the kernels, as far as they were measured.
-pub fn kernels(report: &KernelReport) -> Vec<Aim> {
+pub fn kernels(report: &KernelReport) -> Vec<BenchAim> {
     let median = |key, size, threads| report.find(key, size, threads).map(|r| r.ns_per_tet.median);
     let mut aims = Vec::new();
     let mut add = |what: String, limit, unit: &str, found: Option<f64>| {
-        aims.extend(found.map(|found| Aim::at_most(what, limit, unit, found)));
+        aims.extend(found.map(|found| BenchAim::at_most(what, limit, unit, found)));
     };
     let force = [
         ("fused", "svk", "f64", [8.0, 5.0]),
@@ -98,7 +75,7 @@ fn setting(row: &StepRow) -> String {
 }
 
 /// Aims of the steps, as far as they were measured.
-pub fn steps(report: &StepReport) -> Vec<Aim> {
+pub fn steps(report: &StepsReport) -> Vec<BenchAim> {
     let mut aims = Vec::new();
     // the solver that a user gets without asking
     let default = |r: &StepRow| r.integrator == "auto" && r.solver.starts_with("auto");
@@ -113,11 +90,11 @@ pub fn steps(report: &StepReport) -> Vec<Aim> {
     for (name, size, implicit_ms, explicit_ms) in sizes {
         if let Some(row) = report.fastest(size, 2, default) {
             let what = format!("step of 10 ms, {name} ({})", setting(row));
-            aims.push(Aim::at_most(what, implicit_ms, "ms", row.ms.median));
+            aims.push(BenchAim::at_most(what, implicit_ms, "ms", row.ms.median));
         }
         if let Some((row, limit)) = report.fastest(size, 2, explicit).zip(explicit_ms) {
             let what = format!("10 ms explicit, {name} ({})", setting(row));
-            aims.push(Aim::at_most(what, limit, "ms", row.ms.median));
+            aims.push(BenchAim::at_most(what, limit, "ms", row.ms.median));
         }
         for (state, projected, limit) in
             [("in smooth motion", false, 1.2), ("with projection", true, 2.0)]
@@ -131,7 +108,7 @@ pub fn steps(report: &StepReport) -> Vec<Aim> {
             {
                 let what =
                     format!("step over plain linearised one {state}, {name} ({})", setting(row));
-                aims.push(Aim::at_most(what, limit, "x", ratio));
+                aims.push(BenchAim::at_most(what, limit, "x", ratio));
             }
         }
     }
@@ -142,7 +119,7 @@ pub fn steps(report: &StepReport) -> Vec<Aim> {
             _ => continue,
         };
         let what = format!("loading and building {} tets", build.tetrahedra);
-        aims.push(Aim::at_most(what, limit, "s", build.total_s.median));
+        aims.push(BenchAim::at_most(what, limit, "s", build.total_s.median));
     }
     let first = report.builds.first().map(|b| b.tetrahedra);
     let last = report.builds.last().map(|b| b.tetrahedra);
@@ -156,14 +133,14 @@ pub fn steps(report: &StepReport) -> Vec<Aim> {
                  element size ({})",
                 setting(b)
             );
-            aims.push(Aim::at_most(what, 1.0, "x", growth / refinement));
+            aims.push(BenchAim::at_most(what, 1.0, "x", growth / refinement));
         }
     }
     aims
 }
 
 /// Aims of accuracy, as far as they were measured.
-pub fn accuracy(report: &AccuracyReport) -> Vec<Aim> {
+pub fn accuracy(report: &AccuracyReport) -> Vec<BenchAim> {
     let still: Vec<_> = report.points.iter().filter(|p| p.integrator == "quasi-static").collect();
     let worst = |tolerance: f64, load_steps: u32| {
         let chosen = still.iter().filter(|p| {
@@ -180,35 +157,21 @@ pub fn accuracy(report: &AccuracyReport) -> Vec<Aim> {
     if let Some(found) = worst(1e-8, 4) {
         let what =
             "error of equilibria solved to 1e-8 (quasi-static, f64, 4 load steps), worst case";
-        aims.push(Aim::at_most(what, 1e-4, "%", found));
+        aims.push(BenchAim::at_most(what, 1e-4, "%", found));
     }
     if let Some(found) = worst(1e-3, 4) {
         let what = "error of equilibria with default tolerances (quasi-static, f64, 4 load steps), worst case";
-        aims.push(Aim::at_most(what, 1.0, "%", found));
+        aims.push(BenchAim::at_most(what, 1.0, "%", found));
     }
     aims.extend(report.elements.iter().flat_map(ElementReport::aims));
     aims
 }
 
 /// For people.
-pub fn table(aims: &[Aim]) -> Table {
+pub fn table(aims: &[BenchAim]) -> Table {
     table_of!("aims", "Aims of the project"; for aim in aims;
         "what" => &aim.what, "aim" => aim.limit, "found" => aim.found, "unit" => &aim.unit,
         "" => if aim.met { "met" } else { "missed" },
     )
-    .note("at most the aim counts as met; medians of this run.")
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn what_is_not_a_number_is_missed() {
-        assert!(Aim::at_most("a", 1.0, "x", 1.0).met);
-        assert!(!Aim::at_most("a", 1.0, "x", f64::NAN).met);
-        assert!(kernels(&KernelReport::default()).is_empty());
-        assert!(steps(&StepReport::default()).is_empty());
-        assert!(accuracy(&AccuracyReport::default()).is_empty());
-    }
+    .note("at most the aim counts as met, or at least, where it says so; medians of this run.")
 }

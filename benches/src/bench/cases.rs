@@ -1,17 +1,16 @@
 //! The scenes of the chart of speed against error, each on meshes that refine one another.
 
-use super::error::BenchError;
-use super::refine::refined;
+use crate::toolbox::error::BenchError;
+use crate::toolbox::meshes::{demo_mesh, refined};
 use glam::DVec3;
+use sinew::engine::mesh::Mesh;
 use sinew::engine::mesh::generate::box_tets;
-use sinew::engine::mesh::{CheckOptions, Mesh, check};
 use sinew::models::body::Evaluation;
 use sinew::prelude::*;
 use sinew_tune::measures::displacement_error;
-use std::path::Path;
 
 /// A scene with one body.
-pub struct Case {
+pub struct AccuracyCase {
     /// Name.
     pub name: &'static str,
     /// What happens.
@@ -31,12 +30,12 @@ pub struct Case {
     /// Parts in which the converged solution applies loads and motion.
     pub truth_load_steps: u32,
     /// What is asked.
-    pub kind: Kind,
+    pub kind: AccuracyKind,
 }
 
 /// What is asked of a case.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Kind {
+pub enum AccuracyKind {
     /// The equilibrium.
     Equilibrium,
     /// The motion from rest, compared every `sample` s.
@@ -50,25 +49,11 @@ pub enum Kind {
 
 const EARTH: DVec3 = DVec3::new(0.0, 0.0, -9.81);
 
-/// A mesh of the demos, checked.
-///
-/// # Errors
-/// When it cannot be read or is damaged.
-pub fn demo_mesh(file: &str) -> Result<Mesh, BenchError> {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../demos/meshes").join(file);
-    let checked = check(&Mesh::read(&path)?, &CheckOptions::default());
-    let checked = checked.map_err(|e| BenchError::Request {
-        what: format!("{}: {e}", path.display()),
-        remedy: "restore the file".into(),
-    })?;
-    Ok(checked.mesh)
-}
-
 /// All cases; quick ones are coarser.
 ///
 /// # Errors
 /// When a mesh cannot be generated or read.
-pub fn cases(quick: bool) -> Result<Vec<Case>, BenchError> {
+pub fn cases(quick: bool) -> Result<Vec<AccuracyCase>, BenchError> {
     let gel = YoungPoisson { young_modulus: 3e5, poisson_ratio: 0.45, density: 1000.0 };
     let soft = YoungPoisson { young_modulus: 1e4, ..gel };
     let measured = if quick { 1 } else { 2 };
@@ -81,8 +66,8 @@ pub fn cases(quick: bool) -> Result<Vec<Case>, BenchError> {
     };
     let beam = || box_tets(DVec3::new(0.2, 0.05, 0.05), [8, 2, 2]);
     let block = || box_tets(DVec3::new(0.1, 0.05, 0.05), [4, 2, 2]);
-    let still = |name, description, motion, truth_load_steps| -> Result<Case, BenchError> {
-        Ok(Case {
+    let still = |name, description, motion, truth_load_steps| -> Result<AccuracyCase, BenchError> {
+        Ok(AccuracyCase {
             name,
             description,
             material: soft,
@@ -92,10 +77,10 @@ pub fn cases(quick: bool) -> Result<Vec<Case>, BenchError> {
             meshes: ladder(block()?, measured + 1),
             measured,
             truth_load_steps,
-            kind: Kind::Equilibrium,
+            kind: AccuracyKind::Equilibrium,
         })
     };
-    let cantilever = Case {
+    let cantilever = AccuracyCase {
         name: "cantilever",
         description: "beam 0.2 x 0.05 x 0.05 m, E 300 kPa, nu 0.45, clamped at x = 0, under its weight",
         material: gel,
@@ -105,15 +90,15 @@ pub fn cases(quick: bool) -> Result<Vec<Case>, BenchError> {
         meshes: ladder(beam()?, if quick { 2 } else { 4 }),
         measured: if quick { 1 } else { 3 },
         truth_load_steps: 2,
-        kind: Kind::Equilibrium,
+        kind: AccuracyKind::Equilibrium,
     };
-    let swinging = Case {
+    let swinging = AccuracyCase {
         name: "swinging beam",
         description: "the beam of the cantilever let go from its straight shape",
         meshes: ladder(beam()?, measured + 1),
         measured,
         truth_load_steps: 1,
-        kind: Kind::Motion { duration: if quick { 0.2 } else { 0.4 }, sample: 0.02 },
+        kind: AccuracyKind::Motion { duration: if quick { 0.2 } else { 0.4 }, sample: 0.02 },
         moved: None,
         ..cantilever
     };
@@ -148,7 +133,7 @@ pub fn cases(quick: bool) -> Result<Vec<Case>, BenchError> {
             3,
         )?,
         swinging,
-        Case {
+        AccuracyCase {
             name: "liver pull",
             description: "the liver of the demo hangs from its ligament and is pulled by a tool",
             material: preset("liver")?.material,
@@ -158,7 +143,7 @@ pub fn cases(quick: bool) -> Result<Vec<Case>, BenchError> {
             meshes: ladder(demo_mesh("liver.msh")?, measured),
             measured: 1,
             truth_load_steps: 5,
-            kind: Kind::Equilibrium,
+            kind: AccuracyKind::Equilibrium,
         },
     ])
 }
@@ -199,7 +184,7 @@ impl Default for Method {
 
 /// What a method found.
 #[derive(Clone, Debug, Default)]
-pub struct Outcome {
+pub struct MethodOutcome {
     /// Displacements (m) in the order of the mesh: at each time of comparison, or of the equilibrium.
     pub states: Vec<Vec<DVec3>>,
     /// Wall time of the steps (s), set-up not included.
@@ -221,10 +206,10 @@ const PATIENCE: f64 = 20.0;
 /// Time (s) in which a damped motion applies prescribed motions.
 const RAMP: f64 = 0.5;
 
-impl Case {
+impl AccuracyCase {
     /// Whether the answer is a motion.
     pub fn is_motion(&self) -> bool {
-        self.kind != Kind::Equilibrium
+        self.kind != AccuracyKind::Equilibrium
     }
 
     fn set_up(
@@ -261,13 +246,15 @@ impl Case {
     ///
     /// # Errors
     /// When it cannot be set up or a step fails.
-    pub fn run(&self, mesh: &Mesh, method: &Method) -> Result<Outcome, BenchError> {
+    pub fn run(&self, mesh: &Mesh, method: &Method) -> Result<MethodOutcome, BenchError> {
         match self.kind {
-            Kind::Motion { duration, sample } => self.motion(mesh, method, duration, sample),
-            Kind::Equilibrium if method.settings.integrator == Integrator::QuasiStatic => {
+            AccuracyKind::Motion { duration, sample } => {
+                self.motion(mesh, method, duration, sample)
+            }
+            AccuracyKind::Equilibrium if method.settings.integrator == Integrator::QuasiStatic => {
                 self.load_steps(mesh, method, None)
             }
-            Kind::Equilibrium => self.settle(mesh, method),
+            AccuracyKind::Equilibrium => self.settle(mesh, method),
         }
     }
 
@@ -277,11 +264,11 @@ impl Case {
         method: &Method,
         duration: f64,
         sample: f64,
-    ) -> Result<Outcome, BenchError> {
+    ) -> Result<MethodOutcome, BenchError> {
         let (mut simulation, body) = self.set_up(mesh, method, RAMP)?;
         let every = (sample / method.dt).round().max(1.0) as u64;
         let steps = (duration / method.dt).round() as u64;
-        let mut outcome = Outcome { simulated: duration, ..Outcome::default() };
+        let mut outcome = MethodOutcome { simulated: duration, ..MethodOutcome::default() };
         for i in 1..=steps {
             outcome.step(&mut simulation)?;
             if i % every == 0 {
@@ -298,10 +285,10 @@ impl Case {
         mesh: &Mesh,
         method: &Method,
         polish: Option<&SolverSettings>,
-    ) -> Result<Outcome, BenchError> {
+    ) -> Result<MethodOutcome, BenchError> {
         let (mut simulation, body) = self.set_up(mesh, method, 1.0)?;
         let steps = (1.0 / method.dt).round() as u32;
-        let mut outcome = Outcome::default();
+        let mut outcome = MethodOutcome::default();
         for i in 1..=steps {
             simulation.set_gravity(self.gravity * (f64::from(i) / f64::from(steps)));
             outcome.step(&mut simulation)?;
@@ -318,9 +305,9 @@ impl Case {
         Ok(outcome)
     }
 
-    fn settle(&self, mesh: &Mesh, method: &Method) -> Result<Outcome, BenchError> {
+    fn settle(&self, mesh: &Mesh, method: &Method) -> Result<MethodOutcome, BenchError> {
         let (mut simulation, body) = self.set_up(mesh, method, RAMP)?;
-        let mut outcome = Outcome::default();
+        let mut outcome = MethodOutcome::default();
         loop {
             outcome.step(&mut simulation)?;
             outcome.simulated = simulation.time();
@@ -349,11 +336,11 @@ impl Case {
     ///
     /// # Errors
     /// When it cannot be computed.
-    pub fn truth(&self, mesh: &Mesh) -> Result<Truth, BenchError> {
+    pub fn truth(&self, mesh: &Mesh) -> Result<CaseTruth, BenchError> {
         let start = std::time::Instant::now();
         let no_truth = |reason: String| BenchError::NoTruth { case: self.name.to_string(), reason };
         let (states, own_error) = match self.kind {
-            Kind::Equilibrium => {
+            AccuracyKind::Equilibrium => {
                 let settings = SolverSettings {
                     integrator: Integrator::QuasiStatic,
                     linear_tolerance: 1e-4,
@@ -372,7 +359,7 @@ impl Case {
                 let own = displacement_error(&outcome.states, &states, mesh.points.len());
                 (states, own)
             }
-            Kind::Motion { .. } => {
+            AccuracyKind::Motion { .. } => {
                 let run = |safety| {
                     let settings = SolverSettings {
                         integrator: Integrator::StormerVerlet,
@@ -394,11 +381,11 @@ impl Case {
                 100.0 * own_error
             )));
         }
-        Ok(Truth { states, own_error, seconds: start.elapsed().as_secs_f64() })
+        Ok(CaseTruth { states, own_error, seconds: start.elapsed().as_secs_f64() })
     }
 }
 
-impl Outcome {
+impl MethodOutcome {
     fn step(&mut self, simulation: &mut Simulation) -> Result<(), BenchError> {
         let start = std::time::Instant::now();
         simulation.step()?;
@@ -412,37 +399,11 @@ impl Outcome {
 }
 
 /// A converged solution.
-pub struct Truth {
+pub struct CaseTruth {
     /// Displacements (m) at each time of comparison, or of the equilibrium.
     pub states: Vec<Vec<DVec3>>,
-    /// Estimate of its own error, as in the module `error` of this bench.
+    /// Estimate of its own error, over the largest displacement.
     pub own_error: f64,
     /// What it took (s).
     pub seconds: f64,
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn settling_and_load_steps_find_the_truth() {
-        let all = cases(true).unwrap();
-        let case = all.iter().find(|c| c.name == "stretch").unwrap();
-        let mesh = &case.meshes[0];
-        let truth = case.truth(mesh).unwrap();
-        assert!(truth.own_error < 1e-6, "{}", truth.own_error);
-        let method = |integrator, dt| Method {
-            dt,
-            settings: SolverSettings { integrator, mass_damping: 10.0, ..Default::default() },
-            settled: 1e-4,
-            ..Method::default()
-        };
-        for method in [method(Integrator::QuasiStatic, 0.5), method(Integrator::Safe, 0.05)] {
-            let outcome = case.run(mesh, &method).unwrap();
-            let error =
-                displacement_error(&outcome.states, &truth.states, mesh.points.len()).unwrap();
-            assert!(error < 1e-3, "{:?}: {error}", method.settings.integrator);
-        }
-    }
 }

@@ -1,6 +1,6 @@
 //! Speed against error of kinds of elements: a clamped body under its own weight, from compressible to nearly
 //! incompressible, by linear tetrahedra, clusters of them, hexahedra and ten-node tetrahedra, beside the rivals that
-//! can run it. The bodies are a beam and a liver that is held at its top ([`Body`]).
+//! can run it. The bodies are a beam and a liver that is held at its top ([`ElementBody`]).
 //!
 //! * **Static error**: the equilibrium of the method on its mesh (rivals: the settled state) against the converged
 //!   continuum, largest distance of a vertex over the largest displacement.
@@ -11,32 +11,34 @@
 //!
 //! Swings are those of the beam.
 
-mod report;
+pub mod report;
 
-use super::cases::demo_mesh;
-use super::error::BenchError;
-use super::refine::refined;
-use super::stats::{Rounds, Spread, interleave};
-use super::table::three_digits;
+use crate::peers::equilibrium::equilibrium;
 use crate::peers::mujoco::{Freedom, MuJoCo};
 #[cfg(feature = "rapier")]
 use crate::peers::rapier;
-use crate::peers::sinew_rows::{Run, equilibrium};
-use crate::peers::{Beam, Case, Rival, at_zero, say};
+use crate::peers::sinew_rows::SinewRun;
+use crate::peers::{Beam, BeamCase, Rival, at_zero, say};
+use crate::toolbox::error::BenchError;
+use crate::toolbox::meshes::demo_mesh;
+use crate::toolbox::meshes::refined;
+use crate::toolbox::options::BenchOptions;
+use crate::toolbox::stats::{Rounds, Spread, interleave};
 use glam::DVec3;
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 use sinew::engine::mesh::generate::{box_hexahedra, box_tets};
 use sinew::engine::mesh::{Group, Mesh};
 use sinew::models::body::VolumeRule;
 use sinew::prelude::*;
 use sinew_tune::measures::displacement_error;
+use sinew_tune::table::three_digits;
 use std::collections::{HashMap, HashSet};
 use std::rc::Rc;
 use std::time::Instant;
 
 /// What is bent.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Body {
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub enum ElementBody {
     /// A box, clamped at one end.
     #[default]
     Beam,
@@ -45,7 +47,7 @@ pub enum Body {
     Liver,
 }
 
-impl Body {
+impl ElementBody {
     /// All of them.
     pub const ALL: [Self; 2] = [Self::Beam, Self::Liver];
 
@@ -90,9 +92,12 @@ impl Body {
     }
 
     /// The mesh of a level, and its clamped vertices.
-    fn mesh(self, kind: Kind, level: usize) -> Result<(Mesh, Vec<u32>), BenchError> {
+    ///
+    /// # Errors
+    /// When it cannot be made or read.
+    pub fn mesh(self, kind: Discretisation, level: usize) -> Result<(Mesh, Vec<u32>), BenchError> {
         let linear = match self {
-            Self::Beam if kind == Kind::Hexahedra => box_hexahedra(SIZE, LEVELS[level])?,
+            Self::Beam if kind == Discretisation::Hexahedra => box_hexahedra(SIZE, LEVELS[level])?,
             Self::Beam => box_tets(SIZE, LEVELS[level])?,
             Self::Liver => {
                 let mut first = demo_mesh("liver_coarse.msh")?;
@@ -102,7 +107,7 @@ impl Body {
                 (0..level).fold(first, |mesh, _| refined(&mesh))
             }
         };
-        let ten = kind == Kind::TenNode;
+        let ten = kind == Discretisation::TenNode;
         let mesh = if ten { linear.with_second_order() } else { linear.clone() };
         let fixed = match self {
             Self::Beam => at_zero(&mesh),
@@ -111,8 +116,9 @@ impl Body {
                 let all = if ten { refined(&linear) } else { linear };
                 let held = all.group(HELD).map_or(&[][..], |group| &group.vertices);
                 let held: HashSet<[i32; 3]> =
-                    held.iter().map(|&v| Places::at(self, all.points[v as usize])).collect();
-                let is_held = |&v: &u32| held.contains(&Places::at(self, mesh.points[v as usize]));
+                    held.iter().map(|&v| ElementPlaces::at(self, all.points[v as usize])).collect();
+                let is_held =
+                    |&v: &u32| held.contains(&ElementPlaces::at(self, mesh.points[v as usize]));
                 (0..mesh.points.len() as u32).filter(is_held).collect()
             }
         };
@@ -121,20 +127,20 @@ impl Body {
 
     /// Kinds that run on a level: ten-node tetrahedra have the vertices of the next one, and on the finest mesh only those
     /// run that the verdicts compare at equal error.
-    fn kinds(self, level: usize, poisson_ratio: f64) -> Vec<Kind> {
+    fn kinds(self, level: usize, poisson_ratio: f64) -> Vec<Discretisation> {
         // levels of the liver count from that of the beam with as many tetrahedra
         let level = if self == Self::Liver { level + 1 } else { level };
-        let here = |kind: &Kind| match (level, kind) {
-            (_, Kind::Hexahedra) if self == Self::Liver => false,
-            (4, Kind::Linear) => poisson_ratio == 0.3,
-            (4, Kind::Clusters) => poisson_ratio == 0.4999,
+        let here = |kind: &Discretisation| match (level, kind) {
+            (_, Discretisation::Hexahedra) if self == Self::Liver => false,
+            (4, Discretisation::Linear) => poisson_ratio == 0.3,
+            (4, Discretisation::Clusters) => poisson_ratio == 0.4999,
             (4, _) => false,
-            (3, Kind::TenNode) => false,
+            (3, Discretisation::TenNode) => false,
             // it locks: the meshes before show that, and a step takes seconds
-            (3, Kind::Linear) => poisson_ratio < 0.4999,
+            (3, Discretisation::Linear) => poisson_ratio < 0.4999,
             _ => true,
         };
-        Kind::ALL.into_iter().filter(here).collect()
+        Discretisation::ALL.into_iter().filter(here).collect()
     }
 }
 
@@ -165,22 +171,13 @@ const EVERY: usize = 5;
 /// Cells of the finest grid: every vertex of every mesh is one of its corners.
 const FINEST: [usize; 3] = [80, 16, 16];
 /// Energy of Sinew's rows: it has all four kinds at every Poisson's ratio.
-const ENERGY: Model = Model::NeoHookean;
+pub const ENERGY: Model = Model::NeoHookean;
 /// Longest step (ms) of a rival that is still settled, which takes 200 of them, and of ours beside which converged steps
 /// are made.
 const PATIENCE_MS: f64 = 60.0;
 
-/// What is measured.
-#[derive(Clone, Debug)]
-pub struct ElementOptions {
-    /// Two Poisson's ratios and coarse meshes, below a minute.
-    pub quick: bool,
-    /// Python with the package `mujoco`.
-    pub python: String,
-}
-
 /// One kind of element, or a rival, on one mesh.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct ElementRow {
     /// Poisson's ratio.
     pub poisson_ratio: f64,
@@ -215,7 +212,7 @@ pub struct ElementRow {
 }
 
 /// The converged continuum for one Poisson's ratio.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct ElementTruth {
     /// Poisson's ratio.
     pub poisson_ratio: f64,
@@ -242,11 +239,10 @@ pub struct ElementTruth {
 }
 
 /// All rows.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct ElementReport {
     /// What is bent.
-    #[serde(default)]
-    pub body: Body,
+    pub body: ElementBody,
     /// The converged solutions.
     pub truths: Vec<ElementTruth>,
     /// One row per Poisson's ratio, kind and mesh.
@@ -257,28 +253,44 @@ pub struct ElementReport {
 
 /// Kinds of elements.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Kind {
+pub enum Discretisation {
+    /// Linear tetrahedra, each keeping its own volume.
     Linear,
+    /// Clusters of them.
     Clusters,
+    /// Hexahedra that keep their mean volume.
     Hexahedra,
+    /// Ten-node tetrahedra that do.
     TenNode,
 }
 
-impl Kind {
-    const ALL: [Self; 4] = [Self::Linear, Self::Clusters, Self::Hexahedra, Self::TenNode];
+impl Discretisation {
+    /// All, in the order of [`KINDS`].
+    pub const ALL: [Self; 4] = [Self::Linear, Self::Clusters, Self::Hexahedra, Self::TenNode];
 
-    fn name(self) -> &'static str {
+    /// Name in tables.
+    pub fn name(self) -> &'static str {
         KINDS[self as usize]
     }
 
-    fn volume(self) -> VolumeRule {
+    /// What keeps its volume.
+    pub fn volume(self) -> VolumeRule {
         match self {
             Self::Linear => VolumeRule::Elements,
             _ => VolumeRule::Clusters,
         }
     }
 
-    fn beam(self, body: Body, level: usize, poisson_ratio: f64) -> Result<Beam, BenchError> {
+    /// A body cut into these, on a level of its meshes.
+    ///
+    /// # Errors
+    /// When the mesh cannot be made.
+    pub fn beam(
+        self,
+        body: ElementBody,
+        level: usize,
+        poisson_ratio: f64,
+    ) -> Result<Beam, BenchError> {
         let [young_modulus, gravity] = body.load();
         let material = YoungPoisson { young_modulus, poisson_ratio, density: DENSITY };
         let name =
@@ -288,25 +300,25 @@ impl Kind {
     }
 
     /// Steps of 10 ms.
-    fn run(self, integrator: Integrator, h: f64) -> Run {
+    fn run(self, integrator: Integrator, h: f64) -> SinewRun {
         let settings = SolverSettings { integrator, ..Default::default() };
-        Run::new(self.name(), ENERGY, settings, Some(h)).with_volume(self.volume())
+        SinewRun::new(self.name(), ENERGY, settings, Some(h)).with_volume(self.volume())
     }
 
     /// Steps that are converged: the linear systems too.
-    fn converged(self, integrator: Integrator, h: f64) -> Run {
+    fn converged(self, integrator: Integrator, h: f64) -> SinewRun {
         let settings = SolverSettings {
             integrator,
             linear_tolerance: 1e-6,
             max_linear_iterations: 50_000,
             ..Default::default()
         };
-        Run::new(self.name(), ENERGY, settings, Some(h)).with_volume(self.volume())
+        SinewRun::new(self.name(), ENERGY, settings, Some(h)).with_volume(self.volume())
     }
 }
 
 /// Names in the order of the chart: ours, then the rivals with as many iterations as they need.
-const KINDS: [&str; 8] = [
+pub const KINDS: [&str; 8] = [
     "linear tetrahedra",
     "clusters of tetrahedra",
     "hexahedra",
@@ -318,7 +330,7 @@ const KINDS: [&str; 8] = [
 ];
 
 /// What follows the name of a rival that ends at its own cap of iterations.
-const CAPPED: &str = ", its cap of iterations";
+pub const CAPPED: &str = ", its cap of iterations";
 
 /// Cells in words.
 fn grid([x, y, z]: [usize; 3]) -> String {
@@ -326,25 +338,31 @@ fn grid([x, y, z]: [usize; 3]) -> String {
 }
 
 /// Where the vertices of a mesh of a body lie.
-struct Places(Body, HashMap<[i32; 3], usize>);
+pub struct ElementPlaces(ElementBody, HashMap<[i32; 3], usize>);
 
-impl Places {
-    fn new(body: Body, points: &[DVec3]) -> Self {
+impl ElementPlaces {
+    /// Of these vertices.
+    pub fn new(body: ElementBody, points: &[DVec3]) -> Self {
         Self(body, points.iter().enumerate().map(|(i, p)| (Self::at(body, *p), i)).collect())
     }
 
-    fn at(body: Body, point: DVec3) -> [i32; 3] {
+    fn at(body: ElementBody, point: DVec3) -> [i32; 3] {
         (point / body.spacing()).round().as_ivec3().to_array()
     }
 
     /// Pairs of vertices at one place: of these points, and of the mesh.
-    fn pairs(&self, points: &[DVec3]) -> Vec<[usize; 2]> {
+    pub fn pairs(&self, points: &[DVec3]) -> Vec<[usize; 2]> {
         let points = points.iter().enumerate();
         points.filter_map(|(i, p)| self.1.get(&Self::at(self.0, *p)).map(|&j| [i, j])).collect()
     }
 
     /// Error (%) of states of these points against those of the mesh, at the vertices that both have.
-    fn error(&self, points: &[DVec3], found: &[Vec<DVec3>], truth: &[Vec<DVec3>]) -> Option<f64> {
+    pub fn error(
+        &self,
+        points: &[DVec3],
+        found: &[Vec<DVec3>],
+        truth: &[Vec<DVec3>],
+    ) -> Option<f64> {
         let pairs = self.pairs(points);
         let picked = |states: &[Vec<DVec3>], side: usize| -> Vec<Vec<DVec3>> {
             let pick = |u: &Vec<DVec3>| pairs.iter().map(|pair| u[pair[side]]).collect();
@@ -356,29 +374,31 @@ impl Places {
 }
 
 /// The converged continuum: an equilibrium and a swing, each on a mesh of its own.
-struct Truth {
-    still: (Places, Vec<Vec<DVec3>>),
-    swing: Option<(Places, Vec<Vec<DVec3>>)>,
-    row: ElementTruth,
+pub struct ContinuumTruth {
+    /// Where its vertices are, and the equilibrium.
+    pub still: (ElementPlaces, Vec<Vec<DVec3>>),
+    swing: Option<(ElementPlaces, Vec<Vec<DVec3>>)>,
+    /// How well it is known.
+    pub row: ElementTruth,
 }
 
-impl Truth {
+impl ContinuumTruth {
     /// The equilibrium on level `finest` and, for its order, on the two before; the swing, where it is asked for, on `moving`
     /// and the one before.
-    fn new(
-        body: Body,
+    pub fn new(
+        body: ElementBody,
         poisson_ratio: f64,
         finest: usize,
         moving: Option<usize>,
     ) -> Result<Self, BenchError> {
         let start = Instant::now();
-        let kind = Kind::TenNode;
+        let kind = Discretisation::TenNode;
         let still = |level| -> Result<(Beam, Vec<Vec<DVec3>>), BenchError> {
             let beam = kind.beam(body, level, poisson_ratio)?;
             let u = equilibrium(&beam, ENERGY, kind.volume())?;
             Ok((beam, vec![u]))
         };
-        let places = |beam: &Beam| Places::new(body, &beam.mesh.points);
+        let places = |beam: &Beam| ElementPlaces::new(body, &beam.mesh.points);
         let missing = || BenchError::NoTruth {
             case: format!("{}, nu {poisson_ratio}", body.name()),
             reason: "the states have no vertex in common or are not finite".into(),
@@ -408,7 +428,7 @@ impl Truth {
         let beyond = 1.0 / (2f64.powf(order.clamp(1.0, 4.0)) - 1.0);
 
         let swing = |level, h: f64| -> Result<(Beam, Vec<Vec<DVec3>>), BenchError> {
-            let case = Case { beam: kind.beam(body, level, poisson_ratio)?, truth: Vec::new() };
+            let case = BeamCase { beam: kind.beam(body, level, poisson_ratio)?, truth: Vec::new() };
             let parts = (H / h).round() as usize;
             let mut run = kind.converged(Integrator::TrBdf2, h);
             let states = run.swing(&case, STEPS * parts, EVERY * parts)?;
@@ -460,18 +480,18 @@ impl Truth {
 }
 
 /// A method on a mesh, on its way to a row.
-struct Entry {
+struct ElementEntry {
     row: ElementRow,
-    case: Rc<Case>,
+    case: Rc<BeamCase>,
     rival: Box<dyn Rival>,
     /// Of ours; none of a rival.
-    kind: Option<Kind>,
+    kind: Option<Discretisation>,
     times: Vec<f64>,
     failed: bool,
 }
 
 impl ElementRow {
-    fn failed(kind: Kind, at: &Level, error: &BenchError) -> Self {
+    fn failed(kind: Discretisation, at: &ElementLevel, error: &BenchError) -> Self {
         Self {
             poisson_ratio: at.poisson_ratio,
             kind: kind.name().into(),
@@ -486,12 +506,12 @@ impl ElementRow {
     }
 }
 
-impl Entry {
+impl ElementEntry {
     fn new(
         name: &str,
-        kind: Option<Kind>,
-        at: &Level,
-        case: &Rc<Case>,
+        kind: Option<Discretisation>,
+        at: &ElementLevel,
+        case: &Rc<BeamCase>,
         rival: Box<dyn Rival>,
     ) -> Self {
         let mesh = &case.beam.mesh;
@@ -539,7 +559,7 @@ impl Entry {
     }
 
     /// Its row, with all errors.
-    fn finish(mut self, truth: &Truth, newton: bool) -> ElementRow {
+    fn finish(mut self, truth: &ContinuumTruth, newton: bool) -> ElementRow {
         if let Err(error) = self.measure(truth, newton) {
             say(&mut self.row.note, format!("failed: {error}"));
         }
@@ -550,7 +570,7 @@ impl Entry {
         self.row
     }
 
-    fn measure(&mut self, truth: &Truth, newton: bool) -> Result<(), BenchError> {
+    fn measure(&mut self, truth: &ContinuumTruth, newton: bool) -> Result<(), BenchError> {
         let Some(ms) = Spread::of(&self.times).filter(|_| !self.failed) else { return Ok(()) };
         let points = &self.case.beam.mesh.points;
         let still = match self.kind {
@@ -590,14 +610,14 @@ const LEVELS: [[usize; 3]; 5] = [[5, 1, 1], [10, 2, 2], [20, 4, 4], [40, 8, 8], 
 /// # Errors
 /// When a mesh cannot be made or the continuum does not converge. A method that fails keeps its row with the reason.
 pub fn run(
-    body: Body,
-    options: &ElementOptions,
+    body: ElementBody,
+    options: &BenchOptions,
     mut tell: impl FnMut(&str),
 ) -> Result<ElementReport, BenchError> {
     let mut report = ElementReport { body, ..ElementReport::default() };
-    // rivals run on the beam only ([`Level::is_full`])
+    // rivals run on the beam only ([`ElementLevel::is_full`])
     let mut mujoco = None;
-    if body == Body::Beam {
+    if body == ElementBody::Beam {
         match MuJoCo::start(&options.python) {
             Ok(found) => mujoco = Some(found),
             Err(why) => report.skipped.push(why),
@@ -606,23 +626,23 @@ pub fn run(
         report.skipped.push("Rapier: not built in; build with `--features rapier`".into());
     }
     let all: &[f64] = match (body, options.quick) {
-        (Body::Beam, false) => &[0.3, 0.45, 0.49, 0.4999],
+        (ElementBody::Beam, false) => &[0.3, 0.45, 0.49, 0.4999],
         _ => &[0.3, 0.4999],
     };
     // ten-node tetrahedra on finer meshes than any that is measured
     let (levels, truth_level, swing_level) = match (body, options.quick) {
-        (Body::Beam, false) => (5, 3, Some(2)),
-        (Body::Beam, true) => (2, 2, Some(1)),
+        (ElementBody::Beam, false) => (5, 3, Some(2)),
+        (ElementBody::Beam, true) => (2, 2, Some(1)),
         // its swings would take longer than all the rest
-        (Body::Liver, false) => (4, 2, None),
-        (Body::Liver, true) => (1, 1, None),
+        (ElementBody::Liver, false) => (4, 2, None),
+        (ElementBody::Liver, true) => (1, 1, None),
     };
     let name = body.name();
     for &poisson_ratio in all {
         tell(&format!("accuracy: {name}, nu {poisson_ratio}: the continuum"));
-        let truth = Truth::new(body, poisson_ratio, truth_level, swing_level)?;
+        let truth = ContinuumTruth::new(body, poisson_ratio, truth_level, swing_level)?;
         for level in 0..levels {
-            let at = Level { body, poisson_ratio, level, quick: options.quick };
+            let at = ElementLevel { body, poisson_ratio, level, quick: options.quick };
             if !body.kinds(level, poisson_ratio).is_empty() {
                 tell(&format!("accuracy: {name}, nu {poisson_ratio}, {}", body.grid(level)));
                 at.run(&truth, mujoco.as_mut(), &mut report)?;
@@ -639,34 +659,34 @@ pub fn run(
 }
 
 /// One mesh of one Poisson's ratio.
-struct Level {
-    body: Body,
+struct ElementLevel {
+    body: ElementBody,
     poisson_ratio: f64,
     level: usize,
     quick: bool,
 }
 
-impl Level {
+impl ElementLevel {
     /// Whether rivals run and swings are compared: on the beam, where their energies are nearly ours, and not on its finest
     /// mesh, where steps of rivals take seconds and converged ones longer than all the rest.
     fn is_full(&self) -> bool {
-        self.body == Body::Beam && self.level < 4
+        self.body == ElementBody::Beam && self.level < 4
     }
 
     fn run(
         &self,
-        truth: &Truth,
+        truth: &ContinuumTruth,
         mujoco: Option<&mut MuJoCo>,
         report: &mut ElementReport,
     ) -> Result<(), BenchError> {
-        let mut entries: Vec<Entry> = Vec::new();
+        let mut entries: Vec<ElementEntry> = Vec::new();
         for kind in self.body.kinds(self.level, self.poisson_ratio) {
             let beam = kind.beam(self.body, self.level, self.poisson_ratio)?;
             match equilibrium(&beam, ENERGY, kind.volume()) {
                 Ok(own) => {
-                    let case = Rc::new(Case { beam, truth: own });
+                    let case = Rc::new(BeamCase { beam, truth: own });
                     let run = Box::new(kind.run(Integrator::Safe, H));
-                    entries.push(Entry::new(kind.name(), Some(kind), self, &case, run));
+                    entries.push(ElementEntry::new(kind.name(), Some(kind), self, &case, run));
                 }
                 Err(error) => {
                     report.rows.push(ElementRow::failed(kind, self, &error));
@@ -690,24 +710,25 @@ impl Level {
     /// the continuum.
     fn rivals(
         &self,
-        truth: &Truth,
+        truth: &ContinuumTruth,
         mujoco: Option<&mut MuJoCo>,
-        entries: &mut Vec<Entry>,
+        entries: &mut Vec<ElementEntry>,
         report: &mut ElementReport,
     ) -> Result<(), BenchError> {
         let cells = LEVELS[self.level];
-        let linear = |level| Kind::Linear.beam(self.body, level, self.poisson_ratio);
-        let own = entries.iter().find(|e| e.kind == Some(Kind::Linear)).map(|e| e.case.clone());
+        let linear = |level| Discretisation::Linear.beam(self.body, level, self.poisson_ratio);
+        let own =
+            entries.iter().find(|e| e.kind == Some(Discretisation::Linear)).map(|e| e.case.clone());
         let tetrahedra = match own {
             Some(case) => case,
             None => {
                 let beam = linear(self.level)?;
-                Rc::new(Case { truth: truth.at(&beam.mesh.points), beam })
+                Rc::new(BeamCase { truth: truth.at(&beam.mesh.points), beam })
             }
         };
-        let free = |level| -> Result<Rc<Case>, BenchError> {
+        let free = |level| -> Result<Rc<BeamCase>, BenchError> {
             let beam = linear(level)?;
-            Ok(Rc::new(Case { truth: truth.at(&beam.mesh.points), beam }))
+            Ok(Rc::new(BeamCase { truth: truth.at(&beam.mesh.points), beam }))
         };
         // settings that end before they have converged are compared on small meshes, where they still matter
         let capped = self.level < 3 && !self.quick;
@@ -735,7 +756,7 @@ impl Level {
                         0 => continue,
                         _ => KINDS[name].to_owned(),
                     };
-                    let mut entry = Entry::new(&kind, None, self, &case, rival);
+                    let mut entry = ElementEntry::new(&kind, None, self, &case, rival);
                     if freedom != Freedom::Full {
                         // the tetrahedra between the nodes carry nothing
                         entry.row.elements = cells.iter().product();
@@ -752,51 +773,8 @@ impl Level {
                 2 => KINDS[7].to_owned(),
                 _ => continue,
             };
-            entries.push(Entry::new(&kind, None, self, &tetrahedra, rival));
+            entries.push(ElementEntry::new(&kind, None, self, &tetrahedra, rival));
         }
         Ok(())
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn vertices_are_compared_at_their_places() {
-        let field = |points: &[DVec3]| points.iter().map(|p| DVec3::Z * p.x * p.x).collect();
-        for (body, kind) in Body::ALL.into_iter().flat_map(|b| Kind::ALL.map(|k| (b, k))) {
-            let (fine, fixed) = body.mesh(Kind::Linear, 2).unwrap();
-            let places = Places::new(body, &fine.points);
-            let truth: Vec<Vec<DVec3>> = vec![field(&fine.points)];
-            let (mesh, own) = body.mesh(kind, 1).unwrap();
-            // ten-node tetrahedra are held where the finer mesh is
-            let held = if kind == Kind::TenNode { fixed.len() } else { own.len() };
-            assert!(own.len() == held && (1..=fixed.len()).contains(&held), "{body:?} {kind:?}");
-            assert_eq!(places.pairs(&mesh.points).len(), mesh.points.len(), "{body:?} {kind:?}");
-            let found: Vec<Vec<DVec3>> = vec![field(&mesh.points)];
-            assert!(
-                places.error(&mesh.points, &found, &truth).unwrap() < 1e-12,
-                "{body:?} {kind:?}"
-            );
-            let off: Vec<Vec<DVec3>> = vec![found[0].iter().map(|u| *u * 1.1).collect()];
-            let error = places.error(&mesh.points, &off, &truth).unwrap();
-            assert!((error - 10.0).abs() < 1e-9, "{body:?} {kind:?}: {error}");
-        }
-    }
-
-    /// The finer the mesh the nearer to the continuum, and ten-node elements before linear ones.
-    #[test]
-    fn elements_converge_to_the_continuum() {
-        let truth = Truth::new(Body::Beam, 0.4999, 2, Some(1)).unwrap();
-        assert!(truth.row.own_percent > 0.0 && truth.row.own_percent < 1.0, "{:?}", truth.row);
-        assert!(truth.row.energies_percent[0].unwrap() < 1.0, "{:?}", truth.row);
-        let error = |kind: Kind| {
-            let beam = kind.beam(Body::Beam, 1, 0.4999).unwrap();
-            let own = equilibrium(&beam, ENERGY, kind.volume()).unwrap();
-            truth.still.0.error(&beam.mesh.points, &[own], &truth.still.1).unwrap()
-        };
-        let [plain, clusters, ten] = [Kind::Linear, Kind::Clusters, Kind::TenNode].map(error);
-        assert!(ten < 0.2 * clusters && clusters < 0.7 * plain, "{plain} {clusters} {ten}");
     }
 }

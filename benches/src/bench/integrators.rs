@@ -1,60 +1,14 @@
 //! Integrators beside each other: work against error on a swinging beam, and what is left of a fast spin.
 
-use super::error::BenchError;
-use super::table::Table;
+use crate::toolbox::error::BenchError;
 use glam::DVec3;
-use serde::{Deserialize, Serialize};
 use sinew::engine::mesh::Mesh;
 use sinew::engine::mesh::generate::{box_tets, jitter_interior};
 use sinew::engine::report::Fallbacks;
 use sinew::prelude::*;
+use sinew_tune::table::Table;
 use sinew_tune::table_of;
 use std::time::Instant;
-
-/// What was measured.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct IntegratorReport {
-    /// The swinging beam.
-    pub swings: Vec<SwingRow>,
-    /// The spinning cube.
-    pub spins: Vec<SpinRow>,
-}
-
-/// One integrator at one step on the swinging beam.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct SwingRow {
-    /// Integrator.
-    pub integrator: String,
-    /// Step (s).
-    pub dt: f64,
-    /// Largest error over largest displacement at 0.2 and 0.4 s.
-    pub errors: [f64; 2],
-    /// The same of a reference program with direct solves, where it was run.
-    pub elsewhere: Option<[f64; 2]>,
-    /// Linear systems solved in 0.4 s.
-    pub solves: u64,
-    /// Steps that BDF2 left to implicit Euler.
-    pub fallbacks: u64,
-    /// Time of the steps (ms), one thread.
-    pub milliseconds: f64,
-}
-
-/// One integrator at one step on the spinning cube.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct SpinRow {
-    /// Integrator.
-    pub integrator: String,
-    /// Step (s).
-    pub dt: f64,
-    /// Angular momentum kept after 0.1 s at 100 rad/s (%).
-    pub angular_percent: f64,
-    /// Change of energy (%).
-    pub energy_percent: f64,
-    /// Both of a reference program with direct solves, where it was run.
-    pub elsewhere: Option<[f64; 2]>,
-    /// What stopped it.
-    pub failure: Option<String>,
-}
 
 /// The integrators in time.
 fn compared() -> impl Iterator<Item = Integrator> {
@@ -148,7 +102,7 @@ fn settings(integrator: Integrator) -> SolverSettings {
     }
 }
 
-struct Swing {
+struct IntegratorSwing {
     displacements: [Vec<DVec3>; 2],
     solves: u64,
     fallbacks: u64,
@@ -156,14 +110,14 @@ struct Swing {
 }
 
 /// A beam held at one end that falls under its weight, at 0.2 and 0.4 s.
-fn swing(mesh: &Mesh, integrator: Integrator, dt: f64) -> Result<Swing, BenchError> {
+fn swing(mesh: &Mesh, integrator: Integrator, dt: f64) -> Result<IntegratorSwing, BenchError> {
     let (mut simulation, body) = body(mesh, 3e4, 0.4)?;
     let rows = simulation.group_rows(body, mesh, "x0")?;
     simulation.add_constraint(Constraint::hold("clamp", rows));
     simulation.set_dt(dt);
     simulation.set_solver(settings(integrator));
     let steps = (0.2 / dt).round() as usize;
-    let mut swing = Swing {
+    let mut swing = IntegratorSwing {
         displacements: [Vec::new(), Vec::new()],
         solves: 0,
         fallbacks: 0,
@@ -211,7 +165,7 @@ fn spin(mesh: &Mesh, integrator: Integrator, dt: f64) -> Result<[f64; 2], BenchE
 ///
 /// # Errors
 /// When the beam cannot be set up or stepped.
-pub fn run(quick: bool, tell: &mut impl FnMut(&str)) -> Result<IntegratorReport, BenchError> {
+pub fn run(quick: bool, tell: &mut impl FnMut(&str)) -> Result<Vec<Table>, BenchError> {
     let beam = jitter_interior(&box_tets(DVec3::new(0.3, 0.1, 0.1), [6, 2, 2])?, 0.15, 1)?;
     tell("integrators: reference motion");
     let fine = if quick { 1e-4 } else { 1e-5 };
@@ -232,15 +186,7 @@ pub fn run(quick: bool, tell: &mut impl FnMut(&str)) -> Result<IntegratorReport,
                 let pairs = found.displacements[i].iter().zip(&truth[i]);
                 pairs.map(|(a, b)| a.distance(*b)).fold(0.0, f64::max) / size[i]
             };
-            swings.push(SwingRow {
-                integrator: integrator.name().into(),
-                dt: 1e-3 * milliseconds,
-                errors: [error(0), error(1)],
-                elsewhere: swing_elsewhere(integrator, milliseconds),
-                solves: found.solves,
-                fallbacks: found.fallbacks,
-                milliseconds: found.milliseconds,
-            });
+            swings.push((integrator, milliseconds, [error(0), error(1)], found));
         }
     }
     let cube = jitter_interior(&box_tets(DVec3::splat(0.1), [3, 3, 3])?, 0.15, 3)?;
@@ -255,46 +201,33 @@ pub fn run(quick: bool, tell: &mut impl FnMut(&str)) -> Result<IntegratorReport,
                 Ok(found) => (found, None),
                 Err(error) => ([f64::NAN; 2], Some(error.to_string())),
             };
-            spins.push(SpinRow {
-                integrator: integrator.name().into(),
-                dt,
-                angular_percent: found[0],
-                energy_percent: found[1],
-                elsewhere: spin_elsewhere(integrator, column),
-                failure,
-            });
+            spins.push((integrator, 1e3 * dt, found, spin_elsewhere(integrator, column), failure));
         }
     }
-    Ok(IntegratorReport { swings, spins })
-}
-
-impl IntegratorReport {
-    /// For people.
-    pub fn tables(&self) -> Vec<Table> {
-        let at = |pair: Option<[f64; 2]>, i: usize, factor: f64| pair.map(|p| factor * p[i]);
-        let swings = table_of!("integrators-swing", "Integrators: work against error"; for r in &self.swings;
-            "integrator" => &r.integrator, "dt ms" => 1e3 * r.dt,
-            "error % at 0.2 s" => 100.0 * r.errors[0], "at 0.4 s" => 100.0 * r.errors[1],
-            "elsewhere % at 0.2 s" => at(r.elsewhere, 0, 100.0), "at 0.4 s" => at(r.elsewhere, 1, 100.0),
-            "linear systems" => r.solves, "safe steps" => r.fallbacks, "wall ms" => r.milliseconds,
-        )
-        .note(
-            "A beam of 144 tetrahedra (30 kPa, nu 0.4), held at one end, falls for 0.4 s. Largest error \
-             over largest displacement against finely stepped Störmer-Verlet. elsewhere: a reference \
-             program with direct solves on a beam of the same kind. safe steps: those that BDF2 \
-             left to implicit Euler, linearised to the safe step, its first one included.",
-        );
-        let title = "Integrators: what is left of a fast spin";
-        let spins = table_of!("integrators-spin", title; for r in &self.spins;
-            "integrator" => &r.integrator, "dt ms" => 1e3 * r.dt,
-            "angular momentum %" => r.angular_percent, "change of energy %" => r.energy_percent,
-            "elsewhere %" => at(r.elsewhere, 0, 1.0), "energy %" => at(r.elsewhere, 1, 1.0),
-            "failure" => r.failure.clone(),
-        )
-        .note(
-            "A free cube of 162 tetrahedra (100 kPa, nu 0.3) spins at 100 rad/s for 0.1 s: angular \
-             momentum kept and change of energy; elsewhere as above.",
-        );
-        vec![swings, spins]
-    }
+    let at = |pair: Option<[f64; 2]>, i: usize, factor: f64| pair.map(|p| factor * p[i]);
+    let title = "Integrators: work against error";
+    let swings = table_of!("integrators-swing", title; for (integrator, ms, errors, found) in &swings;
+        where { let elsewhere = swing_elsewhere(*integrator, *ms); }
+        "integrator" => integrator.name(), "dt ms" => *ms, "error % at 0.2 s" => 100.0 * errors[0],
+        "at 0.4 s" => 100.0 * errors[1], "elsewhere % at 0.2 s" => at(elsewhere, 0, 100.0),
+        "at 0.4 s" => at(elsewhere, 1, 100.0), "linear systems" => found.solves,
+        "safe steps" => found.fallbacks, "wall ms" => found.milliseconds,
+    )
+    .note(
+        "A beam of 144 tetrahedra (30 kPa, nu 0.4), held at one end, falls for 0.4 s. Largest error \
+         over largest displacement against finely stepped Störmer-Verlet. elsewhere: a reference \
+         program with direct solves on a beam of the same kind. safe steps: those that BDF2 \
+         left to implicit Euler, linearised to the safe step, its first one included.",
+    );
+    let title = "Integrators: what is left of a fast spin";
+    let spins = table_of!("integrators-spin", title; for (integrator, ms, found, elsewhere, failure) in spins;
+        "integrator" => integrator.name(), "dt ms" => ms, "angular momentum %" => found[0],
+        "change of energy %" => found[1], "elsewhere %" => at(elsewhere, 0, 1.0),
+        "energy %" => at(elsewhere, 1, 1.0), "failure" => failure,
+    )
+    .note(
+        "A free cube of 162 tetrahedra (100 kPa, nu 0.3) spins at 100 rad/s for 0.1 s: angular \
+         momentum kept and change of energy; elsewhere as above.",
+    );
+    Ok(vec![swings, spins])
 }

@@ -1,16 +1,15 @@
 //! Kernels of membranes: nanoseconds per triangle of the formulations whose cost Delingette 2008 compares
 //! (Fig. 3, top), each with the error of what was computed.
 
-use super::error::BenchError;
-use super::kernels::{
-    Free, Quantity, Reference, Timed, Timing, directions, edge_sums, repetitions,
+use super::subject::{
+    Free, KernelQuantity, KernelTiming, Reference, Timed, directions, edge_sums, repetitions,
 };
-use super::stats::{Rounds, Spread, interleave};
-use super::table::Table;
-use crate::beam::{self, precision_of};
+use crate::toolbox::beam::{self, precision_of};
+use crate::toolbox::error::BenchError;
+use crate::toolbox::stats::{Rounds, Spread, interleave};
 use bevy_ecs::prelude::World;
 use glam::{DVec2, DVec3};
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 use sinew::engine::law::TangentKind;
 use sinew::engine::mesh::Mesh;
 use sinew::engine::mesh::generate::{jitter_interior, triangle_grid};
@@ -26,10 +25,11 @@ use sinew::models::laws::membranes::{
     BiquadraticMembrane, CorotationalMembrane, QuadraticMembrane,
 };
 use sinew::prelude::*;
+use sinew_tune::table::Table;
 use sinew_tune::table_of;
 
 /// One kernel of one formulation.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct MembraneRow {
     /// Name of the formulation in scene files.
     pub model: String,
@@ -61,11 +61,11 @@ const SUBJECTS: [(MembraneModel, Evaluation, Option<f64>); 5] = [
 ];
 
 /// What is timed of membranes and, in the figures of Delingette 2008, of solids.
-pub const QUANTITIES: [(&str, Quantity); 4] = [
-    ("force", Quantity::Force),
-    ("exact tangent", Quantity::Tangent(TangentKind::Exact)),
-    ("product, assembled", Quantity::Product),
-    ("product, matrix-free", Quantity::MatrixFree),
+pub const QUANTITIES: [(&str, KernelQuantity); 4] = [
+    ("force", KernelQuantity::Force),
+    ("exact tangent", KernelQuantity::Tangent(TangentKind::Exact)),
+    ("product, assembled", KernelQuantity::Product),
+    ("product, matrix-free", KernelQuantity::MatrixFree),
 ];
 
 const MATERIAL: YoungPoisson =
@@ -73,9 +73,9 @@ const MATERIAL: YoungPoisson =
 const THICKNESS: f64 = 1e-3;
 
 /// A sheet of one formulation.
-pub struct Subject {
-    /// What is timed.
-    pub timed: Box<dyn Timing>,
+pub struct MembraneSubject {
+    /// It, ready to be timed.
+    pub timed: Box<dyn KernelTiming>,
     model: MembraneModel,
     evaluation: Evaluation,
     /// How many of [`QUANTITIES`] it can compute.
@@ -98,7 +98,7 @@ pub fn run(triangles: usize, rounds: Rounds) -> Result<Vec<MembraneRow>, BenchEr
 /// A jittered sheet of about so many triangles.
 ///
 /// # Errors
-/// When there are too many.
+/// When it would have too many.
 pub fn sheet(triangles: usize) -> Result<Mesh, BenchError> {
     let n = ((triangles as f64 / 2.0).sqrt().round() as usize).max(2);
     Ok(jitter_interior(&triangle_grid(DVec2::splat(0.1), [n, n])?, 0.2, 1)?)
@@ -107,7 +107,7 @@ pub fn sheet(triangles: usize) -> Result<Mesh, BenchError> {
 fn rows_of<S: Scalar>(mesh: &Mesh, rounds: Rounds) -> Result<Vec<MembraneRow>, BenchError> {
     let mut subjects = Vec::new();
     for (model, evaluation, paper) in SUBJECTS {
-        subjects.push((Subject::new::<S>(mesh, model, evaluation)?, paper));
+        subjects.push((MembraneSubject::new::<S>(mesh, model, evaluation)?, paper));
     }
     let mut variants = Vec::new();
     for (i, (subject, _)) in subjects.iter_mut().enumerate() {
@@ -147,11 +147,11 @@ fn free<L: TriangleLaw, S: Scalar>(world: &mut World, x: &[[S; 4]], y: &mut [[S;
     multiply::<L, S>(world, TangentKind::Exact, x, y);
 }
 
-impl Subject {
-    /// That sheet, bent and stretched.
+impl MembraneSubject {
+    /// Of a sheet that is bent and stretched.
     ///
     /// # Errors
-    /// When its simulation cannot be built.
+    /// When it cannot be built.
     pub fn new<S: Scalar>(
         mesh: &Mesh,
         model: MembraneModel,
@@ -177,7 +177,7 @@ impl Subject {
         let mut timed = Timed::new(simulation, body, Some(product));
         let reference = plain_sums(mesh, &u, model)?;
         let force = timed.force_error(body, &reference.forces);
-        let product = timed.product_error(Quantity::Product, &reference.product);
+        let product = timed.product_error(KernelQuantity::Product, &reference.product);
         let free = model != MembraneModel::MassSpring && evaluation == Evaluation::Fused;
         Ok(Self {
             timed: Box::new(timed),
@@ -234,22 +234,4 @@ pub fn table(rows: &[MembraneRow]) -> Table {
          mass-spring, quadratic 1.6 times biquadratic, there for force and matrix-vector product.",
     )
     .note("error: largest difference from the plain f64 sum over elements, over the largest value.")
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn kernels_compute_what_the_plain_sums_say() {
-        let rounds = Rounds { most: 1, least: 1, seconds: 0.0 };
-        let rows = run(200, rounds).unwrap();
-        assert_eq!(rows.len(), 2 * (5 * 3 + 3));
-        for row in &rows {
-            let limit = if row.precision == "f64" { 1e-12 } else { 1e-4 };
-            assert!(row.error < limit, "{row:?}");
-            assert!(row.over_mass_spring.is_some(), "{row:?}");
-        }
-        assert_eq!(table(&rows).rows.len(), rows.len());
-    }
 }

@@ -4,31 +4,30 @@ pub mod accuracy;
 pub mod aims;
 pub mod arrays;
 pub mod cases;
+pub mod contact;
 pub mod elements;
-pub mod error;
 pub mod flops;
+#[cfg(feature = "gpu")]
+pub mod gpu;
 pub mod integrators;
 pub mod kernels;
 pub mod membranes;
-pub mod plot;
-pub mod refine;
 pub mod report;
+pub mod resection;
 pub mod roofline;
 pub mod scenes;
-pub mod stats;
 pub mod step;
+pub mod subject;
 
-pub use sinew_tune::{machine, table};
-
-use crate::peers::PeerOptions;
-use error::BenchError;
-use machine::Watch;
-use report::Report;
-use stats::Rounds;
+use crate::toolbox::error::BenchError;
+use crate::toolbox::options::BenchOptions;
+use crate::toolbox::stats::Rounds;
+use report::BenchReport;
+use sinew_tune::machine::Watch;
 
 /// Part of the bench.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Part {
+pub enum BenchPart {
     /// Laws and matrices.
     Kernels,
     /// Whole steps, loading and building.
@@ -41,30 +40,35 @@ pub enum Part {
     Scenes,
     /// Other engines beside ours.
     Peers,
+    /// Frame times while elements are removed.
+    Resection,
+    /// Steps with contact beside those without.
+    Contact,
+    /// Graphics processor beside processor.
+    #[cfg(feature = "gpu")]
+    Gpu,
 }
 
-impl Part {
-    /// All, in the order of reports.
+impl BenchPart {
+    /// Those of `all`, in the order of reports.
     pub const ALL: [Self; 6] =
         [Self::Kernels, Self::Step, Self::Accuracy, Self::Integrators, Self::Scenes, Self::Peers];
 
     /// Name on the command line.
     pub fn name(self) -> &'static str {
-        ["kernels", "step", "accuracy", "integrators", "scenes", "peers"][self as usize]
+        match self {
+            Self::Kernels => "kernels",
+            Self::Step => "step",
+            Self::Accuracy => "accuracy",
+            Self::Integrators => "integrators",
+            Self::Scenes => "scenes",
+            Self::Peers => "peers",
+            Self::Resection => "resection",
+            Self::Contact => "contact",
+            #[cfg(feature = "gpu")]
+            Self::Gpu => "gpu",
+        }
     }
-}
-
-/// What is measured.
-#[derive(Clone, Debug, Default)]
-pub struct BenchOptions {
-    /// Smaller sizes, fewer repeats.
-    pub quick: bool,
-    /// Sizes of the beams of kernels and steps (tetrahedra, about); chosen by `quick` when empty.
-    pub sizes: Vec<usize>,
-    /// Cases of the accuracy part; all when empty.
-    pub cases: Vec<String>,
-    /// Python with the package `mujoco`, for the rivals.
-    pub python: Option<String>,
 }
 
 /// Runs parts of the bench; `tell` hears what is going on.
@@ -73,10 +77,10 @@ pub struct BenchOptions {
 /// When something cannot be set up or stepped, or a size or case makes no sense.
 pub fn run(
     command: &str,
-    parts: &[Part],
+    parts: &[BenchPart],
     options: &BenchOptions,
     mut tell: impl FnMut(&str),
-) -> Result<Report, BenchError> {
+) -> Result<BenchReport, BenchError> {
     for &size in &options.sizes {
         if !(24..=5_000_000).contains(&size) {
             return Err(BenchError::Request {
@@ -86,13 +90,13 @@ pub fn run(
         }
     }
     let quick = options.quick;
-    let mut report = Report::new(command, quick);
+    let mut report = BenchReport::new(command, quick);
     let cores = report.machine.cores;
     let threads = if cores > 1 { vec![1, 2] } else { vec![1] };
-    let sizes = |quick_sizes: &[usize]| match (options.sizes.is_empty(), quick) {
-        (false, _) => options.sizes.clone(),
-        (true, true) => quick_sizes.to_vec(),
-        (true, false) => vec![5_000, 50_000, 500_000],
+    // so many of the usual sizes, of the quick and of the full bench
+    let sizes = |count: [usize; 2]| match options.sizes.is_empty() {
+        false => options.sizes.clone(),
+        true => [5_000, 50_000, 500_000][..count[usize::from(!quick)]].to_vec(),
     };
     // of the quick and of the full bench
     let rounds = |most: [usize; 2], least: [usize; 2], seconds: [f64; 2]| {
@@ -102,40 +106,44 @@ pub fn run(
     for &part in parts {
         let watch = Watch::start();
         match part {
-            Part::Kernels => {
+            BenchPart::Kernels => {
                 tell("limits of the machine");
                 report.limits = roofline::probe(&report.machine, &threads);
                 let rounds = rounds([8, 25], [3, 4], [0.15, 1.0]);
-                let (sizes, threads) = (sizes(&[5_000, 50_000]), threads.clone());
-                let kernels = kernels::SizeOptions { sizes, threads, rounds };
-                report.kernels = Some(kernels::run(&kernels, &report.limits, &mut tell)?);
+                let limits = &report.limits;
+                let found = kernels::run(&sizes([2, 3]), &threads, rounds, limits, &mut tell)?;
+                report.kernels = Some(found);
             }
-            Part::Step => {
+            BenchPart::Step => {
                 let rounds = rounds([8, 12], [2, 3], [0.2, 0.5]);
-                let (sizes, threads) = (sizes(&[5_000]), threads.clone());
-                let step = kernels::SizeOptions { sizes, threads, rounds };
-                report.step = Some(step::run(&step, &mut tell)?);
+                report.step = Some(step::run(&sizes([1, 3]), &threads, rounds, &mut tell)?);
             }
-            Part::Accuracy => {
+            BenchPart::Accuracy => {
                 let rounds = rounds([3, 5], [1, 1], [0.05, 0.5]);
-                let only = options.cases.clone();
-                let python = options.python.clone().unwrap_or(PeerOptions::default().python);
-                let accuracy = accuracy::AccuracyOptions { quick, rounds, only, python };
-                report.accuracy = Some(accuracy::run(&accuracy, &mut tell)?);
+                report.accuracy = Some(accuracy::run(options, rounds, &mut tell)?);
             }
-            Part::Integrators => {
-                report.integrators = Some(integrators::run(quick, &mut tell)?);
+            BenchPart::Integrators => report.tables.extend(integrators::run(quick, &mut tell)?),
+            BenchPart::Scenes => {
+                report.tables.push(scenes::run(quick.then_some(50), &mut tell)?);
             }
-            Part::Scenes => {
-                report.scenes = Some(scenes::run(quick.then_some(50), &mut tell)?);
-            }
-            Part::Peers => {
+            BenchPart::Peers => {
                 tell("peers");
-                let default = PeerOptions::default();
-                let python = options.python.clone().unwrap_or(default.python);
-                let only = options.cases.clone();
-                let options = PeerOptions { quick, python, only, ..PeerOptions::default() };
-                report.peers = Some(crate::peers::run(&options)?);
+                report.peers = Some(crate::peers::run(options)?);
+            }
+            BenchPart::Resection => {
+                let frames = if quick { 100 } else { 500 };
+                report.tables.extend(resection::run(&sizes([1, 2]), frames, 2, &mut tell)?);
+            }
+            BenchPart::Contact => {
+                let (repeats, kinds) = (if quick { 2 } else { 5 }, &options.cases);
+                let found = contact::run(&sizes([1, 2]), &threads, repeats, kinds, &mut tell)?;
+                report.tables.push(found.0);
+                report.aims.extend(found.1);
+            }
+            #[cfg(feature = "gpu")]
+            BenchPart::Gpu => {
+                let steps = if quick { 5 } else { 20 };
+                report.tables.extend(gpu::run(&sizes([1, 2]), steps, &mut tell)?);
             }
         }
         report.add_load(part.name(), watch.finish());

@@ -1,30 +1,30 @@
 //! The report of a run: JSON, CSV, SVG, one HTML page, Markdown for the README, text.
 
-use super::accuracy::{AccuracyReport, CaseRow, Point};
-use super::aims::{self, Aim};
-use super::error::BenchError;
-use super::integrators::IntegratorReport;
+use super::accuracy::{AccuracyPoint, AccuracyReport, CaseRow};
+use super::aims;
 use super::kernels::KernelReport;
-use super::machine::{Load, MachineNotes};
-use super::plot::{self, Bar, Series};
-use super::roofline::Limits;
-use super::scenes::{self, SceneRow};
-use super::step::StepReport;
-use super::table::{Table, escape, three_digits};
-use crate::peers::PeerReport;
-use crate::report::{Chart, Files, Page, Verdict};
-use serde::{Deserialize, Serialize};
+use super::roofline::MachineLimits;
+use super::step::StepsReport;
+use crate::peers::{self, PeerReport};
+use crate::toolbox::aim::BenchAim;
+use crate::toolbox::error::BenchError;
+use crate::toolbox::plot::{self, Bar, Series};
+use crate::toolbox::report::ReportFiles;
+use serde::Serialize;
 use sinew::engine::lanes::InstructionSet;
+use sinew_tune::machine::{Load, MachineNotes};
+use sinew_tune::page::{Chart, Page, Verdict};
+use sinew_tune::table::{Table, escape, three_digits};
 use sinew_tune::table_of;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
 /// Name and version of the JSON; the number grows when a reader would have to change.
-pub const SCHEMA: &str = "sinew-bench/1";
+pub const SCHEMA: &str = "sinew-bench/2";
 
 /// Everything that one run measured.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Report {
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct BenchReport {
     /// [`SCHEMA`].
     pub schema: String,
     /// Command that makes such a report.
@@ -38,25 +38,23 @@ pub struct Report {
     /// What the reader must know of the conditions.
     pub warnings: Vec<String>,
     /// Limits of the machine, per number of threads.
-    pub limits: Vec<Limits>,
+    pub limits: Vec<MachineLimits>,
     /// Aims and whether they were met.
-    pub aims: Vec<Aim>,
+    pub aims: Vec<BenchAim>,
     /// Kernels.
     pub kernels: Option<KernelReport>,
     /// Steps.
-    pub step: Option<StepReport>,
+    pub step: Option<StepsReport>,
     /// Speed against error.
     pub accuracy: Option<AccuracyReport>,
-    /// Integrators beside each other.
-    pub integrators: Option<IntegratorReport>,
-    /// Demo scenes.
-    pub scenes: Option<Vec<SceneRow>>,
     /// Other engines beside ours.
     pub peers: Option<PeerReport>,
+    /// Integrators, demo scenes, resection, contact, device: what only readers of tables need.
+    pub tables: Vec<Table>,
 }
 
 /// Load of the machine during one part.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct PartLoad {
     /// Part.
     pub part: String,
@@ -64,7 +62,7 @@ pub struct PartLoad {
     pub load: Load,
 }
 
-impl Report {
+impl BenchReport {
     /// An empty report of this machine.
     pub fn new(command: impl Into<String>, quick: bool) -> Self {
         Self {
@@ -79,9 +77,8 @@ impl Report {
             kernels: None,
             step: None,
             accuracy: None,
-            integrators: None,
-            scenes: None,
             peers: None,
+            tables: Vec::new(),
         }
     }
 
@@ -93,12 +90,12 @@ impl Report {
         self.loads.push(PartLoad { part: part.into(), load });
     }
 
-    /// Works out the aims from what was measured.
+    /// Works out the aims of the parts that keep their rows.
     pub fn work_out_aims(&mut self) {
-        self.aims.clear();
         self.aims.extend(self.kernels.iter().flat_map(aims::kernels));
         self.aims.extend(self.step.iter().flat_map(aims::steps));
         self.aims.extend(self.accuracy.iter().flat_map(aims::accuracy));
+        self.aims.extend(self.peers.iter().flat_map(|p| peers::aims(&p.rows)));
     }
 
     /// All tables, the aims first.
@@ -111,11 +108,10 @@ impl Report {
             tables.extend(kernels.tables());
             tables.push(self.limits_table());
         }
-        tables.extend(self.step.iter().flat_map(StepReport::tables));
+        tables.extend(self.step.iter().flat_map(StepsReport::tables));
         tables.extend(self.accuracy.iter().flat_map(AccuracyReport::tables));
-        tables.extend(self.integrators.iter().flat_map(IntegratorReport::tables));
-        tables.extend(self.scenes.as_deref().map(scenes::table));
         tables.extend(self.peers.iter().flat_map(peer_tables));
+        tables.extend(self.tables.iter().cloned());
         tables.push(self.load_table());
         tables
     }
@@ -280,10 +276,10 @@ impl Report {
         }
         for case in self.accuracy.iter().flat_map(|a| &a.cases) {
             let points = self.accuracy.iter().flat_map(|a| &a.points);
-            let mut good: Vec<&Point> = points
+            let mut good: Vec<&AccuracyPoint> = points
                 .filter(|p| p.case == case.case && p.error_percent.is_some_and(|e| e < 1.0))
                 .collect();
-            let cost = |p: &Point| p.cost.map_or(f64::INFINITY, |c| c.median);
+            let cost = |p: &AccuracyPoint| p.cost.map_or(f64::INFINITY, |c| c.median);
             good.sort_by(|a, b| a.tetrahedra.cmp(&b.tetrahedra).then(cost(a).total_cmp(&cost(b))));
             good.dedup_by_key(|p| p.tetrahedra);
             for p in good {
@@ -307,17 +303,15 @@ impl Report {
 
     /// Aims of the project and against other engines.
     fn verdicts(&self) -> Vec<Verdict> {
-        let own = self.aims.iter().map(|a| Verdict {
+        let verdict = |a: &BenchAim| Verdict {
             met: a.met,
             measured: format!("{} {}", three_digits(a.found), a.unit).trim_end().to_owned(),
-            what: format!("{}; aim: at most {}", a.what, three_digits(a.limit)),
-        });
-        let peers = self.peers.iter().flat_map(|p| &p.aims).map(|a| Verdict {
-            met: a.met,
-            measured: a.measured.clone(),
-            what: a.aim.clone(),
-        });
-        own.chain(peers).collect()
+            what: match a.what.contains("at least") {
+                true => a.what.clone(),
+                false => format!("{}; aim: at most {}", a.what, three_digits(a.limit)),
+            },
+        };
+        self.aims.iter().map(verdict).collect()
     }
 
     /// One page with everything in it.
@@ -351,9 +345,8 @@ impl Report {
             escape(&self.command),
             if self.quick { " (cut-down sizes and repeats)" } else { "" }
         ));
-        let verdicts = ["aims", "peer-aims"];
         let mut tables = self.tables();
-        tables.retain(|t| !verdicts.contains(&t.name));
+        tables.retain(|t| t.name != "aims");
         let link = |table: &Table| {
             let short = table.title.split(':').next().unwrap_or(&table.title);
             format!("<a href=\"#{}\">{}</a> ", table.name, escape(short))
@@ -401,7 +394,7 @@ impl Report {
     /// # Errors
     /// When a file cannot be written or a chart not be drawn.
     pub fn write(&self, folder: &Path) -> Result<Vec<PathBuf>, BenchError> {
-        let mut files = Files::default();
+        let mut files = ReportFiles::default();
         files.json("report.json", self)?;
         files.add("report.html", self.html()?);
         files.add("readme.md", self.readme());
@@ -442,14 +435,11 @@ fn peer_tables(report: &PeerReport) -> Vec<Table> {
          smallest force over the mean while dragged without friction. friction: vector sums; above 1 on a ball, whose \
          normals spread more than the friction does.",
     );
-    let aims = table_of!("peer-aims", "Aims against other engines"; for aim in &report.aims;
-        "aim" => &aim.aim, "measured" => &aim.measured, "" => if aim.met { "met" } else { "missed" },
-    );
-    vec![aims, rows, touch]
+    vec![rows, touch]
 }
 
 /// Cost (s) and error (%) of a point; `refined`: against the refined mesh.
-fn pair(p: &Point, refined: bool) -> [f64; 2] {
+fn pair(p: &AccuracyPoint, refined: bool) -> [f64; 2] {
     let error = if refined { p.refined_error_percent } else { p.error_percent };
     [p.cost.map_or(f64::NAN, |c| c.median), error.unwrap_or(f64::NAN)]
 }
@@ -459,7 +449,7 @@ fn usable(pair: &[f64; 2]) -> bool {
 }
 
 /// Points that nothing beats, cheapest first.
-fn front<'a>(points: impl Iterator<Item = &'a Point>, refined: bool) -> Vec<[f64; 2]> {
+fn front<'a>(points: impl Iterator<Item = &'a AccuracyPoint>, refined: bool) -> Vec<[f64; 2]> {
     let mut front: Vec<[f64; 2]> = points
         .filter(|p| if refined { p.pareto_refined } else { p.pareto })
         .map(|p| pair(p, refined))
@@ -478,7 +468,7 @@ fn overview(report: &AccuracyReport) -> Result<Chart, BenchError> {
         Series::new(format!("{name}{per}"), points, i).hollow(case.motion)
     };
     let series: Vec<Series> = report.cases.iter().enumerate().map(series).collect();
-    let mut meshes: Vec<(&str, usize)> = report.points.iter().map(Point::mesh).collect();
+    let mut meshes: Vec<(&str, usize)> = report.points.iter().map(AccuracyPoint::mesh).collect();
     meshes.dedup();
     let front = |mesh| front(report.points.iter().filter(|p| p.mesh() == mesh), false);
     let fronts: Vec<_> = meshes.into_iter().map(front).collect();
@@ -497,7 +487,7 @@ fn case_chart(
     refined: bool,
 ) -> Result<Option<Chart>, BenchError> {
     let own = report.points.iter().filter(|p| p.case == case.case);
-    let points: Vec<&Point> = own.filter(|p| usable(&pair(p, refined))).collect();
+    let points: Vec<&AccuracyPoint> = own.filter(|p| usable(&pair(p, refined))).collect();
     let mut sizes: Vec<usize> = points.iter().map(|p| p.tetrahedra).collect();
     sizes.dedup();
     let Some(&first) = sizes.first() else { return Ok(None) };
@@ -540,24 +530,4 @@ fn case_chart(
     let name = format!("{}{suffix}", case.case.replace(' ', "-"));
     let title = format!("{}: against the converged solution, {against}", case.case);
     plot::speed_against_error(&name, &title, [cost, "error (%)"], &series, &fronts).map(Some)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_report_survives_json_and_names_its_schema() {
-        let mut report = Report::new("sinew-lab bench kernels", true);
-        report.aims.push(Aim::at_most("a", 1.0, "ns", 2.0));
-        report.kernels = Some(KernelReport::default());
-        let text = serde_json::to_string(&report).unwrap();
-        let back: Report = serde_json::from_str(&text).unwrap();
-        assert_eq!(back, report);
-        assert!(text.contains("\"schema\":\"sinew-bench/1\""));
-        let html = report.html().unwrap();
-        assert!(html.contains("not met") && html.ends_with("</html>\n"));
-        // nothing is fetched
-        assert!(!html.contains("src=") && !html.contains("<link") && !html.contains("@import"));
-    }
 }

@@ -4,16 +4,16 @@
 //! The probes are plain loops over arrays, compiled once per instruction set; the one that the
 //! machine has is chosen at run time.
 
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 use std::hint::black_box;
 use std::sync::Barrier;
 use std::time::Instant;
 
-use super::machine::MachineNotes;
+use sinew_tune::machine::MachineNotes;
 
 /// Limits for a number of threads.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Limits {
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct MachineLimits {
     /// Threads at once, each with data of its own.
     pub threads: usize,
     /// Multiply-adds in `f64` (GFLOP/s, two per multiply-add).
@@ -25,7 +25,7 @@ pub struct Limits {
 }
 
 /// Read bandwidth of one level of the memory.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ReadLimit {
     /// `L1`, `L2`, `L3` or `memory`.
     pub level: String,
@@ -37,7 +37,7 @@ pub struct ReadLimit {
     pub holds_bytes: f64,
 }
 
-impl Limits {
+impl MachineLimits {
     /// The level that holds so much data, all threads together.
     pub fn level(&self, bytes: f64) -> Option<&ReadLimit> {
         self.read.iter().find(|r| bytes <= r.holds_bytes)
@@ -64,7 +64,7 @@ impl Limits {
 }
 
 /// Probes the limits for each number of threads; about a third of a second per number.
-pub fn probe(machine: &MachineNotes, threads: &[usize]) -> Vec<Limits> {
+pub fn probe(machine: &MachineNotes, threads: &[usize]) -> Vec<MachineLimits> {
     let [l1, l2, l3] = machine.caches_kib.map(|kib| kib.map(|kib| kib as usize));
     let (l1, l2, l3) = (l1.unwrap_or(32), l2.unwrap_or(512), l3.unwrap_or(8192));
     threads
@@ -83,7 +83,7 @@ pub fn probe(machine: &MachineNotes, threads: &[usize]) -> Vec<Limits> {
                 gb_per_s: read_rate(n, kib * 1024) / 1e9,
                 holds_bytes: holds * 1024.0,
             };
-            Limits {
+            MachineLimits {
                 threads: n,
                 fma_f64: rate(n, || (), |(), k| fma_f64(k)) / 1e9,
                 fma_f32: rate(n, || (), |(), k| fma_f32(k)) / 1e9,
@@ -95,7 +95,7 @@ pub fn probe(machine: &MachineNotes, threads: &[usize]) -> Vec<Limits> {
 
 /// Best rate (units per second, all threads together) of `work(state, k)`, which does `k` units of
 /// work and returns how many it did.
-fn rate<T>(
+pub fn rate<T>(
     threads: usize,
     state: impl Fn() -> T + Sync,
     work: impl Fn(&mut T, usize) -> f64 + Sync,
@@ -143,7 +143,7 @@ fn read_rate(threads: usize, bytes: usize) -> f64 {
 }
 
 /// Accumulators for the probes of reading.
-const LANES_READ: usize = 64;
+pub const LANES_READ: usize = 64;
 
 macro_rules! multiply_add {
     ($t:ty, $lanes:expr, $k:expr, |$x:ident, $a:ident, $b:ident| $next:expr) => {{
@@ -211,14 +211,17 @@ mod dispatch {
         };
     }
 
+    /// Operations of `k` rounds of multiply-adds in `f64`, which it does.
     pub fn fma_f64(k: usize) -> f64 {
         choose!(fma_f64_512, fma_f64_256, super::multiply_add_f64(k), k)
     }
 
+    /// The same in `f32`.
     pub fn fma_f32(k: usize) -> f64 {
         choose!(fma_f32_512, fma_f32_256, super::multiply_add_f32(k), k)
     }
 
+    /// Sum of numbers, with as many accumulators as reading needs.
     pub fn sum(data: &[f64]) -> f64 {
         choose!(sum_512, sum_256, sum_loop(data), data)
     }
@@ -226,18 +229,21 @@ mod dispatch {
 
 #[cfg(not(target_arch = "x86_64"))]
 mod dispatch {
+    /// Operations of `k` rounds of multiply-adds in `f64`, which it does.
     pub fn fma_f64(k: usize) -> f64 {
         super::multiply_add_f64(k)
     }
+    /// The same in `f32`.
     pub fn fma_f32(k: usize) -> f64 {
         super::multiply_add_f32(k)
     }
+    /// Sum of numbers, with as many accumulators as reading needs.
     pub fn sum(data: &[f64]) -> f64 {
         super::sum_loop(data)
     }
 }
 
-use dispatch::{fma_f32, fma_f64, sum};
+pub use dispatch::{fma_f32, fma_f64, sum};
 
 /// Multiplications and additions of the instruction set that every such processor has; fused where
 /// that is so (`mul_add` would call a library function elsewhere).
@@ -247,46 +253,4 @@ fn multiply_add_f64(k: usize) -> f64 {
 
 fn multiply_add_f32(k: usize) -> f64 {
     multiply_add!(f32, 48, k, |x, a, b| *x * a + b)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn probes_count_their_work() {
-        assert_eq!(fma_f64(4), 4.0 * fma_f64(1));
-        assert_eq!(fma_f32(1), 2.0 * fma_f64(1));
-        assert_eq!(sum(&vec![0.5; 4 * LANES_READ]), 2.0 * LANES_READ as f64);
-        let rate = rate(
-            2,
-            || 0.0,
-            |x, k| {
-                *x = (0..k * 1000).fold(*x, |x: f64, i| black_box(x + i as f64));
-                k as f64
-            },
-        );
-        assert!(rate > 0.0 && rate.is_finite());
-    }
-
-    #[test]
-    fn the_tighter_limit_binds() {
-        let read = |level: &str, rate, holds| ReadLimit {
-            level: level.into(),
-            kib: 1,
-            gb_per_s: rate,
-            holds_bytes: holds,
-        };
-        let limits = Limits {
-            threads: 1,
-            fma_f64: 10.0,
-            fma_f32: 20.0,
-            read: vec![read("L1", 100.0, 1e3), read("memory", 1.0, f64::INFINITY)],
-        };
-        let (time, by) = limits.bound("f64", 1e9, 1e9, 500.0);
-        assert_eq!((time, by.as_str()), (0.1, "multiply-add"));
-        assert_eq!(limits.bound("f32", 1e9, 1e9, 500.0).0, 0.05);
-        let (time, by) = limits.bound("f64", 1e9, 1e9, 5000.0);
-        assert_eq!((time, by.as_str()), (1.0, "read memory"));
-    }
 }

@@ -1,16 +1,14 @@
 //! Whole steps: what one costs, against a plain linearised step of the same system, and how far it is
 //! from the converged one.
 
-use super::error::BenchError;
-use super::kernels::{SizeOptions, quartiles};
-use super::stats::{Rounds, Spread, interleave};
-use super::table::Table;
-use crate::beam::{
+use crate::toolbox::beam::{
     EXTENT, MATERIAL, as_in_a_step, beam, bend, bent, bent_with, cells_for, lend, request,
     take_back,
 };
+use crate::toolbox::error::BenchError;
+use crate::toolbox::stats::{Rounds, Spread, interleave};
 use glam::DVec3;
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 use sinew::engine::lanes::InstructionSet;
 use sinew::engine::law::TangentKind;
 use sinew::engine::mesh::Mesh;
@@ -19,13 +17,16 @@ use sinew::engine::schedule::{Executor, ForceSchedule};
 use sinew::engine::workers::Workers;
 use sinew::models::body::Evaluation;
 use sinew::prelude::*;
+use sinew::snapshot::Snapshot;
 use sinew::solvers::settings::{LinearPrecision, Preconditioner};
+use sinew_tune::table::Table;
 use sinew_tune::table_of;
 use std::collections::BTreeMap;
+use std::hint::black_box;
 use std::time::Instant;
 
 /// One kind of step at one size.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct StepRow {
     /// Tetrahedra.
     pub tetrahedra: usize,
@@ -56,7 +57,7 @@ pub struct StepRow {
 }
 
 /// From a file to a body that can be stepped.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct BuildRow {
     /// Tetrahedra.
     pub tetrahedra: usize,
@@ -71,12 +72,14 @@ pub struct BuildRow {
 }
 
 /// All steps.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct StepReport {
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct StepsReport {
     /// Steps.
     pub rows: Vec<StepRow>,
     /// Loading and building.
     pub builds: Vec<BuildRow>,
+    /// Going back.
+    pub snapshots: Table,
 }
 
 /// Step length (s).
@@ -90,19 +93,26 @@ const IMPLICIT_STEPS: u32 = 5;
 ///
 /// # Errors
 /// When a beam cannot be built or stepped, or its file not be written.
-pub fn run(options: &SizeOptions, mut tell: impl FnMut(&str)) -> Result<StepReport, BenchError> {
-    let mut report = StepReport::default();
-    for &size in &options.sizes {
+pub fn run(
+    sizes: &[usize],
+    threads: &[usize],
+    rounds: Rounds,
+    mut tell: impl FnMut(&str),
+) -> Result<StepsReport, BenchError> {
+    let (mut report, mut meshes) = (StepsReport::default(), Vec::new());
+    for &size in sizes {
         let mesh = beam(cells_for(size))?;
         tell(&format!("step: {} tetrahedra", mesh.tetrahedra.len()));
-        report.builds.push(build(&mesh, options.rounds)?);
-        size_rows(&mesh, options, &mut report.rows)?;
+        report.builds.push(build(&mesh, rounds)?);
+        size_rows(&mesh, threads, rounds, &mut report.rows)?;
+        meshes.push(mesh);
     }
+    report.snapshots = snapshots(&meshes, rounds)?;
     Ok(report)
 }
 
 /// A state to step from.
-struct Start {
+struct StepStart {
     name: &'static str,
     u: Vec<DVec3>,
     v: Vec<DVec3>,
@@ -111,7 +121,7 @@ struct Start {
     explicit: Vec<DVec3>,
 }
 
-impl Start {
+impl StepStart {
     fn new(
         name: &'static str,
         mesh: &Mesh,
@@ -186,13 +196,13 @@ fn solvers(precision: Precision, large: bool) -> Vec<(String, SolverSettings)> {
 }
 
 /// A body of one number type; settings, threads and state are set before every sample.
-struct Subject {
+struct StepSubject {
     simulation: Simulation,
     body: BodyHandle,
 }
 
 #[derive(Clone)]
-struct Variant {
+struct StepVariant {
     subject: usize,
     start: usize,
     solver: String,
@@ -211,24 +221,25 @@ const LARGE: usize = 200_000;
 
 fn size_rows(
     mesh: &Mesh,
-    options: &SizeOptions,
+    threads: &[usize],
+    rounds: Rounds,
     rows: &mut Vec<StepRow>,
 ) -> Result<(), BenchError> {
     // squeezed to three fifths of its length: the exact tangent is indefinite there
     let squeeze = |x: &DVec3| DVec3::new(-0.4 * x.x, 0.0, 0.0);
     let squeezed: Vec<DVec3> = mesh.points.iter().map(squeeze).collect();
     let starts = [
-        Start::new("swinging", mesh, &bend(mesh), 3, true)?,
-        Start::new("squeezed by 40 %", mesh, &squeezed, 0, false)?,
+        StepStart::new("swinging", mesh, &bend(mesh), 3, true)?,
+        StepStart::new("squeezed by 40 %", mesh, &squeezed, 0, false)?,
     ];
     let mut pools: BTreeMap<usize, Option<Workers>> = BTreeMap::new();
-    for &n in &options.threads {
+    for &n in threads {
         pools.insert(n, Some(Workers::new(n)?));
     }
     let mut subjects = Vec::new();
     let mut variants = Vec::new();
     let mut add = |subject, threads, start, solver: &str, settings: &SolverSettings| {
-        variants.push(Variant {
+        variants.push(StepVariant {
             subject,
             start,
             solver: solver.to_string(),
@@ -245,8 +256,8 @@ fn size_rows(
             bent(mesh, precision, 1, Evaluation::Fused, Model::CompressibleStVK)?;
         simulation.set_dt(DT);
         let subject = subjects.len();
-        subjects.push(Subject { simulation, body });
-        for &threads in &options.threads {
+        subjects.push(StepSubject { simulation, body });
+        for &threads in threads {
             for (name, settings) in solvers(precision, mesh.tetrahedra.len() > LARGE) {
                 add(subject, threads, 0, &name, &settings);
                 // hard on preconditioners: the default and the simplest tell enough
@@ -267,7 +278,6 @@ fn size_rows(
             }
         }
     }
-    let threads = &options.threads;
     // independent laws one after another, each on all threads, or side by side
     for executor in [Executor::SingleThreaded, Executor::MultiThreaded] {
         let options = SimulationOptions { executor, ..Default::default() };
@@ -275,7 +285,7 @@ fn size_rows(
         let (mut simulation, body) = bent_with(options, mesh, Evaluation::Pooled, model)?;
         simulation.set_dt(DT);
         let subject = subjects.len();
-        subjects.push(Subject { simulation, body });
+        subjects.push(StepSubject { simulation, body });
         let (name, settings) = &solvers(Precision::F64, true)[0];
         for &threads in threads {
             add(
@@ -288,19 +298,19 @@ fn size_rows(
         }
     }
     // what the same bits on every machine cost
-    let priced = |v: &&Variant| {
+    let priced = |v: &&StepVariant| {
         v.start == 0
             && matches!(v.settings.integrator, Integrator::Auto | Integrator::StormerVerlet)
             && v.instructions != InstructionSet::Portable
     };
-    let portable = |v: &Variant| Variant {
+    let portable = |v: &StepVariant| StepVariant {
         instructions: InstructionSet::Portable,
         solver: format!("{} portable", v.solver).trim().to_string(),
         ..v.clone()
     };
-    let portable: Vec<Variant> = variants.iter().filter(priced).map(portable).collect();
+    let portable: Vec<StepVariant> = variants.iter().filter(priced).map(portable).collect();
     variants.extend(portable);
-    let samples = interleave(&mut variants, options.rounds, |variant| {
+    let samples = interleave(&mut variants, rounds, |variant| {
         let subject = &mut subjects[variant.subject];
         let pool = pools.entry(variant.threads).or_default();
         variant.measure(subject, &starts[variant.start], mesh, pool)
@@ -332,7 +342,7 @@ fn size_rows(
 /// Subject, solver, threads.
 type StepKey = (usize, String, usize);
 
-impl Variant {
+impl StepVariant {
     fn key(&self) -> StepKey {
         (self.subject, self.solver.clone(), self.threads)
     }
@@ -340,12 +350,12 @@ impl Variant {
     /// Mean seconds of the steps of one sample.
     fn measure(
         &mut self,
-        subject: &mut Subject,
-        start: &Start,
+        subject: &mut StepSubject,
+        start: &StepStart,
         mesh: &Mesh,
         pool: &mut Option<Workers>,
     ) -> Result<f64, BenchError> {
-        let Subject { simulation: s, body } = subject;
+        let StepSubject { simulation: s, body } = subject;
         *pool = match pool.take() {
             Some(workers) => Some(workers.with_instruction_set(self.instructions)?),
             None => None,
@@ -399,7 +409,7 @@ impl Variant {
         &self,
         s: &mut Simulation,
         body: BodyHandle,
-        start: &Start,
+        start: &StepStart,
         mesh: &Mesh,
     ) -> StepRow {
         let truth = match self.settings.integrator {
@@ -470,7 +480,56 @@ fn build(mesh: &Mesh, rounds: Rounds) -> Result<BuildRow, BenchError> {
     }
 }
 
-impl StepReport {
+/// What a program that goes back every step pays, with the default and an explicit integrator: rows of times of a step,
+/// of a snapshot and taking it up, of taking it up alone, to bytes, from bytes and taking it up.
+fn snapshots(meshes: &[Mesh], rounds: Rounds) -> Result<Table, BenchError> {
+    let mut rows = Vec::new();
+    for (mesh, integrator) in
+        meshes.iter().flat_map(|m| [Integrator::Auto, Integrator::StormerVerlet].map(|i| (m, i)))
+    {
+        let (mut s, _) = bent(mesh, Precision::F64, 1, Evaluation::Fused, Model::CompressibleStVK)?;
+        s.set_dt(DT);
+        s.set_solver(SolverSettings { integrator, ..Default::default() });
+        for _ in 0..3 {
+            s.step()?;
+        }
+        let start = s.snapshot()?;
+        let bytes = start.to_bytes();
+        let samples = interleave(&mut [0, 1, 2, 3, 4], rounds, |what| {
+            let clock = Instant::now();
+            match what {
+                0 => {
+                    s.step()?;
+                }
+                1 => {
+                    let now = s.snapshot()?;
+                    s.restore(&now)?;
+                }
+                2 => {
+                    s.restore(&start)?;
+                }
+                3 => drop(black_box(start.to_bytes())),
+                _ => {
+                    s.restore(&Snapshot::from_bytes(&bytes)?)?;
+                }
+            }
+            Ok::<f64, BenchError>(clock.elapsed().as_secs_f64())
+        })?;
+        let ms: Vec<Option<f64>> =
+            samples.iter().map(|s| Spread::warm(s).map(|s| 1e3 * s.median)).collect();
+        rows.push((mesh.tetrahedra.len(), integrator, bytes.len(), ms));
+    }
+    let title = "Going back (f64, one thread)";
+    let table = table_of!("snapshots", title; for (tetrahedra, integrator, bytes, ms) in rows;
+        "tets" => tetrahedra, "integrator" => integrator.name(), "step ms" => ms[0],
+        "snapshot, restore ms" => ms[1], "of a step %" => ms[1].zip(ms[0]).map(|(a, b)| 100.0 * a / b),
+        "restore ms" => ms[2], "bytes" => bytes, "to bytes ms" => ms[3],
+        "from bytes, restore ms" => ms[4],
+    );
+    Ok(table.note("going back is exact: there is no error to set beside it."))
+}
+
+impl StepsReport {
     /// The fastest step of a kind on a number of threads, at the size nearest to one asked for.
     pub fn fastest(
         &self,
@@ -495,7 +554,7 @@ impl StepReport {
         let steps = table_of!("steps", title; for r in &self.rows;
             "tets" => r.tetrahedra, "integrator" => &r.integrator, "solver" => &r.solver,
             "state" => &r.state, "precision" => &r.precision, "threads" => r.threads,
-            "ms" => r.ms.median, "quartiles" => quartiles(&r.ms), "least" => r.ms.minimum,
+            "ms" => r.ms.median, "quartiles" => r.ms.quartiles(), "least" => r.ms.minimum,
             "of plain" => r.ratio_to_plain, "CG its" => r.cg_iterations, "residual" => r.residual,
             "projections" => r.projections, "substeps" => r.substeps, "error %" => r.error_percent,
         )
@@ -513,6 +572,6 @@ impl StepReport {
             "tets" => r.tetrahedra, "read s" => r.read_s.median, "check s" => r.check_s.median,
             "build s" => r.build_s.median, "total s" => r.total_s.median, "least s" => r.total_s.minimum,
         );
-        vec![steps, builds]
+        vec![steps, builds, self.snapshots.clone()]
     }
 }

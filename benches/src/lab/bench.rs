@@ -1,14 +1,11 @@
 //! `sinew-lab bench`.
 
 use clap::{Args, Subcommand};
-use serde::Serialize;
 use sinew::prelude::{Integrator, Model};
-use sinew_benches::bench::{BenchOptions, Part, run};
-use sinew_benches::contact::ContactOptions;
-use sinew_benches::resection::ResectionOptions;
-use sinew_benches::stability::{Cells, SuiteOptions};
+use sinew_benches::bench::{BenchPart, run};
+use sinew_benches::stability::{SolidCells, SuiteOptions};
+use sinew_benches::toolbox::options::BenchOptions;
 use sinew_cli::{Outcome, PrecisionArgument, choice, print};
-use std::fmt::Display;
 use std::path::PathBuf;
 
 #[derive(Subcommand)]
@@ -48,23 +45,22 @@ pub struct BenchArguments {
     /// Smaller sizes and fewer repeats: a minute or two instead of a quarter of an hour.
     #[arg(long)]
     quick: bool,
-    /// Folder for report.html, report.json, readme.md, one CSV per table and one SVG per chart; of
-    /// `resection` and `contact` only one JSON file.
+    /// Folder for report.html, report.json, readme.md, one CSV per table and one SVG per chart.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Print the JSON report instead of tables.
     #[arg(long)]
     json: bool,
-    /// Sizes of the beams of kernels and steps in tetrahedra, such as 5000,50000.
+    /// Sizes of the bodies in tetrahedra, such as 5000,50000, where a part has a choice.
     #[arg(long, value_name = "N", value_delimiter = ',')]
     tets: Vec<usize>,
     /// Only this case of the accuracy part (`elements` and `elements-liver` are the kinds of elements), kind of contact, or of `peers`
     /// `beam` or `touch`; may be given several times.
     #[arg(long = "case", value_name = "NAME")]
     cases: Vec<String>,
-    /// Python with the package `mujoco` [default: python3].
-    #[arg(long, value_name = "PATH")]
-    python: Option<String>,
+    /// Python with the package `mujoco`.
+    #[arg(long, value_name = "PATH", default_value = "python3")]
+    python: String,
 }
 
 #[derive(Args)]
@@ -85,8 +81,8 @@ pub struct StabilityArguments {
     #[arg(long)]
     clusters: bool,
     /// What solids are cut into: tetrahedra, tetrahedra10 or hexahedra; the last where they are boxes.
-    #[arg(long, value_parser = choice::<Cells>, default_value_t)]
-    cells: Cells,
+    #[arg(long, value_parser = choice::<SolidCells>, default_value_t)]
+    cells: SolidCells,
     /// Without recovery from inversion.
     #[arg(long)]
     no_recovery: bool,
@@ -105,16 +101,20 @@ pub struct StabilityArguments {
 }
 
 /// What to measure, its name, and how.
-fn measured(command: &BenchCommand) -> Option<(Vec<Part>, &'static str, &BenchArguments)> {
+fn measured(command: &BenchCommand) -> Option<(Vec<BenchPart>, &'static str, &BenchArguments)> {
     let (part, arguments) = match command {
-        BenchCommand::Kernels(a) => (Part::Kernels, a),
-        BenchCommand::Step(a) => (Part::Step, a),
-        BenchCommand::Accuracy(a) => (Part::Accuracy, a),
-        BenchCommand::Integrators(a) => (Part::Integrators, a),
-        BenchCommand::Scenes(a) => (Part::Scenes, a),
-        BenchCommand::Peers(a) => (Part::Peers, a),
-        BenchCommand::All(a) => return Some((Part::ALL.to_vec(), "all", a)),
-        _ => return None,
+        BenchCommand::Kernels(a) => (BenchPart::Kernels, a),
+        BenchCommand::Step(a) => (BenchPart::Step, a),
+        BenchCommand::Accuracy(a) => (BenchPart::Accuracy, a),
+        BenchCommand::Integrators(a) => (BenchPart::Integrators, a),
+        BenchCommand::Scenes(a) => (BenchPart::Scenes, a),
+        BenchCommand::Peers(a) => (BenchPart::Peers, a),
+        BenchCommand::Resection(a) => (BenchPart::Resection, a),
+        BenchCommand::Contact(a) => (BenchPart::Contact, a),
+        #[cfg(feature = "gpu")]
+        BenchCommand::Gpu(a) => (BenchPart::Gpu, a),
+        BenchCommand::All(a) => return Some((BenchPart::ALL.to_vec(), "all", a)),
+        BenchCommand::Stability(_) => return None,
     };
     Some((vec![part], part.name(), arguments))
 }
@@ -137,10 +137,6 @@ fn command(what: &str, arguments: &BenchArguments) -> String {
 pub fn bench(bench: &BenchCommand) -> Outcome {
     match (bench, measured(bench)) {
         (BenchCommand::Stability(arguments), _) => stability(arguments),
-        (BenchCommand::Resection(arguments), _) => resection(arguments),
-        (BenchCommand::Contact(arguments), _) => contact(arguments),
-        #[cfg(feature = "gpu")]
-        (BenchCommand::Gpu(arguments), _) => gpu(arguments),
         (_, Some((parts, what, arguments))) => measure(&parts, what, arguments),
         (_, None) => Ok(true),
     }
@@ -182,55 +178,7 @@ fn stability(arguments: &StabilityArguments) -> Outcome {
     Ok(suite.passed())
 }
 
-/// Graphics processor beside processor.
-#[cfg(feature = "gpu")]
-fn gpu(arguments: &BenchArguments) -> Outcome {
-    let steps = if arguments.quick { 5 } else { 20 };
-    let options = sinew_benches::gpu::GpuBenchOptions { sizes: sizes(arguments), steps };
-    present(arguments, "gpu", &sinew_benches::gpu::run(&options)?)
-}
-
-/// Frame times.
-fn resection(arguments: &BenchArguments) -> Outcome {
-    let frames = if arguments.quick { 100 } else { 500 };
-    let options = ResectionOptions { sizes: sizes(arguments), frames, threads: 2 };
-    present(arguments, "resection", &sinew_benches::resection::run(&options)?)
-}
-
-/// Steps with contact beside those without.
-fn contact(arguments: &BenchArguments) -> Outcome {
-    let repeats = if arguments.quick { 2 } else { 5 };
-    let options =
-        ContactOptions { sizes: sizes(arguments), repeats, kinds: arguments.cases.clone() };
-    let report = sinew_benches::contact::run(&options, |what| eprintln!("{what}"))?;
-    present(arguments, "contact", &report)
-}
-
-/// Tetrahedra of the bodies of a bench of its own.
-fn sizes(arguments: &BenchArguments) -> Vec<usize> {
-    match (arguments.tets.is_empty(), arguments.quick) {
-        (false, _) => arguments.tets.clone(),
-        (true, true) => vec![5_000],
-        (true, false) => vec![5_000, 50_000],
-    }
-}
-
-/// Prints a report, and writes NAME.json into the folder asked for.
-fn present<R: Serialize + Display>(arguments: &BenchArguments, name: &str, report: &R) -> Outcome {
-    if arguments.json {
-        print(format_args!("{}\n", serde_json::to_string_pretty(report)?))?;
-    } else {
-        print(format_args!("{report}"))?;
-    }
-    if let Some(folder) = &arguments.out {
-        std::fs::create_dir_all(folder)?;
-        let file = folder.join(format!("{name}.json"));
-        std::fs::write(file, serde_json::to_string_pretty(report)?)?;
-    }
-    Ok(true)
-}
-
-fn measure(parts: &[Part], what: &str, arguments: &BenchArguments) -> Outcome {
+fn measure(parts: &[BenchPart], what: &str, arguments: &BenchArguments) -> Outcome {
     if cfg!(debug_assertions) {
         eprintln!(
             "warning: this is a debug build; use `cargo run --release` for figures that count"

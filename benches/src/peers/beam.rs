@@ -1,6 +1,6 @@
 //! The beams that all engines share.
 
-use crate::bench::error::BenchError;
+use crate::toolbox::error::BenchError;
 use glam::DVec3;
 use serde::Serialize;
 use sinew::engine::mesh::Mesh;
@@ -24,7 +24,7 @@ pub struct Beam {
 
 /// What rivals in other processes read.
 #[derive(Serialize)]
-pub(super) struct BodyFile<'a> {
+pub struct BodyFile<'a> {
     points: Vec<[f64; 3]>,
     tetrahedra: &'a [[u32; 4]],
     fixed: Vec<u32>,
@@ -32,7 +32,8 @@ pub(super) struct BodyFile<'a> {
 }
 
 impl<'a> BodyFile<'a> {
-    pub(super) fn new(mesh: &'a Mesh, density: f64, fixed: Vec<u32>) -> Self {
+    /// A mesh, its density (kg/m^3) and the vertices of its clamp.
+    pub fn new(mesh: &'a Mesh, density: f64, fixed: Vec<u32>) -> Self {
         Self {
             points: mesh.points.iter().map(|p| p.to_array()).collect(),
             tetrahedra: &mesh.tetrahedra,
@@ -91,18 +92,18 @@ impl Beam {
     }
 
     /// The form that rivals in other processes read.
-    pub(super) fn file(&self) -> BodyFile<'_> {
+    pub fn file(&self) -> BodyFile<'_> {
         BodyFile::new(&self.mesh, self.material.density, self.fixed.clone())
     }
 }
 
 /// Vertices of a mesh at x = 0.
-pub(crate) fn at_zero(mesh: &Mesh) -> Vec<u32> {
+pub fn at_zero(mesh: &Mesh) -> Vec<u32> {
     (0..mesh.points.len() as u32).filter(|&v| mesh.points[v as usize].x == 0.0).collect()
 }
 
 /// Lumped masses (kg): a quarter of each tetrahedron to each of its vertices.
-pub(super) fn masses(mesh: &Mesh, density: f64) -> Vec<f64> {
+pub fn masses(mesh: &Mesh, density: f64) -> Vec<f64> {
     let mut masses = vec![0.0; mesh.points.len()];
     for &tetrahedron in &mesh.tetrahedra {
         let volume = mesh.signed_volume(tetrahedron).unwrap_or(0.0);

@@ -1,9 +1,9 @@
 //! Speed against error of the rivals, a chart for each scene.
 
 use super::{PeerReport, PeerRow};
-use crate::bench::error::BenchError;
-use crate::bench::plot::{Panel, Series, panels};
-use crate::report::Chart;
+use crate::toolbox::error::BenchError;
+use crate::toolbox::plot::{ChartPanel, Series, panels};
+use sinew_tune::page::Chart;
 
 /// Places in the list of colours of Sinew, and of the first and second setting of a rival.
 const COLOURS: [(&str, usize); 8] = [
@@ -80,7 +80,7 @@ impl PeerReport {
             if known { rest.push(scene) } else { first.push(scene) }
         }
         let leading = first.len();
-        let beams: Vec<Panel> = first
+        let beams: Vec<ChartPanel> = first
             .into_iter()
             .chain(rest)
             .enumerate()
@@ -90,7 +90,7 @@ impl PeerReport {
                     name(r).map(|n| (n, r.cost_per_simulated_second, r.error_percent))
                 };
                 let title = scene.scene.split_once(", ").map_or(&*scene.scene, |(_, rest)| rest);
-                Panel {
+                ChartPanel {
                     name: format!("peers-beam-{}", i + 1),
                     title: format!("Beam, {title}"),
                     series: series(rows.filter_map(point)),
@@ -107,13 +107,13 @@ impl PeerReport {
             let name = if r.engine == "Sinew" { Some("Sinew safe") } else { name(&row) };
             name.map(|n| (n, r.cost_per_simulated_second, r.error_percent))
         });
-        let ball = Panel {
+        let ball = ChartPanel {
             name: "peers-ball".into(),
             title: "Ball on a block: error of the held force".into(),
             series: series(touched),
         };
         let axes = ["s of computation per simulated s", "error (%), below 1e-4 at the floor"];
-        let drawn = |panel: &Panel| panel.series.iter().any(|s| !s.points.is_empty());
+        let drawn = |panel: &ChartPanel| panel.series.iter().any(|s| !s.points.is_empty());
         let mut charts = match beams.is_empty() {
             true => Vec::new(),
             false => panels("peers-beams", axes, &beams, false)?,
@@ -123,41 +123,5 @@ impl PeerReport {
         }
         charts.splice(leading..leading, panels("peers-ball", axes, &[ball], false)?);
         Ok((charts, leading + 1))
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_largest_beams_and_the_ball_come_first() {
-        let row = |engine: &str, setting: &str, scene: &str, elements| PeerRow {
-            engine: engine.into(),
-            setting: setting.into(),
-            scene: scene.into(),
-            elements,
-            cost_per_simulated_second: Some(0.1),
-            error_percent: Some(1.0),
-            ..PeerRow::default()
-        };
-        let rows = vec![
-            row("Sinew", "safe, StVK, h = 10 ms", "a, 10 tetrahedra", 10),
-            row("MuJoCo", "flex, at most 1000 iterations", "a, 20 tetrahedra", 20),
-            row("Rapier", "FEM, at most 20 CG iterations", "b, 5 tetrahedra", 5),
-            row("Sinew", "quasi-static Newton, StVK", "c, 1 tetrahedra", 1),
-        ];
-        let report = PeerReport { rows, ..PeerReport::default() };
-        let names =
-            |charts: &[Chart]| -> Vec<String> { charts.iter().map(|c| c.name.clone()).collect() };
-        let (charts, leading) = report.charts().unwrap();
-        // an equilibrium has no cost per simulated second: its scene has no chart
-        assert_eq!(names(&charts), ["peers-beam-1", "peers-beam-2", "peers-beam-3", "peers-beams"]);
-        assert_eq!(leading, 2);
-        assert!(
-            charts[0].svg.contains("MuJoCo, converged") && charts[0].svg.contains("20 tetrahedra")
-        );
-        assert!(charts[1].svg.contains("Rapier, its cap"));
-        assert!(PeerReport::default().charts().unwrap().0.is_empty());
     }
 }

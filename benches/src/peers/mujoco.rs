@@ -1,8 +1,8 @@
 //! MuJoCo flex, in a Python process that answers one JSON line per request.
 
-use super::touch::{self, Block, Finger, Sample, TouchRow, Turn};
-use super::{Case, DAMPING, PeerRow, Rival};
-use crate::bench::error::BenchError;
+use super::rival::{BeamCase, DAMPING, PeerRow, Rival, milliseconds, say};
+use super::touch::{self, Finger, Sample, TouchBlock, TouchRow, TouchTurn};
+use crate::toolbox::error::BenchError;
 use glam::DVec3;
 use serde::Deserialize;
 use serde_json::json;
@@ -21,22 +21,24 @@ const ENOUGH_ITERATIONS: u32 = 1000;
 /// An answer of the script; which fields are there depends on the request.
 #[derive(Debug, Default, Deserialize, PartialEq)]
 #[serde(default)]
-pub(super) struct Reply {
-    pub error: Option<String>,
-    pub version: String,
-    pub nodes: usize,
-    pub elements: usize,
+pub struct Reply {
+    error: Option<String>,
+    version: String,
+    nodes: usize,
+    elements: usize,
+    /// Time of every step.
     pub milliseconds: Vec<f64>,
-    pub displacements: Vec<f64>,
+    displacements: Vec<f64>,
     /// Displacements (m) at each time of comparison.
-    pub states: Vec<Vec<f64>>,
-    pub speed: f64,
-    pub passive_seconds: f64,
-    pub kinematics_seconds: f64,
+    states: Vec<Vec<f64>>,
+    speed: f64,
+    passive_seconds: f64,
+    kinematics_seconds: f64,
+    /// What MuJoCo warned of.
     pub warnings: Vec<String>,
-    pub iterations: u32,
+    iterations: u32,
     /// Normal force and friction (N) on the ball in every step.
-    pub forces: Vec<[f64; 6]>,
+    forces: Vec<[f64; 6]>,
 }
 
 impl Reply {
@@ -54,7 +56,7 @@ impl Reply {
 }
 
 /// Reads an answer; the script's own complaint becomes the error.
-pub(super) fn parse(line: &str) -> Result<Reply, BenchError> {
+pub fn parse(line: &str) -> Result<Reply, BenchError> {
     let fail = |text: String| Err(BenchError::Rival(format!("MuJoCo flex: {text}")));
     match serde_json::from_str::<Reply>(line) {
         Ok(Reply { error: Some(error), .. }) => fail(error),
@@ -64,7 +66,7 @@ pub(super) fn parse(line: &str) -> Result<Reply, BenchError> {
 }
 
 /// Displacements (m) from a flat list, three per vertex.
-pub(super) fn to_vectors(flat: &[f64], expected: usize) -> Result<Vec<DVec3>, BenchError> {
+pub fn to_vectors(flat: &[f64], expected: usize) -> Result<Vec<DVec3>, BenchError> {
     if flat.len() != 3 * expected {
         return Err(BenchError::Rival(format!(
             "MuJoCo flex: {} numbers for {expected} vertices; its mesh is not ours",
@@ -118,7 +120,7 @@ impl Drop for Process {
 
 /// What moves a flex.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Freedom {
+pub enum Freedom {
     /// Every vertex of linear tetrahedra.
     Full,
     /// Trilinear cells of a grid whose nodes are the vertices.
@@ -139,14 +141,14 @@ impl Freedom {
 }
 
 /// MuJoCo, running.
-pub(crate) struct MuJoCo {
+pub struct MuJoCo {
     process: Rc<RefCell<Process>>,
     version: String,
 }
 
 impl MuJoCo {
     /// Starts the script, or says why not and what to do.
-    pub(crate) fn start(python: &str) -> Result<Self, String> {
+    pub fn start(python: &str) -> Result<Self, String> {
         let remedy = "install it with `python3 -m pip install mujoco` and name that Python";
         let skip = |why: &dyn std::fmt::Display| {
             format!("MuJoCo flex: not run with `{python}` ({why}); {remedy}")
@@ -186,9 +188,9 @@ impl MuJoCo {
 
     /// Loads the beam; rows for each step with its own iteration cap, and one with enough iterations. Those of one
     /// freedom hold until another beam is loaded with it.
-    pub(crate) fn rivals(
+    pub fn rivals(
         &mut self,
-        case: &Case,
+        case: &BeamCase,
         steps: &[f64],
         freedom: Freedom,
     ) -> Result<Vec<Box<dyn Rival>>, BenchError> {
@@ -215,7 +217,7 @@ impl MuJoCo {
         Ok(settings
             .into_iter()
             .map(|(h, iterations)| -> Box<dyn Rival> {
-                Box::new(Run {
+                Box::new(MujocoRun {
                     process: self.process.clone(),
                     version: self.version.clone(),
                     key,
@@ -254,12 +256,12 @@ fn touching() -> [Touching; 3] {
 
 impl MuJoCo {
     /// Settings for the ball.
-    pub(super) fn fingers(&mut self, block: &Block) -> Result<Vec<Box<dyn Finger>>, BenchError> {
+    pub fn fingers(&mut self, block: &TouchBlock) -> Result<Vec<Box<dyn Finger>>, BenchError> {
         let mesh = self.process.borrow().write("block.json", &block.file())?;
         Ok(touching()
             .into_iter()
             .map(|touching| -> Box<dyn Finger> {
-                Box::new(Press {
+                Box::new(MujocoPress {
                     process: self.process.clone(),
                     version: self.version.clone(),
                     mesh: mesh.clone(),
@@ -272,7 +274,7 @@ impl MuJoCo {
 }
 
 /// One setting of MuJoCo under the ball.
-struct Press {
+struct MujocoPress {
     process: Rc<RefCell<Process>>,
     version: String,
     mesh: PathBuf,
@@ -280,7 +282,7 @@ struct Press {
     remark: String,
 }
 
-impl Press {
+impl MujocoPress {
     fn ask(&mut self, mut request: serde_json::Value) -> Result<Reply, BenchError> {
         request["key"] = self.touching.3.into();
         let reply = self.process.borrow_mut().ask(&request)?;
@@ -289,10 +291,10 @@ impl Press {
     }
 }
 
-impl Finger for Press {
-    fn row(&self, block: &Block) -> TouchRow {
+impl Finger for MujocoPress {
+    fn row(&self, block: &TouchBlock) -> TouchRow {
         let (h, _, _, words) = &self.touching;
-        let setting = format!("flex StVK, discrete, h = {}, {words}", super::milliseconds(*h));
+        let setting = format!("flex StVK, discrete, h = {}, {words}", milliseconds(*h));
         block.row("MuJoCo", &self.version, setting)
     }
 
@@ -300,7 +302,7 @@ impl Finger for Press {
         self.touching.0
     }
 
-    fn start(&mut self, block: &Block, friction: f64) -> Result<(), BenchError> {
+    fn start(&mut self, block: &TouchBlock, friction: f64) -> Result<(), BenchError> {
         let (h, option, contact, _) = self.touching.clone();
         let loaded = self.ask(json!({
             "op": "touch-load", "mesh": self.mesh, "young": block.material.young_modulus,
@@ -311,7 +313,7 @@ impl Finger for Press {
         loaded.same_mesh(&block.mesh)
     }
 
-    fn advance(&mut self, block: &Block, places: &[DVec3]) -> Result<Turn, BenchError> {
+    fn advance(&mut self, block: &TouchBlock, places: &[DVec3]) -> Result<TouchTurn, BenchError> {
         let to: Vec<[f64; 3]> = places.iter().map(|x| x.to_array()).collect();
         let reply = self.ask(json!({ "op": "touch", "places": to }))?;
         let displacements = to_vectors(&reply.displacements, block.mesh.points.len())?;
@@ -324,7 +326,7 @@ impl Finger for Press {
             let friction = DVec3::from_slice(&f[3..]);
             Sample { ms, force: DVec3::from_slice(f) + friction, friction: Some(friction) }
         });
-        Ok(Turn { samples: samples.collect(), displacements })
+        Ok(TouchTurn { samples: samples.collect(), displacements })
     }
 
     fn remark(&self) -> String {
@@ -333,7 +335,7 @@ impl Finger for Press {
 }
 
 /// One setting of MuJoCo on the loaded beam.
-struct Run {
+struct MujocoRun {
     process: Rc<RefCell<Process>>,
     version: String,
     /// What moves it, under which name it is loaded.
@@ -347,7 +349,7 @@ struct Run {
     remark: String,
 }
 
-impl Run {
+impl MujocoRun {
     fn ask(&mut self, mut request: serde_json::Value) -> Result<Reply, BenchError> {
         request["key"] = self.key.into();
         let reply = self.process.borrow_mut().ask(&request)?;
@@ -362,13 +364,13 @@ fn warned(remark: &mut String, reply: &Reply) {
         // the first sentence says what; numbers in the rest differ from run to run
         let text = warning.split([':', ',']).next().unwrap_or(warning);
         if !remark.contains(text) {
-            super::say(remark, format!("it warns: {text}"));
+            say(remark, format!("it warns: {text}"));
         }
     }
 }
 
-impl Rival for Run {
-    fn time(&mut self, _: &Case, steps: usize) -> Result<Vec<f64>, BenchError> {
+impl Rival for MujocoRun {
+    fn time(&mut self, _: &BeamCase, steps: usize) -> Result<Vec<f64>, BenchError> {
         let request = json!({
             "op": "time", "h": self.h, "steps": steps, "start": self.start,
             "iterations": self.iterations,
@@ -376,7 +378,7 @@ impl Rival for Run {
         Ok(self.ask(request)?.milliseconds)
     }
 
-    fn force(&mut self, case: &Case) -> Result<Option<f64>, BenchError> {
+    fn force(&mut self, case: &BeamCase) -> Result<Option<f64>, BenchError> {
         if !self.measure_force {
             return Ok(None);
         }
@@ -384,12 +386,12 @@ impl Rival for Run {
         let text = "its flex kinematics before that cost another";
         if !self.remark.contains(text) {
             let ns = reply.kinematics_seconds * 1e9 / case.beam.mesh.tetrahedra.len() as f64;
-            super::say(&mut self.remark, format!("force is mj_passive; {text} {ns:.1} ns/tet"));
+            say(&mut self.remark, format!("force is mj_passive; {text} {ns:.1} ns/tet"));
         }
         Ok(Some(reply.passive_seconds))
     }
 
-    fn settle(&mut self, case: &Case) -> Result<Vec<DVec3>, BenchError> {
+    fn settle(&mut self, case: &BeamCase) -> Result<Vec<DVec3>, BenchError> {
         let (steps, warm) = case.settling(self.h);
         let start = warm.then(|| self.truth.clone());
         let request = json!({
@@ -402,7 +404,7 @@ impl Rival for Run {
 
     fn swing(
         &mut self,
-        case: &Case,
+        case: &BeamCase,
         steps: usize,
         every: usize,
     ) -> Result<Vec<Vec<DVec3>>, BenchError> {
@@ -418,14 +420,14 @@ impl Rival for Run {
         states.iter().map(|u| to_vectors(u, case.beam.mesh.points.len())).collect()
     }
 
-    fn row(&self, case: &Case) -> PeerRow {
+    fn row(&self, case: &BeamCase) -> PeerRow {
         let kind = match self.key {
             "full" => String::new(),
             cells => format!("{cells} cells, "),
         };
         let setting = format!(
             "flex StVK, {kind}discrete, h = {}, at most {} iterations{}",
-            super::milliseconds(self.h),
+            milliseconds(self.h),
             self.iterations,
             if self.default_cap { " (its default)" } else { "" }
         );

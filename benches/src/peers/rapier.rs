@@ -1,9 +1,9 @@
 //! Rapier's soft bodies: corotational tetrahedra, by its finite-element solver and by constraints.
 
 use super::beam::masses;
-use super::touch::{self, Block, Finger, Sample, Scale, TouchRow, Turn};
-use super::{Case, DAMPING, PeerRow, Rival};
-use crate::bench::error::BenchError;
+use super::rival::{BeamCase, DAMPING, PeerRow, Rival, milliseconds};
+use super::touch::{self, Finger, Sample, TouchBlock, TouchRow, TouchScale, TouchTurn};
+use crate::toolbox::error::BenchError;
 use glam::DVec3;
 use rapier3d::prelude::*;
 use sinew::engine::mesh::Mesh;
@@ -11,14 +11,14 @@ use sinew::prelude::{Model, YoungPoisson};
 use std::time::Instant;
 
 /// Its default step (s).
-pub(crate) const STEP: f64 = 1.0 / 60.0;
+pub const STEP: f64 = 1.0 / 60.0;
 
 /// Version in `Cargo.toml`; the crate does not tell its own.
 const VERSION: &str = "0.36";
 
 /// The constraint solver (its default), the finite-element solver with its default 20 iterations and
 /// with 300, in steps of `h` (s).
-pub(crate) fn rivals(case: &Case, h: f64) -> Vec<Box<dyn Rival>> {
+pub fn rivals(case: &BeamCase, h: f64) -> Vec<Box<dyn Rival>> {
     let default = SoftFemParameters::default().max_linear_iterations;
     let settings = [
         (SoftBodySolver::Constraints, default),
@@ -29,12 +29,12 @@ pub(crate) fn rivals(case: &Case, h: f64) -> Vec<Box<dyn Rival>> {
     settings
         .into_iter()
         .map(|(solver, iterations)| -> Box<dyn Rival> {
-            Box::new(Run { solver, iterations, h, masses: masses.clone() })
+            Box::new(RapierRun { solver, iterations, h, masses: masses.clone() })
         })
         .collect()
 }
 
-struct Run {
+struct RapierRun {
     solver: SoftBodySolver,
     /// Cap on conjugate-gradient iterations per substep.
     iterations: usize,
@@ -62,7 +62,7 @@ fn setting(solver: SoftBodySolver, iterations: usize, h: f64) -> String {
         SoftBodySolver::Constraints => "constraints (its default)".to_owned(),
         SoftBodySolver::Fem => format!("FEM, at most {iterations} CG iterations"),
     };
-    format!("corotational, {solver}, h = {} in its 4 substeps", super::milliseconds(h))
+    format!("corotational, {solver}, h = {} in its 4 substeps", milliseconds(h))
 }
 
 /// A body of corotational tetrahedra that stays awake.
@@ -85,9 +85,9 @@ fn soft_body(
         .can_sleep(false)
 }
 
-impl Run {
+impl RapierRun {
     /// A world with the beam at rest in `u`; damping takes the place of ours.
-    fn world(&self, case: &Case, u: &[DVec3], damping: f64) -> (PhysicsWorld, SoftBodyHandle) {
+    fn world(&self, case: &BeamCase, u: &[DVec3], damping: f64) -> (PhysicsWorld, SoftBodyHandle) {
         let beam = &case.beam;
         let mut world = PhysicsWorld::new();
         world.gravity = single(DVec3::Z * -beam.gravity);
@@ -107,7 +107,7 @@ impl Run {
 }
 
 /// Displacements (m) of a body that stayed finite.
-fn displacements(case: &Case, body: &SoftBody) -> Result<Vec<DVec3>, BenchError> {
+fn displacements(case: &BeamCase, body: &SoftBody) -> Result<Vec<DVec3>, BenchError> {
     let u: Vec<DVec3> = (case.beam.mesh.points.iter().zip(body.particle_positions()))
         .map(|(p, x)| double(x) - *p)
         .collect();
@@ -118,8 +118,8 @@ fn displacements(case: &Case, body: &SoftBody) -> Result<Vec<DVec3>, BenchError>
     }
 }
 
-impl Rival for Run {
-    fn time(&mut self, case: &Case, steps: usize) -> Result<Vec<f64>, BenchError> {
+impl Rival for RapierRun {
+    fn time(&mut self, case: &BeamCase, steps: usize) -> Result<Vec<f64>, BenchError> {
         let (mut world, _) = self.world(case, &case.start(), 0.0);
         // the first step builds its matrix pattern
         world.step();
@@ -132,12 +132,12 @@ impl Rival for Run {
             .collect())
     }
 
-    fn force(&mut self, _: &Case) -> Result<Option<f64>, BenchError> {
+    fn force(&mut self, _: &BeamCase) -> Result<Option<f64>, BenchError> {
         // not reachable on its own
         Ok(None)
     }
 
-    fn settle(&mut self, case: &Case) -> Result<Vec<DVec3>, BenchError> {
+    fn settle(&mut self, case: &BeamCase) -> Result<Vec<DVec3>, BenchError> {
         let rest = vec![DVec3::ZERO; case.truth.len()];
         let (mut world, handle) = self.world(case, &rest, DAMPING);
         for _ in 0..case.settling(self.h).0 {
@@ -148,7 +148,7 @@ impl Rival for Run {
 
     fn swing(
         &mut self,
-        case: &Case,
+        case: &BeamCase,
         steps: usize,
         every: usize,
     ) -> Result<Vec<Vec<DVec3>>, BenchError> {
@@ -162,7 +162,7 @@ impl Rival for Run {
             .collect()
     }
 
-    fn row(&self, case: &Case) -> PeerRow {
+    fn row(&self, case: &BeamCase) -> PeerRow {
         let setting = setting(self.solver, self.iterations, self.h);
         let mut row = case.row("Rapier", VERSION, setting);
         row.precision = "f32".into();
@@ -181,7 +181,7 @@ impl Rival for Run {
 /// The constraint solver and the finite-element solver by default and, unless `quick`, the latter with enough
 /// iterations. Steps down to 1/240 s, 8 substeps, stiffer contact, undamped strain and 2 000 iterations were tried
 /// beside it: the force went from 11 % below the equilibrium of its energy to 5 % above, and settled no better.
-pub(super) fn fingers(block: &Block, quick: bool) -> Result<Vec<Box<dyn Finger>>, BenchError> {
+pub fn fingers(block: &TouchBlock, quick: bool) -> Result<Vec<Box<dyn Finger>>, BenchError> {
     let default = SoftFemParameters::default().max_linear_iterations;
     let settings = [
         (SoftBodySolver::Constraints, default),
@@ -192,9 +192,9 @@ pub(super) fn fingers(block: &Block, quick: bool) -> Result<Vec<Box<dyn Finger>>
         .into_iter()
         .take(if quick { 2 } else { 3 })
         .map(|(solver, iterations)| -> Result<Box<dyn Finger>, BenchError> {
-            let scale = Scale::new(block, Model::Corotational)?;
+            let scale = TouchScale::new(block, Model::Corotational)?;
             let masses = masses(&block.mesh, block.material.density);
-            Ok(Box::new(Press { solver, iterations, scale, masses, world: None }))
+            Ok(Box::new(RapierPress { solver, iterations, scale, masses, world: None }))
         })
         .collect()
 }
@@ -202,24 +202,24 @@ pub(super) fn fingers(block: &Block, quick: bool) -> Result<Vec<Box<dyn Finger>>
 /// A world, its block and its ball.
 type Pressed = (PhysicsWorld, SoftBodyHandle, RigidBodyHandle);
 
-struct Press {
+struct RapierPress {
     solver: SoftBodySolver,
     /// Cap on conjugate-gradient iterations per substep.
     iterations: usize,
-    scale: Scale,
+    scale: TouchScale,
     masses: Vec<f64>,
     world: Option<Pressed>,
 }
 
-impl Press {
+impl RapierPress {
     /// Momentum (kg m/s) of the block.
     fn momentum(&self, body: &SoftBody) -> DVec3 {
         self.masses.iter().zip(body.particle_velocities()).map(|(m, v)| *m * double(v)).sum()
     }
 }
 
-impl Finger for Press {
-    fn row(&self, block: &Block) -> TouchRow {
+impl Finger for RapierPress {
+    fn row(&self, block: &TouchBlock) -> TouchRow {
         let setting = setting(self.solver, self.iterations, STEP);
         let row = block.row("Rapier", VERSION, setting);
         let note = "its energy is corotational; it does not tell all of its contact force: that is what the clamp \
@@ -240,7 +240,7 @@ impl Finger for Press {
         false
     }
 
-    fn start(&mut self, block: &Block, friction: f64) -> Result<(), BenchError> {
+    fn start(&mut self, block: &TouchBlock, friction: f64) -> Result<(), BenchError> {
         let mut world = PhysicsWorld::new();
         world.gravity = Vector::ZERO;
         world.integration_parameters.dt = STEP as f32;
@@ -260,7 +260,7 @@ impl Finger for Press {
         Ok(())
     }
 
-    fn advance(&mut self, block: &Block, places: &[DVec3]) -> Result<Turn, BenchError> {
+    fn advance(&mut self, block: &TouchBlock, places: &[DVec3]) -> Result<TouchTurn, BenchError> {
         let Some((mut world, soft, ball)) = self.world.take() else {
             return Err(BenchError::Rival("Rapier: not started".into()));
         };
@@ -283,29 +283,6 @@ impl Finger for Press {
             samples.push(Sample { ms, force, friction: None });
         }
         self.world = Some((world, soft, ball));
-        Ok(Turn { samples, displacements })
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::peers::PeerReport;
-
-    /// Units and signs: what the clamp feels is near the equilibrium of Rapier's own energy, though its cells are
-    /// of less than a cubic centimetre, and the ball stays outside.
-    #[test]
-    fn small_cells_push_back() {
-        let block = Block::new([6, 5, 3]).unwrap();
-        let mut fingers: Vec<Box<dyn Finger>> =
-            fingers(&block, true).unwrap().into_iter().skip(1).collect();
-        let mut report = PeerReport::default();
-        touch::compete(&block, &mut fingers, &mut report).unwrap();
-        let own = report.touch.iter().find(|r| r.setting.contains("corotational")).unwrap();
-        let row = report.touch.last().unwrap();
-        let ratio = row.force.unwrap() / own.force.unwrap();
-        assert!((0.7..2.0).contains(&ratio) && row.engine == "Rapier", "{row:?}");
-        assert!(row.depth_mm.unwrap() < 2.0 && row.friction_ratio.is_none(), "{row:?}");
-        assert!(row.note.contains("corotational") && !row.note.contains("goes through"), "{row:?}");
+        Ok(TouchTurn { samples, displacements })
     }
 }

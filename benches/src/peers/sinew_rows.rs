@@ -1,7 +1,9 @@
 //! Sinew's own rows.
 
-use super::{Beam, Case, DAMPING, PeerRow, Rival};
-use crate::bench::error::BenchError;
+use super::equilibrium::simulation;
+use super::rival::{BeamCase, DAMPING, PeerRow, Rival, milliseconds, say};
+use crate::toolbox::error::BenchError;
+use crate::toolbox::stats::median;
 use glam::DVec3;
 use sinew::engine::law::EvaluationRequest;
 use sinew::engine::schedule::ForceSchedule;
@@ -9,63 +11,13 @@ use sinew::models::body::VolumeRule;
 use sinew::prelude::*;
 use std::time::Instant;
 
-/// A clamped beam in a world of its own.
-fn simulation(
-    beam: &Beam,
-    model: Model,
-    volume: VolumeRule,
-    precision: Precision,
-    threads: usize,
-) -> Result<(Simulation, BodyHandle), BenchError> {
-    let mut simulation =
-        Simulation::new(SimulationOptions { precision, threads, ..Default::default() })?;
-    let body = BodyDescription::new("beam", &beam.mesh, beam.material);
-    let description = BodyDescription { model, volume, ..body };
-    let body = simulation.add_body(&description)?;
-    let rows = simulation.rows(body, "clamp", &beam.fixed)?;
-    simulation.add_constraint(Constraint::hold("clamp", rows));
-    simulation.set_gravity(DVec3::new(0.0, 0.0, -beam.gravity));
-    Ok((simulation, body))
-}
-
-/// Equilibrium displacements (m) by converged Newton.
-///
-/// # Errors
-/// When Newton stops before it has converged.
-pub(crate) fn equilibrium(
-    beam: &Beam,
-    model: Model,
-    volume: VolumeRule,
-) -> Result<Vec<DVec3>, BenchError> {
-    let (mut simulation, body) = simulation(beam, model, volume, Precision::F64, 0)?;
-    simulation.set_solver(SolverSettings {
-        integrator: Integrator::QuasiStatic,
-        linear_tolerance: 1e-8,
-        // elements that lock take thousands
-        max_linear_iterations: 50_000,
-        ..Default::default()
-    });
-    simulation.set_dt(1.0);
-    simulation.step()?;
-    let report = simulation.report();
-    if report.unconverged || report.cg_caps > 0 {
-        let (step, iterations) = (report.newton_step, report.newton_iterations);
-        return Err(BenchError::NoTruth {
-            case: beam.name.clone(),
-            reason: format!("Newton step {step:e} of the body after {iterations} iterations"),
-        });
-    }
-    Ok(simulation.displacements(body))
-}
-
 /// One setting of Sinew.
-pub(crate) struct Run {
+pub struct SinewRun {
     /// Name of the setting.
     name: &'static str,
     model: Model,
     volume: VolumeRule,
     precision: Precision,
-    threads: usize,
     settings: SolverSettings,
     /// Step (s); an equilibrium has none.
     h: Option<f64>,
@@ -76,11 +28,11 @@ pub(crate) struct Run {
 }
 
 /// The settings that run beside the rivals. `all` adds the equilibrium and the explicit ones.
-pub(super) fn rivals(threads: usize, steps: &[f64], all: bool) -> Vec<Box<dyn Rival>> {
+pub fn rivals(steps: &[f64], all: bool) -> Vec<Box<dyn Rival>> {
     let safe = |name, model, precision, linear_tolerance, h| -> Box<dyn Rival> {
         let settings =
             SolverSettings { integrator: Integrator::Safe, linear_tolerance, ..Default::default() };
-        Box::new(Run { precision, threads, ..Run::new(name, model, settings, Some(h)) })
+        Box::new(SinewRun { precision, ..SinewRun::new(name, model, settings, Some(h)) })
     };
     let mut runs = Vec::new();
     let default = SolverSettings::default().linear_tolerance;
@@ -96,51 +48,41 @@ pub(super) fn rivals(threads: usize, steps: &[f64], all: bool) -> Vec<Box<dyn Ri
             ("explicit Störmer-Verlet, StVK", Integrator::StormerVerlet, Some(middle)),
         ] {
             let settings = SolverSettings { integrator, ..Default::default() };
-            runs.push(Box::new(Run { threads, ..Run::new(name, Model::StVK, settings, h) }));
+            runs.push(Box::new(SinewRun::new(name, Model::StVK, settings, h)));
         }
     }
     runs
 }
 
-impl Run {
+impl SinewRun {
     /// A setting in `f64` on one thread, every element keeping its own volume.
-    pub(crate) fn new(
-        name: &'static str,
-        model: Model,
-        settings: SolverSettings,
-        h: Option<f64>,
-    ) -> Self {
+    pub fn new(name: &'static str, model: Model, settings: SolverSettings, h: Option<f64>) -> Self {
         let (volume, precision) = (VolumeRule::Elements, Precision::F64);
-        Self {
-            name,
-            model,
-            volume,
-            precision,
-            threads: 1,
-            settings,
-            h,
-            world: None,
-            counted: [0; 2],
-        }
+        Self { name, model, volume, precision, settings, h, world: None, counted: [0; 2] }
     }
 
     /// With another rule for what keeps its volume.
     #[must_use]
-    pub(crate) fn with_volume(self, volume: VolumeRule) -> Self {
+    pub fn with_volume(self, volume: VolumeRule) -> Self {
         Self { volume, ..self }
     }
 
-    fn world(&mut self, case: &Case) -> Result<&mut (Simulation, BodyHandle), BenchError> {
+    fn world(&mut self, case: &BeamCase) -> Result<&mut (Simulation, BodyHandle), BenchError> {
         if self.world.is_none() {
             let (model, volume) = (self.model, self.volume);
-            let world = simulation(&case.beam, model, volume, self.precision, self.threads)?;
+            let world = simulation(&case.beam, model, volume, self.precision, 1)?;
             self.world = Some(world);
         }
         Ok(self.world.as_mut().expect("built above"))
     }
 
     /// Sets the state at rest in `u` and the solver with this damping.
-    fn prepare(&mut self, case: &Case, u: &[DVec3], mass_damping: f64) -> Result<(), BenchError> {
+    fn prepare(
+        &mut self,
+        case: &BeamCase,
+        u: &[DVec3],
+        mass_damping: f64,
+    ) -> Result<(), BenchError> {
         let settings = SolverSettings { mass_damping, ..self.settings.clone() };
         let h = self.h.unwrap_or(1.0);
         let (simulation, body) = self.world(case)?;
@@ -151,8 +93,8 @@ impl Run {
     }
 }
 
-impl Rival for Run {
-    fn time(&mut self, case: &Case, steps: usize) -> Result<Vec<f64>, BenchError> {
+impl Rival for SinewRun {
+    fn time(&mut self, case: &BeamCase, steps: usize) -> Result<Vec<f64>, BenchError> {
         let rest = vec![DVec3::ZERO; case.truth.len()];
         let start = if self.h.is_some() { case.start() } else { rest };
         self.prepare(case, &start, 0.0)?;
@@ -171,7 +113,7 @@ impl Rival for Run {
 
     fn swing(
         &mut self,
-        case: &Case,
+        case: &BeamCase,
         steps: usize,
         every: usize,
     ) -> Result<Vec<Vec<DVec3>>, BenchError> {
@@ -199,7 +141,7 @@ impl Rival for Run {
         (steps > 0).then(|| iterations as f64 / steps as f64)
     }
 
-    fn force(&mut self, case: &Case) -> Result<Option<f64>, BenchError> {
+    fn force(&mut self, case: &BeamCase) -> Result<Option<f64>, BenchError> {
         let (simulation, _) = self.world(case)?;
         let world = simulation.world_mut();
         world.insert_resource(EvaluationRequest { energy: false, force: true, tangent: None });
@@ -208,10 +150,10 @@ impl Rival for Run {
             world.run_schedule(ForceSchedule);
             begin.elapsed().as_secs_f64()
         });
-        Ok(super::median(times.collect()))
+        Ok(median(&times.collect::<Vec<f64>>()))
     }
 
-    fn settle(&mut self, case: &Case) -> Result<Vec<DVec3>, BenchError> {
+    fn settle(&mut self, case: &BeamCase) -> Result<Vec<DVec3>, BenchError> {
         let rest = vec![DVec3::ZERO; case.truth.len()];
         let (steps, warm) = self.h.map_or((1, false), |h| case.settling(h));
         let damping = if self.h.is_some() { DAMPING } else { 0.0 };
@@ -223,24 +165,23 @@ impl Rival for Run {
         Ok(simulation.displacements(*body))
     }
 
-    fn truth(&self, case: &Case) -> Result<Option<Vec<DVec3>>, BenchError> {
+    fn truth(&self, case: &BeamCase) -> Result<Option<Vec<DVec3>>, BenchError> {
         let own = || equilibrium(&case.beam, self.model, self.volume);
         (self.model != Model::StVK).then(own).transpose()
     }
 
-    fn row(&self, case: &Case) -> PeerRow {
+    fn row(&self, case: &BeamCase) -> PeerRow {
         let tolerance = self.settings.linear_tolerance;
         let setting = match (self.h, self.settings.integrator) {
             (None, _) => format!("{}, from rest, CG {tolerance:e}", self.name),
             (Some(h), Integrator::Safe) => {
-                format!("{}, h = {}, CG {tolerance:e}", self.name, super::milliseconds(h))
+                format!("{}, h = {}, CG {tolerance:e}", self.name, milliseconds(h))
             }
             (Some(h), _) => {
-                format!("{}, automatic substeps of {}", self.name, super::milliseconds(h))
+                format!("{}, automatic substeps of {}", self.name, milliseconds(h))
             }
         };
         let mut row = case.row("Sinew", env!("CARGO_PKG_VERSION"), setting);
-        row.threads = self.threads;
         row.precision = self.precision.name().into();
         row
     }
@@ -260,7 +201,7 @@ impl Rival for Run {
             _ => format!("{} substeps", r.substeps),
         };
         if self.model != Model::StVK {
-            super::say(&mut text, "with compression term, error against its own equilibrium");
+            say(&mut text, "with compression term, error against its own equilibrium");
         }
         text
     }

@@ -9,11 +9,12 @@
 //! * **Turns**: all engines go through the same [`TURN`] of simulated time before the first goes on.
 
 use super::beam::BodyFile;
-use super::{DAMPING, PeerReport, median, milliseconds, say};
-use crate::bench::error::BenchError;
+use super::rival::{DAMPING, milliseconds, say};
+use crate::toolbox::error::BenchError;
+use crate::toolbox::stats::median;
 use bevy_ecs::entity::Entity;
 use glam::DVec3;
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 use sinew::engine::mesh::Mesh;
 use sinew::engine::mesh::generate::box_tets;
 use sinew::prelude::*;
@@ -21,35 +22,35 @@ use sinew::touch::tool::{Points, Stiffness};
 use std::time::Instant;
 
 /// Block (m). As deep as one and a half balls' radii, and so wide that the ball stays a radius away from the sides.
-const SIZE: DVec3 = DVec3::new(0.08, 0.06, 0.03);
+pub const SIZE: DVec3 = DVec3::new(0.08, 0.06, 0.03);
 /// Radius (m) of the ball: more than twice the mean edge, so that vertices are Sinew's points.
-pub(super) const RADIUS: f64 = 0.02;
+pub const RADIUS: f64 = 0.02;
 /// Way (m) into the block: a fifth of its depth; the contact is then two edges wide to each side.
-const DEPTH: f64 = 0.006;
+pub const DEPTH: f64 = 0.006;
 /// Way (m) before the ball touches; with it the press takes two turns.
-const GAP: f64 = 0.004;
+pub const GAP: f64 = 0.004;
 /// Speed (m/s) of the press: far below the shear waves (1.9 m/s), so that the block follows.
 const PRESS: f64 = 0.05;
 /// Time (s) of holding: with [`DAMPING`] the motion fades to 5e-5.
 const HOLD: f64 = 1.0;
 /// Way (m) and speed (m/s) of the drag: four edges, of which the second half counts.
-const DRAG: [f64; 2] = [0.02, 0.02];
+pub const DRAG: [f64; 2] = [0.02, 0.02];
 /// Where the ball stands at first (m), off the lines of the mesh, so that symmetry hides nothing.
-pub(super) const AT: DVec3 = DVec3::new(0.031, 0.0315, SIZE.z + RADIUS + GAP);
+pub const AT: DVec3 = DVec3::new(0.031, 0.0315, SIZE.z + RADIUS + GAP);
 /// Simulated time (s) of a turn; every step divides it.
-const TURN: f64 = 0.1;
+pub const TURN: f64 = 0.1;
 /// Largest imbalance of a vertex in a truth over the force, and depth over the ball's radius, that count as none.
 const BALANCE: f64 = 1e-6;
 /// Coefficient of friction of the second run.
-const FRICTION: f64 = 0.3;
+pub const FRICTION: f64 = 0.3;
 /// Times (s) of the end of the press, of the hold and of the drag.
-const PHASES: [f64; 3] = {
+pub const PHASES: [f64; 3] = {
     let pressed = (GAP + DEPTH) / PRESS;
     [pressed, pressed + HOLD, pressed + HOLD + DRAG[0] / DRAG[1]]
 };
 
 /// One engine in one setting under the ball.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct TouchRow {
     /// Engine; `truth` for equilibria.
     pub engine: String,
@@ -88,18 +89,24 @@ pub struct TouchRow {
 }
 
 /// The block.
-pub(super) struct Block {
+pub struct TouchBlock {
+    /// Its mesh.
     pub mesh: Mesh,
+    /// Its material.
     pub material: YoungPoisson,
     /// Vertices of the clamp.
     pub fixed: Vec<u32>,
     /// Vertices of the surface that the ball meets.
-    surface: Vec<u32>,
+    pub surface: Vec<u32>,
     name: String,
 }
 
-impl Block {
-    pub(super) fn new(cells: [usize; 3]) -> Result<Self, BenchError> {
+impl TouchBlock {
+    /// Of so many cells along each edge, six tetrahedra each.
+    ///
+    /// # Errors
+    /// When a number of cells is zero.
+    pub fn new(cells: [usize; 3]) -> Result<Self, BenchError> {
         let mesh = box_tets(SIZE, cells)?;
         let at = |z: f64| {
             let rows = 0..mesh.points.len() as u32;
@@ -120,25 +127,25 @@ impl Block {
     }
 
     /// The form that rivals in other processes read.
-    pub(super) fn file(&self) -> BodyFile<'_> {
+    pub fn file(&self) -> BodyFile<'_> {
         BodyFile::new(&self.mesh, self.material.density, self.fixed.clone())
     }
 
     /// Place (m) of the ball at a time (s).
-    fn place(t: f64) -> DVec3 {
+    pub fn place(t: f64) -> DVec3 {
         let down = (PRESS * t).min(GAP + DEPTH);
         let sideways = (DRAG[1] * (t - PHASES[1])).clamp(0.0, DRAG[0]);
         AT + DVec3::new(sideways, 0.0, -down)
     }
 
     /// How deep (m) a vertex of the surface is in the ball at a place, negative while apart.
-    fn depth(&self, u: &[DVec3], place: DVec3) -> f64 {
+    pub fn depth(&self, u: &[DVec3], place: DVec3) -> f64 {
         let x = |&v: &u32| self.mesh.points[v as usize] + u[v as usize];
         self.surface.iter().map(|v| RADIUS - x(v).distance(place)).fold(f64::NEG_INFINITY, f64::max)
     }
 
     /// A row without figures.
-    pub(super) fn row(&self, engine: &str, version: &str, setting: String) -> TouchRow {
+    pub fn row(&self, engine: &str, version: &str, setting: String) -> TouchRow {
         TouchRow {
             engine: engine.into(),
             version: version.into(),
@@ -172,7 +179,7 @@ impl Block {
 
 /// What a step of an engine says.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Sample {
+pub struct Sample {
     /// Wall time (ms).
     pub ms: f64,
     /// Force (N) on the ball.
@@ -182,16 +189,17 @@ pub(super) struct Sample {
 }
 
 /// A turn of an engine.
-pub(super) struct Turn {
+pub struct TouchTurn {
+    /// Its steps.
     pub samples: Vec<Sample>,
     /// Displacements (m) at its end.
     pub displacements: Vec<DVec3>,
 }
 
 /// One engine in one setting.
-pub(super) trait Finger {
+pub trait Finger {
     /// Row without figures.
-    fn row(&self, block: &Block) -> TouchRow;
+    fn row(&self, block: &TouchBlock) -> TouchRow;
     /// Step (s).
     fn step(&self) -> f64;
     /// Its energy.
@@ -203,9 +211,9 @@ pub(super) trait Finger {
         true
     }
     /// Begins anew, at rest.
-    fn start(&mut self, block: &Block, friction: f64) -> Result<(), BenchError>;
+    fn start(&mut self, block: &TouchBlock, friction: f64) -> Result<(), BenchError>;
     /// Makes steps at whose ends the ball is at these places (m).
-    fn advance(&mut self, block: &Block, places: &[DVec3]) -> Result<Turn, BenchError>;
+    fn advance(&mut self, block: &TouchBlock, places: &[DVec3]) -> Result<TouchTurn, BenchError>;
     /// What the runs said.
     fn remark(&self) -> String {
         String::new()
@@ -213,20 +221,24 @@ pub(super) trait Finger {
 }
 
 /// What the clamp of a block feels.
-pub(super) struct Scale {
+pub struct TouchScale {
     simulation: Simulation,
     body: BodyHandle,
     clamp: Entity,
 }
 
-impl Scale {
-    pub(super) fn new(block: &Block, model: Model) -> Result<Self, BenchError> {
+impl TouchScale {
+    /// Of a block of ours with this energy.
+    ///
+    /// # Errors
+    /// When it cannot be built.
+    pub fn new(block: &TouchBlock, model: Model) -> Result<Self, BenchError> {
         let (simulation, body, clamp) = block.simulation(model, 1, SolverSettings::default())?;
         Ok(Self { simulation, body, clamp })
     }
 
     /// Force (N) of the clamp on the body, which is that on the ball in equilibrium.
-    pub(super) fn weigh(&mut self, u: &[DVec3]) -> Result<DVec3, BenchError> {
+    pub fn weigh(&mut self, u: &[DVec3]) -> Result<DVec3, BenchError> {
         self.simulation.set_state(self.body, u, &vec![DVec3::ZERO; u.len()])?;
         self.simulation.evaluate();
         Ok(self.simulation.reaction(self.clamp))
@@ -234,13 +246,15 @@ impl Scale {
 }
 
 /// An equilibrium under the held ball.
-struct Truth {
-    model: Model,
-    row: TouchRow,
+pub struct TouchTruth {
+    /// Its energy.
+    pub model: Model,
+    /// Its row.
+    pub row: TouchRow,
 }
 
 /// The equilibrium of an energy: exact contact of the vertices, or points on faces.
-fn truth(block: &Block, model: Model, faces: Option<u32>) -> Result<Truth, BenchError> {
+fn truth(block: &TouchBlock, model: Model, faces: Option<u32>) -> Result<TouchTruth, BenchError> {
     let solver = SolverSettings {
         integrator: Integrator::QuasiStatic,
         linear_tolerance: 1e-8,
@@ -255,7 +269,7 @@ fn truth(block: &Block, model: Model, faces: Option<u32>) -> Result<Truth, Bench
         Some(n) => (tool.points, tool.stiffness) = (Points::Faces(n), Stiffness::Relative(500.0)),
         None => tool = tool.exactly(),
     }
-    let tool = simulation.add_tool(tool).map_err(|e| BenchError::Rival(e.to_string()))?;
+    let tool = simulation.add_tool(tool)?;
     let mut setting = format!("equilibrium of {}", model.name());
     setting += &faces.map_or(", exact, vertices".into(), |n| {
         format!(", {} points on every face, stiffness 500 E/edge", n * n)
@@ -264,7 +278,7 @@ fn truth(block: &Block, model: Model, faces: Option<u32>) -> Result<Truth, Bench
     for i in 1..=13 {
         let down = (f64::from(i) / 12.0).min(1.0) * DEPTH;
         let place = start - DVec3::Z * down;
-        simulation.move_tool(tool, place).map_err(|e| BenchError::Rival(e.to_string()))?;
+        simulation.move_tool(tool, place)?;
         simulation.step()?;
     }
     let report = simulation.report().clone();
@@ -295,7 +309,7 @@ fn truth(block: &Block, model: Model, faces: Option<u32>) -> Result<Truth, Bench
         "every vertex and the clamp in balance to {off:.0e} of it, Newton step {:.0e} of the body; smallest J {least:.2}",
         report.newton_step
     );
-    Ok(Truth { model, row })
+    Ok(TouchTruth { model, row })
 }
 
 fn extremes(values: impl Iterator<Item = f64>) -> (f64, f64) {
@@ -309,7 +323,8 @@ fn mean(values: impl Iterator<Item = f64>) -> f64 {
 
 /// A run of an engine, in samples by the time (s) of their ends.
 #[derive(Default)]
-pub(super) struct Trace {
+pub struct Trace {
+    /// Its steps.
     pub samples: Vec<(f64, Sample)>,
     /// Deepest penetration (m).
     pub depth: f64,
@@ -334,7 +349,7 @@ impl Trace {
 }
 
 /// Runs all engines through press, hold and drag, in turns.
-fn run(block: &Block, fingers: &mut [Box<dyn Finger + '_>], friction: f64) -> Vec<Trace> {
+pub fn run(block: &TouchBlock, fingers: &mut [Box<dyn Finger + '_>], friction: f64) -> Vec<Trace> {
     let rest = vec![DVec3::ZERO; block.mesh.points.len()];
     let mut traces: Vec<Trace> = fingers
         .iter_mut()
@@ -352,18 +367,18 @@ fn run(block: &Block, fingers: &mut [Box<dyn Finger + '_>], friction: f64) -> Ve
             let (h, done) = (finger.step(), trace.samples.len());
             let times = done + 1..=(end / h).round() as usize;
             let times: Vec<f64> = times.map(|i| h * i as f64).collect();
-            let places: Vec<DVec3> = times.iter().map(|&t| Block::place(t)).collect();
-            let finite = |t: &Turn| {
+            let places: Vec<DVec3> = times.iter().map(|&t| TouchBlock::place(t)).collect();
+            let finite = |t: &TouchTurn| {
                 t.displacements.iter().all(|u| u.is_finite())
                     && t.samples.iter().all(|s| s.force.is_finite())
             };
             match finger.advance(block, &places) {
                 Ok(turn) if finite(&turn) => {
                     trace.samples.extend(times.into_iter().zip(turn.samples));
-                    let depth = block.depth(&turn.displacements, Block::place(end));
+                    let depth = block.depth(&turn.displacements, TouchBlock::place(end));
                     trace.depth = trace.depth.max(depth);
                     trace.through |=
-                        end > PHASES[0] && depth > 0.9 * block.depth(&rest, Block::place(end));
+                        end > PHASES[0] && depth > 0.9 * block.depth(&rest, TouchBlock::place(end));
                     if (end - PHASES[1]).abs() < 1e-9 {
                         trace.held = turn.displacements;
                     }
@@ -377,10 +392,10 @@ fn run(block: &Block, fingers: &mut [Box<dyn Finger + '_>], friction: f64) -> Ve
 }
 
 /// Fills a row from the runs without and with friction.
-fn figures(
+pub fn figures(
     row: &mut TouchRow,
     finger: &dyn Finger,
-    truths: &[Truth],
+    truths: &[TouchTruth],
     faces: &TouchRow,
     runs: [&Trace; 2],
     clamp: Option<f64>,
@@ -393,8 +408,8 @@ fn figures(
     }
     let vertical = |s: &Sample| s.force.z;
     let cost = |trace: &Trace| {
-        let times = trace.between(PHASES[0], PHASES[2]).map(|s| s.ms).collect();
-        trace.failed.is_none().then_some(median(times)).flatten()
+        let times: Vec<f64> = trace.between(PHASES[0], PHASES[2]).map(|s| s.ms).collect();
+        trace.failed.is_none().then_some(median(&times)).flatten()
     };
     row.ms_per_step = cost(smooth);
     row.ms_with_friction = cost(rough);
@@ -454,49 +469,47 @@ fn figures(
     }
 }
 
-/// Lets the engines compete, and fills their rows.
+/// Lets the engines compete; the rows of the truths stand before theirs.
 ///
 /// # Errors
 /// When a truth does not converge.
-pub(super) fn compete(
-    block: &Block,
+pub fn compete(
+    block: &TouchBlock,
     fingers: &mut [Box<dyn Finger + '_>],
-    report: &mut PeerReport,
-) -> Result<(), BenchError> {
+) -> Result<Vec<TouchRow>, BenchError> {
     let mut models = vec![Model::StVK];
     models.extend(fingers.iter().map(|f| f.energy()));
-    let mut truths: Vec<Truth> = Vec::new();
+    let mut truths: Vec<TouchTruth> = Vec::new();
     for model in models {
         if truths.iter().all(|t| t.model != model) {
             truths.push(truth(block, model, None)?);
         }
     }
-    report.touch.extend(truths.iter().map(|t| t.row.clone()));
+    let mut rows: Vec<TouchRow> = truths.iter().map(|t| t.row.clone()).collect();
     let mut faces = truth(block, Model::StVK, Some(4))?.row;
     faces.error_percent = faces.force.zip(truths[0].row.force).map(|(a, b)| 100.0 * (a / b - 1.0));
-    report.touch.push(faces.clone());
+    rows.push(faces.clone());
     let [smooth, rough] = [0.0, FRICTION].map(|friction| run(block, fingers, friction));
     for (i, finger) in fingers.iter().enumerate() {
         let mut row = finger.row(block);
         let clamp = match smooth[i].held.as_slice() {
             [] => None,
-            held => Some(Scale::new(block, finger.energy())?.weigh(held)?.z),
+            held => Some(TouchScale::new(block, finger.energy())?.weigh(held)?.z),
         };
         figures(&mut row, finger.as_ref(), &truths, &faces, [&smooth[i], &rough[i]], clamp);
         let remark = finger.remark();
         if !remark.is_empty() {
             say(&mut row.note, remark);
         }
-        report.touch.push(row);
+        rows.push(row);
     }
-    Ok(())
+    Ok(rows)
 }
 
 /// One setting of Sinew.
-struct Ours {
+struct SinewFinger {
     name: &'static str,
     model: Model,
-    threads: usize,
     settings: SolverSettings,
     h: f64,
     /// Without penetration.
@@ -511,7 +524,7 @@ struct Ours {
 
 /// Default and safe steps of 10 ms with default contact, the default at the rivals' steps, the default energy, and
 /// converged Newton with exact contact and with points on faces.
-pub(super) fn ours(threads: usize, quick: bool) -> Vec<Box<dyn Finger>> {
+pub fn ours(quick: bool) -> Vec<Box<dyn Finger>> {
     let settings = |integrator| SolverSettings {
         integrator,
         mass_damping: DAMPING,
@@ -522,7 +535,7 @@ pub(super) fn ours(threads: usize, quick: bool) -> Vec<Box<dyn Finger>> {
     let setting = |name, model, settings: &SolverSettings, h, exact, points| -> Box<dyn Finger> {
         let settings = settings.clone();
         let (steps, missed, world) = (0, 0, None);
-        Box::new(Ours { name, model, threads, settings, h, exact, points, world, steps, missed })
+        Box::new(SinewFinger { name, model, settings, h, exact, points, world, steps, missed })
     };
     let svk = Model::StVK;
     let usual = Points::Auto;
@@ -549,12 +562,11 @@ pub(super) fn ours(threads: usize, quick: bool) -> Vec<Box<dyn Finger>> {
     all
 }
 
-impl Finger for Ours {
-    fn row(&self, block: &Block) -> TouchRow {
+impl Finger for SinewFinger {
+    fn row(&self, block: &TouchBlock) -> TouchRow {
         let tolerance = self.settings.linear_tolerance;
         let setting = format!("{}, h = {}, CG {tolerance:e}", self.name, milliseconds(self.h));
-        let row = block.row("Sinew", env!("CARGO_PKG_VERSION"), setting);
-        TouchRow { threads: self.threads, ..row }
+        block.row("Sinew", env!("CARGO_PKG_VERSION"), setting)
     }
 
     fn step(&self) -> f64 {
@@ -565,26 +577,25 @@ impl Finger for Ours {
         self.model
     }
 
-    fn start(&mut self, block: &Block, friction: f64) -> Result<(), BenchError> {
-        let (mut simulation, body, _) =
-            block.simulation(self.model, self.threads, self.settings.clone())?;
+    fn start(&mut self, block: &TouchBlock, friction: f64) -> Result<(), BenchError> {
+        let (mut simulation, body, _) = block.simulation(self.model, 1, self.settings.clone())?;
         simulation.set_dt(self.h);
         let ball = Tool::new("ball", Shape::Sphere { radius: RADIUS }, AT).with_friction(friction);
         let mut ball = ball.with_points(self.points);
         ball.exact = self.exact;
-        let ball = simulation.add_tool(ball).map_err(|e| BenchError::Rival(e.to_string()))?;
+        let ball = simulation.add_tool(ball)?;
         self.world = Some((simulation, body, ball));
         Ok(())
     }
 
-    fn advance(&mut self, _: &Block, places: &[DVec3]) -> Result<Turn, BenchError> {
+    fn advance(&mut self, _: &TouchBlock, places: &[DVec3]) -> Result<TouchTurn, BenchError> {
         let Some((simulation, body, ball)) = &mut self.world else {
             return Err(BenchError::Rival("Sinew: not started".into()));
         };
         let mut samples = Vec::with_capacity(places.len());
         for &place in places {
             let begin = Instant::now();
-            simulation.move_tool(*ball, place).map_err(|e| BenchError::Rival(e.to_string()))?;
+            simulation.move_tool(*ball, place)?;
             simulation.step()?;
             let ms = begin.elapsed().as_secs_f64() * 1e3;
             let felt = simulation.tool_report(*ball).cloned().unwrap_or_default();
@@ -593,7 +604,7 @@ impl Finger for Ours {
             self.steps += 1;
             self.missed += u32::from(report.unconverged || report.contact.unconverged > 0);
         }
-        Ok(Turn { samples, displacements: simulation.displacements(*body) })
+        Ok(TouchTurn { samples, displacements: simulation.displacements(*body) })
     }
 
     fn remark(&self) -> String {
@@ -601,138 +612,5 @@ impl Finger for Ours {
             0 => String::new(),
             n => format!("contact or Newton at its cap in {n} of {} steps", self.steps),
         }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn block() -> Block {
-        Block::new([6, 5, 3]).unwrap()
-    }
-
-    /// What an engine says in a test: the same vertical force throughout, and friction.
-    struct Steady {
-        h: f64,
-        force: DVec3,
-        friction: Option<DVec3>,
-        /// The surface sinks below the ball.
-        yields: bool,
-    }
-
-    impl Finger for Steady {
-        fn row(&self, block: &Block) -> TouchRow {
-            block.row("steady", "1", "as told".into())
-        }
-        fn step(&self) -> f64 {
-            self.h
-        }
-        fn start(&mut self, _: &Block, friction: f64) -> Result<(), BenchError> {
-            match self.friction {
-                None if friction > 0.0 => Err(BenchError::Rival("no friction here".into())),
-                _ => Ok(()),
-            }
-        }
-        fn advance(&mut self, block: &Block, places: &[DVec3]) -> Result<Turn, BenchError> {
-            let sample = Sample { ms: 2.0, force: self.force, friction: self.friction };
-            let down = if self.yields { DVec3::Z * -(DEPTH + GAP) } else { DVec3::ZERO };
-            let displacements = vec![down; block.mesh.points.len()];
-            Ok(Turn { samples: vec![sample; places.len()], displacements })
-        }
-    }
-
-    /// Row of such an engine under runs without and with friction, against a truth of 1 N.
-    fn judge(finger: Steady) -> TouchRow {
-        let block = block();
-        let row = TouchRow { force: Some(1.0), ..TouchRow::default() };
-        let truths = [Truth { model: Model::StVK, row }];
-        let mut fingers: Vec<Box<dyn Finger>> = vec![Box::new(finger)];
-        let [smooth, rough] = [0.0, FRICTION].map(|friction| run(&block, &mut fingers, friction));
-        let mut row = fingers[0].row(&block);
-        let faces = TouchRow { force: Some(1.2), ..TouchRow::default() };
-        figures(&mut row, fingers[0].as_ref(), &truths, &faces, [&smooth[0], &rough[0]], Some(1.1));
-        row
-    }
-
-    #[test]
-    fn the_ball_goes_the_stated_way_in_whole_steps() {
-        assert_eq!(Block::place(0.0), AT);
-        for (t, way) in PHASES.into_iter().zip([0.0, 0.0, DRAG[0]]) {
-            let place = AT + DVec3::new(way, 0.0, -GAP - DEPTH);
-            assert!(Block::place(t).distance(place) < 1e-15);
-            assert!((t / TURN - (t / TURN).round()).abs() < 1e-12);
-        }
-        for finger in ours(1, false) {
-            let steps = TURN / finger.step();
-            assert!((steps - steps.round()).abs() < 1e-9, "{steps}");
-        }
-        let block = block();
-        // the ball stays within the sides
-        for end in [AT, Block::place(PHASES[2])] {
-            assert!(end.x - RADIUS > 0.0 && end.x + RADIUS < SIZE.x);
-            assert!(end.y - RADIUS > 0.0 && end.y + RADIUS < SIZE.y);
-        }
-        assert_eq!([block.fixed.len(), block.surface.len()], [42; 2]);
-        let mass: f64 = super::super::beam::masses(&block.mesh, 1000.0).iter().sum();
-        assert!((mass / (1000.0 * SIZE.element_product()) - 1.0).abs() < 1e-12);
-    }
-
-    #[test]
-    fn depth_is_that_of_the_deepest_vertex() {
-        let block = block();
-        let mut u = vec![DVec3::ZERO; block.mesh.points.len()];
-        let vertex = block.surface[20] as usize;
-        let over = block.mesh.points[vertex] + DVec3::Z * (RADIUS - 0.004);
-        assert!((block.depth(&u, over) - 0.004).abs() < 1e-15);
-        assert!(block.depth(&u, over + DVec3::Z * 0.005) < 0.0);
-        u[vertex].z = -0.001;
-        assert!((block.depth(&u, over) - 0.003).abs() < 1e-15);
-    }
-
-    #[test]
-    fn figures_follow_from_what_the_engines_say() {
-        let friction = DVec3::X * -0.33;
-        let told = DVec3::Z * 1.1 + friction;
-        let row = judge(Steady { h: 0.01, force: told, friction: Some(friction), yields: true });
-        assert!((row.force.unwrap() - 1.1).abs() < 1e-12);
-        assert!((row.error_percent.unwrap() - 10.0).abs() < 1e-9);
-        assert!((row.off_faces_percent.unwrap() + 100.0 / 12.0).abs() < 1e-9);
-        assert!((row.friction_ratio.unwrap() - 1.0).abs() < 1e-12);
-        assert!(row.ripple_percent.unwrap().abs() < 1e-9);
-        assert_eq!([row.ms_per_step, row.ms_with_friction], [Some(2.0); 2]);
-        assert!((row.cost_per_simulated_second.unwrap() - 0.2).abs() < 1e-12);
-        assert!(row.depth_mm.unwrap() < 0.1 && row.note.contains("the clamp feels"), "{row:?}");
-
-        // a surface that does not move lets the ball through; an engine may refuse friction
-        let row = judge(Steady { h: 0.05, force: DVec3::Z, friction: None, yields: false });
-        assert!(
-            row.note.contains("goes through") && row.note.contains("no friction here"),
-            "{row:?}"
-        );
-        assert_eq!([row.friction_ratio, row.ms_with_friction], [None; 2]);
-
-        // no figure is made of a state that is not finite
-        let row = judge(Steady { h: 0.1, force: DVec3::NAN, friction: None, yields: true });
-        assert!(row.note.contains("not finite"), "{row:?}");
-        assert_eq!([row.force, row.ripple_percent, row.ms_per_step], [None; 3]);
-    }
-
-    /// Exact contact in steps settles to the truth, and the row survives JSON.
-    #[test]
-    fn exact_steps_settle_to_the_truth() {
-        let mut fingers: Vec<Box<dyn Finger>> = ours(1, true).into_iter().skip(2).take(1).collect();
-        let mut report = PeerReport::default();
-        compete(&block(), &mut fingers, &mut report).unwrap();
-        let [truth, faces, row] = report.touch.as_slice() else { panic!("{report:?}") };
-        assert_eq!([truth.engine.as_str(), faces.engine.as_str()], ["truth"; 2]);
-        assert!(truth.force.unwrap() > 0.1 && faces.error_percent.unwrap() > 0.0);
-        assert!(row.setting.contains("exact"), "{row:?}");
-        assert!(row.error_percent.unwrap().abs() < 1e-2 && row.depth_mm.unwrap() < 1e-2, "{row:?}");
-        let text = serde_json::to_string(&report).unwrap();
-        assert_eq!(serde_json::from_str::<PeerReport>(&text).unwrap(), report);
-        // reports of before this table are read
-        let old = r#"{"rows": [], "skipped": [], "aims": []}"#;
-        assert!(serde_json::from_str::<PeerReport>(old).unwrap().touch.is_empty());
     }
 }

@@ -1,9 +1,11 @@
 //! Group 10: axes, the stiffest a hundred times as stiff as the others, with and without a material beside
 //! them; steps beyond the limit of explicit integrators; momenta of an element by itself.
 
-use super::runner::{Cases, GRAVITY, Outcome, Problem, Random, Run, Scope, Setting, tissue};
+use super::rows::{CasePart, Check};
+use super::runner::{
+    CaseOutcome, CaseProblem, CaseRandom, CaseRun, CaseSetting, Cases, GRAVITY, Scope, tissue,
+};
 use super::spin::momenta;
-use super::{Check, Part};
 use glam::DVec3;
 use sinew::engine::mesh::generate::{box_tets, jitter_interior};
 use sinew::engine::mesh::{Mesh, MeshError};
@@ -13,16 +15,16 @@ use sinew::prelude::*;
 use std::borrow::Cow;
 use std::sync::Arc;
 
-const BESIDE: Part =
-    Part { group: 10, name: "axes 100 : 1 with a material", criterion: "none inverted" };
-const ALONE: Part =
-    Part { group: 10, name: "axes 100 : 1 alone", criterion: "bounded; elements may invert" };
-const EXPLICIT: Part = Part {
+const BESIDE: CasePart =
+    CasePart { group: 10, name: "axes 100 : 1 with a material", criterion: "none inverted" };
+const ALONE: CasePart =
+    CasePart { group: 10, name: "axes 100 : 1 alone", criterion: "bounded; elements may invert" };
+const EXPLICIT: CasePart = CasePart {
     group: 10,
     name: "axes 100 : 1, explicit",
     criterion: "with one substep refused beyond the limit and bounded below; bounded with more",
 };
-const ISOLATED: Part = Part {
+const ISOLATED: CasePart = CasePart {
     group: 10,
     name: "axes in one free element",
     criterion: "momentum and angular momentum to 1e-10",
@@ -41,13 +43,13 @@ pub(super) fn cases() -> Result<Cases, MeshError> {
         for (name, slanted) in [("straight", false), ("slanted", true)] {
             for dt in [1e-3, 1.0 / 60.0, 0.1] {
                 let (name, quick) = (format!("{name}, h {dt:.4}"), slanted && dt > 0.01);
-                let run = move |s: &Setting, mesh: &Mesh| hang(s, mesh, base, slanted, dt);
+                let run = move |s: &CaseSetting, mesh: &Mesh| hang(s, mesh, base, slanted, dt);
                 cases.within(Scope::Integrators, part, name, quick, &mesh, run);
             }
         }
     }
     for dt in [1e-5, 1e-4, 3e-4, 1e-3, 3e-3] {
-        let run = move |s: &Setting, mesh: &Mesh| limit(s, mesh, dt);
+        let run = move |s: &CaseSetting, mesh: &Mesh| limit(s, mesh, dt);
         cases.within(Scope::Explicit, EXPLICIT, format!("h {dt}"), dt >= 1e-3, &mesh, run);
     }
     let points = [[0.0, 0.0, 0.0], [0.03, 0.002, 0.0], [0.005, 0.02, 0.001], [0.01, 0.004, 0.015]];
@@ -76,24 +78,24 @@ fn axes(slanted: bool) -> AxesDescription<'static> {
 
 /// A bar held at one end.
 fn bar<'a>(
-    setting: &Setting,
+    setting: &CaseSetting,
     mesh: &'a Mesh,
     base: bool,
     slanted: bool,
-) -> Result<Run<'a>, Problem> {
+) -> Result<CaseRun<'a>, CaseProblem> {
     let description = BodyDescription {
         axes: Some(axes(slanted)),
         model: if base { setting.column.model } else { Model::Axes },
         volume: if base { setting.column.volume } else { VolumeRule::Elements },
         ..BodyDescription::new("bar", mesh, tissue(SOFT, 0.3))
     };
-    let mut run = Run::with(setting, mesh, &description)?;
+    let mut run = CaseRun::with(setting, mesh, &description)?;
     run.clamp("x0")?;
     Ok(run)
 }
 
 /// The bar swings under its weight, a second long.
-fn hang(setting: &Setting, mesh: &Mesh, base: bool, slanted: bool, dt: f64) -> Outcome {
+fn hang(setting: &CaseSetting, mesh: &Mesh, base: bool, slanted: bool, dt: f64) -> CaseOutcome {
     let mut run = bar(setting, mesh, base, slanted)?;
     run.simulation.set_gravity(GRAVITY);
     run.open_books();
@@ -106,7 +108,7 @@ fn hang(setting: &Setting, mesh: &Mesh, base: bool, slanted: bool, dt: f64) -> O
 
 /// With one substep, a step is taken below the limit and refused beyond; with as many as it needs it is
 /// taken.
-fn limit(setting: &Setting, mesh: &Mesh, dt: f64) -> Outcome {
+fn limit(setting: &CaseSetting, mesh: &Mesh, dt: f64) -> CaseOutcome {
     let mut alone = bar(setting, mesh, true, true)?;
     let stable = alone.simulation.stable_step();
     alone.solver(|s| s.max_substeps = 1);
@@ -137,7 +139,7 @@ fn limit(setting: &Setting, mesh: &Mesh, dt: f64) -> Outcome {
 
 /// A free element out of shape, for 40 ms: at a thirtieth of the stable step, where the energy that symplectic
 /// Euler keeps is near the true one.
-fn isolated(setting: &Setting, mesh: &Mesh) -> Outcome {
+fn isolated(setting: &CaseSetting, mesh: &Mesh) -> CaseOutcome {
     // axes that are not square to each other, so that chords and cosines differ
     let directions =
         [DVec3::new(1.0, 0.2, 0.1), DVec3::new(-0.1, 1.0, 0.4), DVec3::new(0.3, 0.2, 1.0)];
@@ -150,8 +152,8 @@ fn isolated(setting: &Setting, mesh: &Mesh) -> Outcome {
         model: Model::Axes,
         ..BodyDescription::new("element", mesh, tissue(SOFT, 0.3))
     };
-    let mut run = Run::with(setting, mesh, &description)?;
-    let mut random = Random(10);
+    let mut run = CaseRun::with(setting, mesh, &description)?;
+    let mut random = CaseRandom(10);
     let mut field = |size: f64| -> Vec<DVec3> {
         (0..4).map(|_| (random.vector() - DVec3::splat(0.5)) * size).collect()
     };

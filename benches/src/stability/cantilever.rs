@@ -1,19 +1,21 @@
 //! Group 1: cantilevers over a grid of steps and materials, and explicit steps beyond their limit.
 
-use super::runner::{Cases, GRAVITY, Outcome, Problem, Run, Scope, Setting, tissue};
-use super::{Check, Part};
+use super::rows::{CasePart, Check};
+use super::runner::{
+    CaseOutcome, CaseProblem, CaseRun, CaseSetting, Cases, GRAVITY, Scope, tissue,
+};
 use glam::DVec3;
 use sinew::engine::mesh::generate::{box_tets, jitter_interior};
 use sinew::engine::mesh::{Mesh, MeshError};
 use sinew::engine::step::StepError;
 use std::sync::Arc;
 
-const GRID: Part = Part {
+const GRID: CasePart = CasePart {
     group: 1,
     name: "cantilevers",
     criterion: "none inverted where rho g L < 2 (lambda + mu)",
 };
-const LIMITS: Part = Part {
+const LIMITS: CasePart = CasePart {
     group: 1,
     name: "explicit step limit",
     criterion: "beyond it a typed error, state intact, or substeps; never garbage",
@@ -40,7 +42,7 @@ pub(super) fn cases() -> Result<Cases, MeshError> {
                 cases.add(GRID, name, quick, &mesh, move |s, mesh| swing(s, mesh, young, nu, dt));
                 if dt == 0.1 && [1e3, 1e7].contains(&young) && [0.0, 0.499].contains(&nu) {
                     let (name, quick) = (format!("E {young:.0e} nu {nu}"), young == 1e3);
-                    let run = move |s: &Setting, mesh: &Mesh| limit(s, mesh, young, nu);
+                    let run = move |s: &CaseSetting, mesh: &Mesh| limit(s, mesh, young, nu);
                     cases.within(Scope::Explicit, LIMITS, name, quick, &mesh, run);
                 }
             }
@@ -49,14 +51,19 @@ pub(super) fn cases() -> Result<Cases, MeshError> {
     Ok(cases)
 }
 
-fn hanging<'a>(setting: &Setting, mesh: &'a Mesh, young: f64, nu: f64) -> Result<Run<'a>, Problem> {
-    let mut run = Run::new(setting, mesh, tissue(young, nu))?;
+fn hanging<'a>(
+    setting: &CaseSetting,
+    mesh: &'a Mesh,
+    young: f64,
+    nu: f64,
+) -> Result<CaseRun<'a>, CaseProblem> {
+    let mut run = CaseRun::new(setting, mesh, tissue(young, nu))?;
     run.simulation.set_gravity(GRAVITY);
     run.clamp("x0")?;
     Ok(run)
 }
 
-fn swing(setting: &Setting, mesh: &Mesh, young: f64, nu: f64, dt: f64) -> Outcome {
+fn swing(setting: &CaseSetting, mesh: &Mesh, young: f64, nu: f64, dt: f64) -> CaseOutcome {
     let mut run = hanging(setting, mesh, young, nu)?;
     run.simulation.set_dt(dt);
     let mass = run.mass();
@@ -71,7 +78,7 @@ fn swing(setting: &Setting, mesh: &Mesh, young: f64, nu: f64, dt: f64) -> Outcom
 }
 
 /// Steps from a tenth to ten thousand times the limit, with one substep allowed.
-fn limit(setting: &Setting, mesh: &Mesh, young: f64, nu: f64) -> Outcome {
+fn limit(setting: &CaseSetting, mesh: &Mesh, young: f64, nu: f64) -> CaseOutcome {
     let mut run = hanging(setting, mesh, young, nu)?;
     let mass = run.mass();
     run.simulation.set_dt(1e-6);

@@ -1,24 +1,24 @@
 //! Group 3: free cubes that start flat, folded, mirrored, collapsed or at random.
 
-use super::runner::{Cases, Outcome, Random, Run, Setting, nearest};
-use super::{Check, Part};
+use super::rows::{CasePart, Check};
+use super::runner::{CaseOutcome, CaseRandom, CaseRun, CaseSetting, Cases, nearest};
 use glam::DVec3;
 use sinew::engine::isoparametric::MIDDLES;
 use sinew::engine::mesh::generate::{box_tets, jitter_interior};
 use sinew::engine::mesh::{Mesh, MeshError};
 use std::sync::Arc;
 
-const ORDERED: Part = Part {
+const ORDERED: CasePart = CasePart {
     group: 3,
     name: "flat, line, mirror, fold, push",
     criterion: "edge error < 1 %, none inverted",
 };
-const DISORDERED: Part = Part {
+const DISORDERED: CasePart = CasePart {
     group: 3,
     name: "point and random starts",
     criterion: "edge error < 1 %, none inverted; without recovery H / H(0) < 5 %, at most 2 % inverted",
 };
-const EQUAL: Part = Part {
+const EQUAL: CasePart = CasePart {
     group: 3,
     name: "all vertices equal",
     criterion: "edge error < 1 %, none inverted; without recovery moves or reports all elements as inverted",
@@ -41,7 +41,7 @@ pub(super) fn cases() -> Result<Cases, MeshError> {
                     let name = format!("{name} {cells}^3 nu {nu} h {dt:.4}");
                     let quick = cells == 3 && dt < 0.1 && first_seed;
                     let run =
-                        move |s: &Setting, mesh: &Mesh| recover(s, part, mesh, &start, nu, dt);
+                        move |s: &CaseSetting, mesh: &Mesh| recover(s, part, mesh, &start, nu, dt);
                     cases.add(part, name, quick, &mesh, run);
                 }
             }
@@ -51,7 +51,7 @@ pub(super) fn cases() -> Result<Cases, MeshError> {
 }
 
 /// The starts: part, name, positions (m).
-fn starts(x: &[DVec3], size: f64) -> Vec<(Part, String, Vec<DVec3>)> {
+fn starts(x: &[DVec3], size: f64) -> Vec<(CasePart, String, Vec<DVec3>)> {
     let centre = DVec3::splat(size / 2.0);
     let map = |f: &dyn Fn(DVec3) -> DVec3| -> Vec<DVec3> { x.iter().map(|&x| f(x)).collect() };
     let moved = |from: DVec3, to: DVec3| {
@@ -68,15 +68,15 @@ fn starts(x: &[DVec3], size: f64) -> Vec<(Part, String, Vec<DVec3>)> {
         ("pushed through", moved(DVec3::splat(size), DVec3::splat(-0.3 * size))),
         ("pushed out", moved(centre, DVec3::new(1.5 * size, centre.y, centre.z))),
     ];
-    let mut starts: Vec<(Part, String, Vec<DVec3>)> =
+    let mut starts: Vec<(CasePart, String, Vec<DVec3>)> =
         ordered.into_iter().map(|(name, y)| (ORDERED, name.to_string(), y)).collect();
     for seed in 0..4 {
         let half = DVec3::splat(0.5);
-        let mut random = Random(0x1234_5678_9abc_def1 + seed);
+        let mut random = CaseRandom(0x1234_5678_9abc_def1 + seed);
         let point = x.iter().map(|_| centre + (random.vector() - half) * 1e-6 * size).collect();
-        let mut random = Random(0x2345_6789_abcd_ef12 + seed);
+        let mut random = CaseRandom(0x2345_6789_abcd_ef12 + seed);
         let scattered = x.iter().map(|_| random.vector() * size).collect();
-        let mut random = Random(0x3456_789a_bcde_f123 + seed);
+        let mut random = CaseRandom(0x3456_789a_bcde_f123 + seed);
         let wide = x.iter().map(|_| centre + (random.vector() - half) * 3.0 * size).collect();
         let with = |name: &str, y| (DISORDERED, format!("{name} {seed}"), y);
         starts.extend([with("point", point), with("random", scattered), with("random 3x", wide)]);
@@ -86,14 +86,14 @@ fn starts(x: &[DVec3], size: f64) -> Vec<(Part, String, Vec<DVec3>)> {
 }
 
 fn recover(
-    setting: &Setting,
-    part: Part,
+    setting: &CaseSetting,
+    part: CasePart,
     mesh: &Mesh,
     start: &[DVec3],
     nu: f64,
     dt: f64,
-) -> Outcome {
-    let mut run = Run::damped(setting, mesh, nu)?;
+) -> CaseOutcome {
+    let mut run = CaseRun::damped(setting, mesh, nu)?;
     run.simulation.set_dt(dt);
     let mut at = start.to_vec();
     at.resize(mesh.points.len(), DVec3::ZERO);

@@ -2,10 +2,12 @@
 //! thinner than their edges; bodies that fall, lie on each other and roll. Friction and figures are in `friction`.
 
 use super::friction;
-use super::runner::{Cases, Outcome, Problem, Random, Run, Scope, Setting, tissue};
-use super::{Check, Column, Part};
-use crate::beam;
-use bevy_ecs::entity::Entity;
+use super::rows::{CasePart, Check, PassColumn};
+use super::runner::{
+    CaseOutcome, CaseProblem, CaseRandom, CaseRun, CaseSetting, Cases, Scope, tissue,
+};
+use super::touch_rig::{BLOCK, DAMPING, RADIUS, STEP, ToolHand, held, single};
+use crate::toolbox::beam;
 use glam::{DQuat, DVec2, DVec3};
 use sinew::engine::mesh::generate::{box_tets, irregular_box_tets, sphere_tets, triangle_grid};
 use sinew::engine::mesh::{Mesh, MeshError};
@@ -16,63 +18,57 @@ use sinew::models::resection::Removal;
 use sinew::prelude::*;
 use std::sync::Arc;
 
-const THROUGH: Part = Part {
+const THROUGH: CasePart = CasePart {
     group: 13,
     name: "tool right through a body",
     criterion: "shape regained to 1 % in edges, none inverted, force exactly 0 after withdrawal",
 };
-const INSIDE: Part = Part {
+const INSIDE: CasePart = CasePart {
     group: 13,
     name: "tool appears inside",
     criterion: "the body makes way at no more than 0.5 m/s: none inverted, depth < 0.25 edge after 1 s",
 };
-const SQUEEZED: Part = Part {
+const SQUEEZED: CasePart = CasePart {
     group: 13,
     name: "membrane between two tools that overlap",
     criterion: "forces cancel to 1e-3; shape regained to 1e-3 in edges, force exactly 0 afterwards",
 };
-const FALLS: Part = Part {
+const FALLS: CasePart = CasePart {
     group: 13,
     name: "fall on a plane from 1 m",
     criterion: "depth < 0.25 edge at any time; at rest: weight to 1e-3, kinetic energy < 1e-9 of m g 1 m",
 };
-const STACK: Part = Part {
+const STACK: CasePart = CasePart {
     group: 13,
     name: "stack of three at rest for 10 s",
     criterion: "kinetic energy < 1e-9 of weight times height; weight on the ground to 1e-3; in order",
 };
-const ROLLS: Part = Part {
+const ROLLS: CasePart = CasePart {
     group: 13,
     name: "ball rolling down an incline",
     criterion: "speed 0.8 to 1.02 of a rigid ball's, turning at 0.9 to 1.1 of speed over radius",
 };
-const ROUGH: Part = Part {
+const ROUGH: CasePart = CasePart {
     group: 13,
     name: "slivers and contrast 1e4 under a tool",
     criterion: "none inverted at the end, force within 1 % of converged Newton",
 };
-const REMOVED: Part = Part {
+const REMOVED: CasePart = CasePart {
     group: 13,
     name: "half of the elements removed in contact",
     criterion: "finite, energy bounded, force exactly 0 after withdrawal",
 };
-const FAST: Part = Part {
+const FAST: CasePart = CasePart {
     group: 13,
     name: "probe at 10 m/s",
     criterion: "force within 1 % of that at 0.1 m/s, lag reported, energy not above what it is \
                 when the probe stops",
 };
-const THIN: Part = Part {
+const THIN: CasePart = CasePart {
     group: 13,
     name: "capsule of 0.2 edges, 100 places",
     criterion: "its axis never inside, force > 0 while it is dragged",
 };
-/// Block (m) that tools meet, length of a step (s), and the radius (m) of probes.
-pub(super) const BLOCK: DVec3 = DVec3::new(0.1, 0.1, 0.05);
-pub(super) const STEP: f64 = 0.01;
-pub(super) const RADIUS: f64 = 0.02;
-/// Damping (1/s) of the way to rest.
-pub(super) const DAMPING: f64 = 3.5;
 const G: f64 = 9.81;
 
 pub(super) fn cases() -> Result<Cases, MeshError> {
@@ -85,7 +81,7 @@ pub(super) fn cases() -> Result<Cases, MeshError> {
     let ball = Arc::new(sphere_tets(0.1, 4)?);
     let slivers = Arc::new(irregular_box_tets(BLOCK, [6, 6, 3], 0.3, 1)?);
     let mut add =
-        |part, name: &str, quick, mesh: &Arc<Mesh>, run: fn(&Setting, &Mesh) -> Outcome| {
+        |part, name: &str, quick, mesh: &Arc<Mesh>, run: fn(&CaseSetting, &Mesh) -> CaseOutcome| {
             cases.within(Scope::Robust, part, name.into(), quick, mesh, run);
         };
     add(THROUGH, "block held at two sides", false, &block, through);
@@ -111,82 +107,21 @@ pub(super) fn cases() -> Result<Cases, MeshError> {
     Ok(cases)
 }
 
-/// The same in single precision.
-pub(super) fn single(setting: &Setting) -> Setting {
-    Setting { precision: Precision::F32, ..*setting }
-}
-
-/// A tool and where it is.
-pub(super) struct Hand {
-    pub tool: Entity,
-    pub at: DVec3,
-}
-
-impl Hand {
-    pub fn new(run: &mut Run, tool: Tool) -> Result<Self, Problem> {
-        let at = tool.start.position;
-        Ok(Self { tool: run.simulation.add_tool(tool)?, at })
-    }
-
-    /// A ball.
-    pub fn ball(run: &mut Run, radius: f64, at: DVec3) -> Result<Self, Problem> {
-        Self::new(run, Tool::new("ball", Shape::Sphere { radius }, at))
-    }
-
-    /// Goes on by so much of the way in the next step.
-    pub fn shift(&mut self, run: &mut Run, way: DVec3) -> Result<(), Problem> {
-        self.at += way;
-        Ok(run.simulation.move_tool(self.tool, self.at)?)
-    }
-
-    /// Goes somewhere evenly at a speed (m/s), in whole steps of `dt` (s).
-    pub fn go(&mut self, run: &mut Run, to: DVec3, speed: f64, dt: f64) -> Result<(), Problem> {
-        let from = self.at;
-        let steps = (from.distance(to) / (speed * dt)).ceil().max(1.0);
-        for i in 1..=steps as u32 {
-            let at = from.lerp(to, (f64::from(i) / steps).min(1.0));
-            run.simulation.move_tool(self.tool, at)?;
-            run.step()?;
-        }
-        self.at = to;
-        Ok(())
-    }
-
-    pub fn force(&self, run: &Run) -> DVec3 {
-        run.simulation.tool_report(self.tool).map_or(DVec3::NAN, |report| report.force)
-    }
-}
-
-/// Soft tissue held at some sides, with damping.
-pub(super) fn held<'a>(
-    setting: &Setting,
-    mesh: &'a Mesh,
-    sides: &[&str],
-) -> Result<Run<'a>, Problem> {
-    let mut run = Run::damped(setting, mesh, 0.45)?;
-    run.simulation.set_dt(STEP);
-    for side in sides {
-        run.clamp(side)?;
-    }
-    run.open_books();
-    Ok(run)
-}
-
 /// Energy (J) of the body and its contacts after the last step.
-fn total(run: &Run) -> f64 {
+fn total(run: &CaseRun) -> f64 {
     let report = run.simulation.report();
     report.kinetic_energy + report.elastic_energy + report.contact.energy
 }
 
-fn no_force(hands: &[&Hand], run: &Run) -> Check {
+fn no_force(hands: &[&ToolHand], run: &CaseRun) -> Check {
     let force = hands.iter().map(|hand| hand.force(run).length()).sum();
     Check::at_most("force after withdrawal (N)", force, 0.0)
 }
 
-fn through(setting: &Setting, mesh: &Mesh) -> Outcome {
+fn through(setting: &CaseSetting, mesh: &Mesh) -> CaseOutcome {
     let mut run = held(setting, mesh, &["x0", "x1"])?;
     let above = DVec3::new(0.05, 0.05, 0.062);
-    let mut hand = Hand::ball(&mut run, 0.01, above)?;
+    let mut hand = ToolHand::ball(&mut run, 0.01, above)?;
     hand.go(&mut run, above - DVec3::Z * 0.092, 0.5, STEP)?;
     run.steps(20)?;
     hand.go(&mut run, above, 0.5, STEP)?;
@@ -197,9 +132,9 @@ fn through(setting: &Setting, mesh: &Mesh) -> Outcome {
     Ok(run.finish(scale, checks))
 }
 
-fn inside(setting: &Setting, mesh: &Mesh) -> Outcome {
+fn inside(setting: &CaseSetting, mesh: &Mesh) -> CaseOutcome {
     let mut run = held(setting, mesh, &["z0"])?;
-    let hand = Hand::ball(&mut run, RADIUS, DVec3::new(0.05, 0.05, 0.05))?;
+    let hand = ToolHand::ball(&mut run, RADIUS, DVec3::new(0.05, 0.05, 0.05))?;
     let mut fastest = 0.0_f64;
     for _ in 0..100 {
         run.step()?;
@@ -219,9 +154,9 @@ fn inside(setting: &Setting, mesh: &Mesh) -> Outcome {
 }
 
 /// A sheet held at its edges, with damping.
-fn sheet<'a>(setting: &Setting, mesh: &'a Mesh) -> Result<Run<'a>, Problem> {
+fn sheet<'a>(setting: &CaseSetting, mesh: &'a Mesh) -> Result<CaseRun<'a>, CaseProblem> {
     let membrane = MembraneDescription::new(&mesh.triangles, 0.001, tissue(1e4, 0.3));
-    let mut run = Run::of(setting, mesh, &beam::sheet("sheet", mesh, membrane))?;
+    let mut run = CaseRun::of(setting, mesh, &beam::sheet("sheet", mesh, membrane))?;
     run.solver(|s| s.mass_damping = DAMPING);
     run.simulation.set_dt(STEP);
     for side in ["x0", "x1", "y0", "y1"] {
@@ -231,11 +166,11 @@ fn sheet<'a>(setting: &Setting, mesh: &'a Mesh) -> Result<Run<'a>, Problem> {
     Ok(run)
 }
 
-fn squeezed(setting: &Setting, mesh: &Mesh) -> Outcome {
+fn squeezed(setting: &CaseSetting, mesh: &Mesh) -> CaseOutcome {
     let mut run = sheet(setting, mesh)?;
     let radius = 0.03;
     let place = |side: f64, gap: f64| DVec3::new(0.05, 0.05, side * (radius + gap));
-    let mut hands = [1.0, -1.0].map(|side| Hand::ball(&mut run, radius, place(side, 0.001)));
+    let mut hands = [1.0, -1.0].map(|side| ToolHand::ball(&mut run, radius, place(side, 0.001)));
     let [Ok(above), Ok(below)] = &mut hands else { return Err("no tool".into()) };
     // until the balls overlap by 2 mm
     for to in 0..50 {
@@ -263,12 +198,12 @@ fn squeezed(setting: &Setting, mesh: &Mesh) -> Outcome {
     Ok(run.finish(scale, checks))
 }
 
-fn falls(setting: &Setting, mesh: &Mesh, dt: f64) -> Outcome {
-    let mut run = Run::new(setting, mesh, tissue(1e4, 0.45))?;
+fn falls(setting: &CaseSetting, mesh: &Mesh, dt: f64) -> CaseOutcome {
+    let mut run = CaseRun::new(setting, mesh, tissue(1e4, 0.45))?;
     run.simulation.set_dt(dt);
     run.simulation.set_gravity(DVec3::NEG_Z * G);
     let ground = Tool::ground("ground", DVec3::NEG_Z, DVec3::Z).with_friction(0.5);
-    let ground = Hand::new(&mut run, ground)?;
+    let ground = ToolHand::new(&mut run, ground)?;
     run.open_books();
     let scale = run.mass() * G;
     let mut deepest = 0.0_f64;
@@ -290,14 +225,14 @@ fn falls(setting: &Setting, mesh: &Mesh, dt: f64) -> Outcome {
     Ok(run.finish(scale, checks))
 }
 
-fn stack(setting: &Setting, mesh: &Mesh) -> Outcome {
+fn stack(setting: &CaseSetting, mesh: &Mesh) -> CaseOutcome {
     let size = 0.05;
-    let mut run = Run::new(setting, mesh, tissue(2e4, 0.45))?;
+    let mut run = CaseRun::new(setting, mesh, tissue(2e4, 0.45))?;
     run.solver(|s| s.mass_damping = DAMPING);
     run.simulation.set_dt(STEP);
     run.simulation.set_gravity(DVec3::NEG_Z * G);
     let ground = Tool::ground("ground", DVec3::ZERO, DVec3::Z).with_friction(0.5);
-    let ground = Hand::new(&mut run, ground)?;
+    let ground = ToolHand::new(&mut run, ground)?;
     let mut bodies = vec![run.body];
     for (i, name) in [(1.0, "middle"), (2.0, "upper")] {
         // shifted, so that no vertex lies on a vertex
@@ -340,9 +275,9 @@ fn stack(setting: &Setting, mesh: &Mesh) -> Outcome {
 }
 
 /// A stiff ball from rest, half a second.
-fn rolls(setting: &Setting, mesh: &Mesh) -> Outcome {
+fn rolls(setting: &CaseSetting, mesh: &Mesh) -> CaseOutcome {
     let (angle, dt, seconds) = (20.0_f64.to_radians(), 0.002, 0.5);
-    let mut run = Run::new(setting, mesh, tissue(1e6, 0.3))?;
+    let mut run = CaseRun::new(setting, mesh, tissue(1e6, 0.3))?;
     run.simulation.set_dt(dt);
     let (sin, cos) = (libm::sin(angle), libm::cos(angle));
     run.simulation.set_gravity(G * DVec3::new(sin, 0.0, -cos));
@@ -375,11 +310,11 @@ fn rolls(setting: &Setting, mesh: &Mesh) -> Outcome {
 }
 
 /// Pressed by 5 mm, dragged by 20 mm, held; one half of the block is stiffer by a factor.
-fn rough(setting: &Setting, mesh: &Mesh, contrast: f64) -> Outcome {
+fn rough(setting: &CaseSetting, mesh: &Mesh, contrast: f64) -> CaseOutcome {
     if contrast > 1.0 {
         setting.of_tetrahedra()?;
     }
-    let press = |setting: &Setting, tight: bool| -> Result<(Run, Hand), Problem> {
+    let press = |setting: &CaseSetting, tight: bool| -> Result<(CaseRun, ToolHand), CaseProblem> {
         let mut run = held(setting, mesh, &["z0"])?;
         let x = |t: &[u32; 4]| t.iter().map(|&v| mesh.points[v as usize].x).sum::<f64>() / 4.0;
         let young: Vec<f64> = mesh
@@ -402,7 +337,7 @@ fn rough(setting: &Setting, mesh: &Mesh, contrast: f64) -> Outcome {
             });
         }
         let above = DVec3::new(0.035, 0.05, 0.071);
-        let mut hand = Hand::ball(&mut run, RADIUS, above)?;
+        let mut hand = ToolHand::ball(&mut run, RADIUS, above)?;
         let down = above - DVec3::Z * 0.006;
         hand.go(&mut run, down, 0.05, STEP)?;
         hand.go(&mut run, down + DVec3::X * 0.02, 0.05, STEP)?;
@@ -410,8 +345,8 @@ fn rough(setting: &Setting, mesh: &Mesh, contrast: f64) -> Outcome {
         Ok((run, hand))
     };
     let (run, hand) = press(setting, false)?;
-    let newton = Column { integrator: Integrator::Newton, ..setting.column };
-    let twin = Setting { column: newton, precision: Precision::F64, ..*setting };
+    let newton = PassColumn { integrator: Integrator::Newton, ..setting.column };
+    let twin = CaseSetting { column: newton, precision: Precision::F64, ..*setting };
     let (twin, truth) = press(&twin, true)?;
     let (found, truth) = (hand.force(&run), truth.force(&twin));
     let checks = [
@@ -427,13 +362,13 @@ fn rough(setting: &Setting, mesh: &Mesh, contrast: f64) -> Outcome {
     Ok(run.finish(scale, checks))
 }
 
-fn removed(setting: &Setting, mesh: &Mesh, parts: usize) -> Outcome {
+fn removed(setting: &CaseSetting, mesh: &Mesh, parts: usize) -> CaseOutcome {
     let mut run = held(setting, mesh, &["z0"])?;
     let above = DVec3::new(0.04, 0.05, 0.071);
-    let mut hand = Hand::ball(&mut run, RADIUS, above)?;
+    let mut hand = ToolHand::ball(&mut run, RADIUS, above)?;
     hand.go(&mut run, above - DVec3::Z * 0.009, 0.05, STEP)?;
     let mut all: Vec<u32> = (0..run.elements() as u32).collect();
-    let mut random = Random(0x2345_6789_abcd_ef01);
+    let mut random = CaseRandom(0x2345_6789_abcd_ef01);
     let half = all.len() / 2;
     for i in 0..half {
         let rest = (all.len() - i) as f64;
@@ -458,13 +393,13 @@ fn removed(setting: &Setting, mesh: &Mesh, parts: usize) -> Outcome {
     Ok(run.finish(scale, checks))
 }
 
-fn fast(setting: &Setting, mesh: &Mesh, dt: f64) -> Outcome {
+fn fast(setting: &CaseSetting, mesh: &Mesh, dt: f64) -> CaseOutcome {
     // 15 mm deep, after a way of 0.1 m
     let deep = DVec3::new(0.05, 0.05, 0.05 + RADIUS - 0.015);
-    let press = |speed: f64| -> Result<(Run, Hand, [f64; 2]), Problem> {
+    let press = |speed: f64| -> Result<(CaseRun, ToolHand, [f64; 2]), CaseProblem> {
         let mut run = held(setting, mesh, &["z0"])?;
         run.simulation.set_dt(dt);
-        let mut hand = Hand::ball(&mut run, RADIUS, deep + DVec3::Z * 0.1)?;
+        let mut hand = ToolHand::ball(&mut run, RADIUS, deep + DVec3::Z * 0.1)?;
         // a tool that is given a target before its first step begins there
         run.step()?;
         hand.go(&mut run, deep, speed, dt)?;
@@ -507,15 +442,15 @@ fn edge(size: f64, n: f64) -> f64 {
 /// 100 places; `inside` tells whether a point of its axis has got to the wrong side. A slack membrane does not come
 /// back to where it was: a capsule that began at a fixed height could begin below it.
 fn thin(
-    run: &mut Run,
+    run: &mut CaseRun,
     [half_length, edge]: [f64; 2],
-    mut inside: impl FnMut(&mut Run, DVec3) -> bool,
-) -> Result<Vec<Check>, Problem> {
+    mut inside: impl FnMut(&mut CaseRun, DVec3) -> bool,
+) -> Result<Vec<Check>, CaseProblem> {
     let radius = 0.2 * edge;
     let shape = Shape::Capsule { half_length, radius };
     let start = DVec3::new(0.05, 0.05, 1.0);
     let tool = run.simulation.add_tool(Tool::new("needle", shape, start))?;
-    let mut random = Random(0x1357_9bdf_0246_8ace);
+    let mut random = CaseRandom(0x1357_9bdf_0246_8ace);
     let (mut least, mut wrong) = (f64::INFINITY, 0);
     for _ in 0..100 {
         let place = 0.035 + 0.03 * random.vector();
@@ -535,8 +470,9 @@ fn thin(
         let mut height = 0.002;
         run.simulation.place_tool(tool, pose(-0.5 * edge, height))?;
         run.step()?;
-        let force =
-            |run: &Run| run.simulation.tool_report(tool).map_or(f64::NEG_INFINITY, |r| r.force.z);
+        let force = |run: &CaseRun| {
+            run.simulation.tool_report(tool).map_or(f64::NEG_INFINITY, |r| r.force.z)
+        };
         let mut further = 5;
         for _ in 0..100 {
             if further == 0 {
@@ -568,10 +504,10 @@ fn thin(
     ])
 }
 
-fn thin_on_block(setting: &Setting, mesh: &Mesh) -> Outcome {
+fn thin_on_block(setting: &CaseSetting, mesh: &Mesh) -> CaseOutcome {
     setting.of_tetrahedra()?;
     let mut run = held(setting, mesh, &["z0"])?;
-    let inside = |run: &mut Run, at: DVec3| {
+    let inside = |run: &mut CaseRun, at: DVec3| {
         let x = run.simulation.positions(run.body);
         run.mesh.tetrahedra.iter().any(|t| {
             let [a, b, c, d] = t.map(|v| x[v as usize]);
@@ -585,13 +521,13 @@ fn thin_on_block(setting: &Setting, mesh: &Mesh) -> Outcome {
     Ok(run.finish(scale, checks))
 }
 
-fn thin_on_sheet(setting: &Setting, mesh: &Mesh) -> Outcome {
+fn thin_on_sheet(setting: &CaseSetting, mesh: &Mesh) -> CaseOutcome {
     let mut run = sheet(setting, mesh)?;
     // its own weight draws it taut: a slack sheet gives way without any force
     run.simulation.set_gravity(DVec3::NEG_Z * 9.81);
     run.steps(300)?;
     // the sheet has to be below
-    let inside = |run: &mut Run, at: DVec3| {
+    let inside = |run: &mut CaseRun, at: DVec3| {
         let x = run.simulation.positions(run.body);
         run.mesh.triangles.iter().any(|t| {
             let [a, b, c] = t.map(|v| x[v as usize]);

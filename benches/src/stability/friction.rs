@@ -1,9 +1,9 @@
 //! Group 13, figures: grasping, friction on an incline and in a drag, the force of a press for any step and
 //! stiffness, and a ball on a cylinder beside the continuum.
 
-use super::contact::{BLOCK, Hand, RADIUS, STEP, held, single};
-use super::runner::{Cases, Outcome, Problem, Run, Scope, Setting, tissue};
-use super::{Check, Part};
+use super::rows::{CasePart, Check};
+use super::runner::{CaseOutcome, CaseProblem, CaseRun, CaseSetting, Cases, Scope, tissue};
+use super::touch_rig::{BLOCK, RADIUS, STEP, ToolHand, held, single};
 use glam::DVec3;
 use sinew::engine::mesh::generate::{box_tets, cylinder_tets};
 use sinew::engine::mesh::{Mesh, MeshError};
@@ -11,29 +11,29 @@ use sinew::prelude::*;
 use sinew::touch::tool::{Points, Stiffness};
 use std::sync::Arc;
 
-const GRASP: Part = Part {
+const GRASP: CasePart = CasePart {
     group: 13,
     name: "grasp, lift, hold for 10 s, let go",
     criterion: "weight to 1e-3; slip in 10 s < 1e-3 edge; force exactly 0 after release",
 };
-const AGAIN: Part = Part {
+const AGAIN: CasePart = CasePart {
     group: 13,
     name: "1 000 grasps",
     criterion: "force exactly 0 after each; shape at the end as if there had been none",
 };
-const INCLINE: Part = Part {
+const INCLINE: CasePart = CasePart {
     group: 13,
     name: "incline at 0.99 and 1.01 of friction",
     criterion: "holds within 1 um/s, slides: T/N to 1e-4, acceleration to 0.2 %",
 };
-const DRAG: Part =
-    Part { group: 13, name: "drag in full slip", criterion: "friction over pressure to 1e-4" };
-const PRESS: Part = Part {
+const DRAG: CasePart =
+    CasePart { group: 13, name: "drag in full slip", criterion: "friction over pressure to 1e-4" };
+const PRESS: CasePart = CasePart {
     group: 13,
     name: "force of a press",
     criterion: "the same to 0.5 % for steps of 1, 10, 33 ms; stiffness doubled: 2 %",
 };
-const CONTINUUM: Part = Part {
+const CONTINUUM: CasePart = CasePart {
     group: 13,
     name: "ball on a cylinder, three meshes",
     criterion: "within 10 % of the continuum, their mean within 5 %; stiffness doubled: 2 %",
@@ -51,7 +51,7 @@ pub(super) fn cases() -> Result<Cases, MeshError> {
     let block = Arc::new(box_tets(BLOCK, [8, 8, 4])?);
     let mut cases = Cases::default();
     let mut add =
-        |part, name: &str, quick, mesh: &Arc<Mesh>, run: fn(&Setting, &Mesh) -> Outcome| {
+        |part, name: &str, quick, mesh: &Arc<Mesh>, run: fn(&CaseSetting, &Mesh) -> CaseOutcome| {
             cases.within(Scope::Robust, part, name.into(), quick, mesh, run);
         };
     add(GRASP, "h 0.0100", false, &cube, |s, m| grasp(s, m, 0.01));
@@ -69,14 +69,14 @@ pub(super) fn cases() -> Result<Cases, MeshError> {
     // axisymmetric elements of second order with exact contact, refined until the force changed by less than 0.2 %
     for (depth, force) in [(0.002, 0.194_757_8), (0.006, 0.888_448_0), (0.010, 1.731_951_1)] {
         let name = format!("{:.0} mm deep", 1e3 * depth);
-        let run = move |s: &Setting, _: &Mesh| continuum(s, depth, force);
+        let run = move |s: &CaseSetting, _: &Mesh| continuum(s, depth, force);
         cases.within(Scope::Once, CONTINUUM, name, false, &small, run);
     }
     Ok(cases)
 }
 
 /// Two jaws beside a cube that stands at the origin, with a gap (m) to it.
-fn jaws(run: &mut Run, gap: f64, friction: f64) -> Result<[Hand; 2], Problem> {
+fn jaws(run: &mut CaseRun, gap: f64, friction: f64) -> Result<[ToolHand; 2], CaseProblem> {
     let half = DVec3::splat(0.02);
     let mut jaw = |side: f64| {
         let at =
@@ -85,20 +85,25 @@ fn jaws(run: &mut Run, gap: f64, friction: f64) -> Result<[Hand; 2], Problem> {
         let mut jaw = Tool::new("jaw", shape, at).with_friction(friction);
         // wide and flat: vertices are dense enough
         jaw.points = Points::Vertex;
-        Hand::new(run, jaw)
+        ToolHand::new(run, jaw)
     };
     Ok([jaw(-1.0)?, jaw(1.0)?])
 }
 
 /// Both jaws go on by as much: towards each other, and along.
-fn both(run: &mut Run, jaws: &mut [Hand; 2], closer: f64, along: DVec3) -> Result<(), Problem> {
+fn both(
+    run: &mut CaseRun,
+    jaws: &mut [ToolHand; 2],
+    closer: f64,
+    along: DVec3,
+) -> Result<(), CaseProblem> {
     jaws[0].shift(run, DVec3::X * closer + along)?;
     jaws[1].shift(run, DVec3::X * -closer + along)?;
     run.step()
 }
 
-fn grasp(setting: &Setting, mesh: &Mesh, dt: f64) -> Outcome {
-    let mut run = Run::damped(setting, mesh, 0.45)?;
+fn grasp(setting: &CaseSetting, mesh: &Mesh, dt: f64) -> CaseOutcome {
+    let mut run = CaseRun::damped(setting, mesh, 0.45)?;
     run.simulation.set_dt(dt);
     run.simulation.set_gravity(DVec3::NEG_Z * G);
     let ground = Tool::ground("ground", DVec3::ZERO, DVec3::Z).with_friction(FRICTION);
@@ -138,8 +143,8 @@ fn grasp(setting: &Setting, mesh: &Mesh, dt: f64) -> Outcome {
 
 /// A cube that stands on what holds it, as a fold of tissue does: one that lies loose is carried out of the jaws by and
 /// by, and later grasps would find nothing.
-fn again(setting: &Setting, mesh: &Mesh) -> Outcome {
-    let mut run = Run::damped(setting, mesh, 0.45)?;
+fn again(setting: &CaseSetting, mesh: &Mesh) -> CaseOutcome {
+    let mut run = CaseRun::damped(setting, mesh, 0.45)?;
     run.simulation.set_dt(STEP);
     run.clamp("z0")?;
     let mut jaws = jaws(&mut run, 0.002, 0.5)?;
@@ -183,14 +188,14 @@ fn tilted(slope: f64) -> DVec3 {
     G * DVec3::new(libm::sin(angle), 0.0, -libm::cos(angle))
 }
 
-fn incline(setting: &Setting, mesh: &Mesh, dt: f64) -> Outcome {
-    let mut run = Run::damped(setting, mesh, 0.45)?;
+fn incline(setting: &CaseSetting, mesh: &Mesh, dt: f64) -> CaseOutcome {
+    let mut run = CaseRun::damped(setting, mesh, 0.45)?;
     run.simulation.set_dt(dt);
     let ground = Tool::ground("ground", DVec3::ZERO, DVec3::Z).with_friction(FRICTION);
-    let ground = Hand::new(&mut run, ground)?;
+    let ground = ToolHand::new(&mut run, ground)?;
     let masses = run.simulation.masses(run.body);
     let mass: f64 = masses.iter().sum();
-    let centre = move |run: &mut Run, fast: bool| {
+    let centre = move |run: &mut CaseRun, fast: bool| {
         let of = if fast {
             run.simulation.velocities(run.body)
         } else {
@@ -198,7 +203,7 @@ fn incline(setting: &Setting, mesh: &Mesh, dt: f64) -> Outcome {
         };
         masses.iter().zip(&of).map(|(m, x)| m * x.x).sum::<f64>() / mass
     };
-    let ratio = |run: &Run| {
+    let ratio = |run: &CaseRun| {
         let force = ground.force(run);
         force.x / -force.z / FRICTION
     };
@@ -247,11 +252,11 @@ fn incline(setting: &Setting, mesh: &Mesh, dt: f64) -> Outcome {
 }
 
 /// A block held at its top, and a plane that is pressed on it from below by 1 mm and dragged by 30 mm.
-fn drag(setting: &Setting, mesh: &Mesh, dt: f64) -> Outcome {
+fn drag(setting: &CaseSetting, mesh: &Mesh, dt: f64) -> CaseOutcome {
     let mut run = held(setting, mesh, &["z1"])?;
     run.simulation.set_dt(dt);
     let plane = Tool::ground("plane", DVec3::ZERO, DVec3::Z).with_friction(FRICTION);
-    let mut plane = Hand::new(&mut run, plane)?;
+    let mut plane = ToolHand::new(&mut run, plane)?;
     plane.go(&mut run, DVec3::Z * 0.001, 0.01, dt)?;
     plane.go(&mut run, DVec3::new(0.03, 0.0, 0.001), 0.05, dt)?;
     let report = run.simulation.tool_report(plane.tool).cloned().unwrap_or_default();
@@ -265,21 +270,21 @@ fn drag(setting: &Setting, mesh: &Mesh, dt: f64) -> Outcome {
     Ok(run.finish(scale, checks))
 }
 
-fn press(setting: &Setting, mesh: &Mesh) -> Outcome {
-    let pressed = |dt: f64, stiffness: f64| -> Result<(Run, f64), Problem> {
+fn press(setting: &CaseSetting, mesh: &Mesh) -> CaseOutcome {
+    let pressed = |dt: f64, stiffness: f64| -> Result<(CaseRun, f64), CaseProblem> {
         let mut run = held(setting, mesh, &["z0"])?;
         run.simulation.set_dt(dt);
         let above = DVec3::new(0.05, 0.05, BLOCK.z + RADIUS);
         let mut tool = Tool::new("ball", Shape::Sphere { radius: RADIUS }, above);
         tool.stiffness = Stiffness::Relative(stiffness);
-        let mut hand = Hand::new(&mut run, tool)?;
+        let mut hand = ToolHand::new(&mut run, tool)?;
         hand.go(&mut run, above - DVec3::Z * 0.005, 0.1, dt)?;
         run.seconds(dt, 2.0)?;
         let force = hand.force(&run).z;
         Ok((run, force))
     };
     let (run, middle) = pressed(0.01, 50.0)?;
-    let off = |(_, force): (Run, f64)| (force / middle - 1.0).abs();
+    let off = |(_, force): (CaseRun, f64)| (force / middle - 1.0).abs();
     let checks = [
         Check::at_most("force at 1 ms, relative to 10 ms", off(pressed(0.001, 50.0)?), 0.005),
         Check::at_most("force at 33 ms, relative to 10 ms", off(pressed(1.0 / 30.0, 50.0)?), 0.005),
@@ -310,10 +315,10 @@ fn graded(rings: usize, layers: usize) -> Result<Mesh, MeshError> {
 /// continuum, of 20 rings without grading 1.7 %.
 const MESHES: [[usize; 2]; 3] = [[12, 11], [16, 14], [20, 18]];
 
-fn continuum(setting: &Setting, depth: f64, truth: f64) -> Outcome {
-    let pressed = |[rings, layers]: [usize; 2], stiffness: f64| -> Result<_, Problem> {
+fn continuum(setting: &CaseSetting, depth: f64, truth: f64) -> CaseOutcome {
+    let pressed = |[rings, layers]: [usize; 2], stiffness: f64| -> Result<_, CaseProblem> {
         let mesh = graded(rings, layers)?;
-        let mut run = Run::new(setting, &mesh, tissue(1e4, 0.4))?;
+        let mut run = CaseRun::new(setting, &mesh, tissue(1e4, 0.4))?;
         run.solver(|s| {
             s.integrator = Integrator::QuasiStatic;
             s.newton_tolerance = setting.pick(1e-9, 1e-6);
@@ -323,7 +328,7 @@ fn continuum(setting: &Setting, depth: f64, truth: f64) -> Outcome {
         let mut tool = Tool::new("ball", Shape::Sphere { radius: RADIUS }, above);
         tool.points = Points::Vertex;
         tool.stiffness = Stiffness::Relative(stiffness);
-        let mut hand = Hand::new(&mut run, tool)?;
+        let mut hand = ToolHand::new(&mut run, tool)?;
         hand.go(&mut run, above - DVec3::Z * depth, 1.0, 1e-3)?;
         let force = hand.force(&run).z;
         Ok((force, run.close()))

@@ -1,8 +1,10 @@
 //! Group 11: bad input gives a typed error that names the entity before the first step, and leaves the
 //! state as it was; extreme but valid input gives bounded results.
 
-use super::runner::{Cases, GRAVITY, Outcome, Problem, Run, Scope, Setting, tissue};
-use super::{Check, Figures, Part};
+use super::rows::{CasePart, Check, Figures};
+use super::runner::{
+    CaseOutcome, CaseProblem, CaseRun, CaseSetting, Cases, GRAVITY, Scope, tissue,
+};
 use glam::DVec3;
 use sinew::engine::mesh::check::{FindingCode, Severity};
 use sinew::engine::mesh::generate::{box_tets, jitter_interior};
@@ -12,12 +14,12 @@ use sinew::models::body::BodyError;
 use sinew::prelude::*;
 use std::sync::Arc;
 
-const PART: Part = Part {
+const PART: CasePart = CasePart {
     group: 11,
     name: "bad input",
     criterion: "typed error naming the entity before the first step; state intact",
 };
-const EXTREME: Part = Part {
+const EXTREME: CasePart = CasePart {
     group: 11,
     name: "extreme but valid input",
     criterion: "bounded; far bodies as near ones (1e6 m: 1e-8, 1e9 m: 1e-5, f32 at 1e6 m: 1e-4)",
@@ -26,8 +28,8 @@ const SIZE: DVec3 = DVec3::new(0.2, 0.05, 0.05);
 
 pub(super) fn cases() -> Result<Cases, MeshError> {
     let mesh = Arc::new(jitter_interior(&box_tets(SIZE, [6, 2, 2])?, 0.15, 11)?);
-    type Body = fn(&Setting, &Mesh) -> Outcome;
-    let table: [(Part, &str, Body); 14] = [
+    type InputBody = fn(&CaseSetting, &Mesh) -> CaseOutcome;
+    let table: [(CasePart, &str, InputBody); 14] = [
         (PART, "rest position not finite", rest_positions),
         (PART, "state not finite", states),
         (PART, "E not finite, zero or negative", young_moduli),
@@ -51,8 +53,8 @@ pub(super) fn cases() -> Result<Cases, MeshError> {
 }
 
 /// A sound body in motion, to which bad things are done.
-fn sound<'a>(setting: &Setting, mesh: &'a Mesh) -> Result<Run<'a>, Problem> {
-    let mut run = Run::new(setting, mesh, tissue(2e4, 0.4))?;
+fn sound<'a>(setting: &CaseSetting, mesh: &'a Mesh) -> Result<CaseRun<'a>, CaseProblem> {
+    let mut run = CaseRun::new(setting, mesh, tissue(2e4, 0.4))?;
     run.simulation.set_gravity(GRAVITY);
     run.clamp("x0")?;
     run.steps(3)?;
@@ -81,13 +83,13 @@ impl Refusals {
     /// A bad body added to a running world, which must go on.
     fn body(
         &mut self,
-        setting: &Setting,
+        setting: &CaseSetting,
         good: &Mesh,
         bad: &Mesh,
         material: YoungPoisson,
         kind: fn(&BodyError) -> bool,
         words: &[&str],
-    ) -> Result<(), Problem> {
+    ) -> Result<(), CaseProblem> {
         let mut run = sound(setting, good)?;
         let before =
             (run.simulation.state_hash(), run.simulation.world().entities().count_spawned());
@@ -105,12 +107,12 @@ impl Refusals {
     /// A step that must fail twice, and succeed once things are as they were.
     fn step(
         &mut self,
-        setting: &Setting,
+        setting: &CaseSetting,
         mesh: &Mesh,
         spoil: impl Fn(&mut Simulation),
         kind: fn(&StepError) -> bool,
         words: &[&str],
-    ) -> Result<(), Problem> {
+    ) -> Result<(), CaseProblem> {
         let mut run = sound(setting, mesh)?;
         let hash = run.simulation.state_hash();
         spoil(&mut run.simulation);
@@ -127,14 +129,14 @@ impl Refusals {
         run.step()
     }
 
-    fn outcome(self) -> Outcome {
+    fn outcome(self) -> CaseOutcome {
         Ok((Figures::default(), self.checks))
     }
 }
 
 const NOT_FINITE: [f64; 3] = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY];
 
-fn rest_positions(setting: &Setting, mesh: &Mesh) -> Outcome {
+fn rest_positions(setting: &CaseSetting, mesh: &Mesh) -> CaseOutcome {
     let mut refusals = Refusals::default();
     for bad in NOT_FINITE {
         for axis in 0..3 {
@@ -154,7 +156,7 @@ fn rest_positions(setting: &Setting, mesh: &Mesh) -> Outcome {
     refusals.outcome()
 }
 
-fn states(setting: &Setting, mesh: &Mesh) -> Outcome {
+fn states(setting: &CaseSetting, mesh: &Mesh) -> CaseOutcome {
     let mut refusals = Refusals::default();
     for bad in NOT_FINITE {
         for velocity in [false, true] {
@@ -178,12 +180,12 @@ fn states(setting: &Setting, mesh: &Mesh) -> Outcome {
 }
 
 fn materials(
-    setting: &Setting,
+    setting: &CaseSetting,
     mesh: &Mesh,
     bad: &[f64],
     spoil: fn(&mut YoungPoisson, f64),
     words: &[&str],
-) -> Outcome {
+) -> CaseOutcome {
     let mut refusals = Refusals::default();
     for &value in bad {
         let mut material = tissue(1e4, 0.3);
@@ -194,22 +196,22 @@ fn materials(
     refusals.outcome()
 }
 
-fn young_moduli(setting: &Setting, mesh: &Mesh) -> Outcome {
+fn young_moduli(setting: &CaseSetting, mesh: &Mesh) -> CaseOutcome {
     let bad = [&NOT_FINITE[..], &[0.0, -1e4]].concat();
     materials(setting, mesh, &bad, |m, x| m.young_modulus = x, &["Young's modulus"])
 }
 
-fn poisson_ratios(setting: &Setting, mesh: &Mesh) -> Outcome {
+fn poisson_ratios(setting: &CaseSetting, mesh: &Mesh) -> CaseOutcome {
     let bad = [&NOT_FINITE[..], &[0.49995, 0.5, 0.7, -1.0, -3.0]].concat();
     materials(setting, mesh, &bad, |m, x| m.poisson_ratio = x, &["Poisson's ratio"])
 }
 
-fn densities(setting: &Setting, mesh: &Mesh) -> Outcome {
+fn densities(setting: &CaseSetting, mesh: &Mesh) -> CaseOutcome {
     let bad = [&NOT_FINITE[..], &[0.0, -1.0]].concat();
     materials(setting, mesh, &bad, |m, x| m.density = x, &["density"])
 }
 
-fn steps(setting: &Setting, mesh: &Mesh) -> Outcome {
+fn steps(setting: &CaseSetting, mesh: &Mesh) -> CaseOutcome {
     let mut refusals = Refusals::default();
     for dt in [0.0, -0.01].into_iter().chain(NOT_FINITE) {
         let kind = |e: &StepError| matches!(e, StepError::InvalidStep { .. });
@@ -218,7 +220,7 @@ fn steps(setting: &Setting, mesh: &Mesh) -> Outcome {
     refusals.outcome()
 }
 
-fn gravities(setting: &Setting, mesh: &Mesh) -> Outcome {
+fn gravities(setting: &CaseSetting, mesh: &Mesh) -> CaseOutcome {
     let mut refusals = Refusals::default();
     for bad in NOT_FINITE {
         for axis in DVec3::AXES {
@@ -231,7 +233,7 @@ fn gravities(setting: &Setting, mesh: &Mesh) -> Outcome {
     refusals.outcome()
 }
 
-fn flat_by_index(setting: &Setting, mesh: &Mesh) -> Outcome {
+fn flat_by_index(setting: &CaseSetting, mesh: &Mesh) -> CaseOutcome {
     let mut refusals = Refusals::default();
     let [a, b, c, d] = mesh.tetrahedra[17];
     let mut same_place = mesh.clone();
@@ -255,7 +257,7 @@ fn leaf(height: f64) -> Mesh {
     Mesh { points, tetrahedra: vec![[0, 1, 2, 3]], ..Mesh::default() }
 }
 
-fn flat(setting: &Setting, mesh: &Mesh) -> Outcome {
+fn flat(setting: &CaseSetting, mesh: &Mesh) -> CaseOutcome {
     let mut refusals = Refusals::default();
     for height in [0.0, 1e-13] {
         let kind = |e: &BodyError| matches!(e, BodyError::Tetrahedron { tetrahedron: 0, .. });
@@ -271,11 +273,11 @@ fn flat(setting: &Setting, mesh: &Mesh) -> Outcome {
     let warned = finding.is_some_and(|f| f.severity == Severity::Warning);
     refusals.holds("mesh check warns of a sliver", warned);
     let sliver = leaf(1e-7);
-    Run::new(setting, &sliver, tissue(1e4, 0.3))?;
+    CaseRun::new(setting, &sliver, tissue(1e4, 0.3))?;
     refusals.outcome()
 }
 
-fn inverted(setting: &Setting, mesh: &Mesh) -> Outcome {
+fn inverted(setting: &CaseSetting, mesh: &Mesh) -> CaseOutcome {
     let mut refusals = Refusals::default();
     let mut spoilt = mesh.clone();
     spoilt.tetrahedra[17].swap(0, 1);
@@ -293,7 +295,7 @@ fn inverted(setting: &Setting, mesh: &Mesh) -> Outcome {
     refusals.outcome()
 }
 
-fn duplicates(_: &Setting, mesh: &Mesh) -> Outcome {
+fn duplicates(_: &CaseSetting, mesh: &Mesh) -> CaseOutcome {
     let mut refusals = Refusals::default();
     let mut twice = mesh.clone();
     twice.tetrahedra.push(mesh.tetrahedra[5]);
@@ -331,7 +333,7 @@ fn interior_face(mesh: &Mesh) -> Option<[u32; 3]> {
     })
 }
 
-fn unused(setting: &Setting, mesh: &Mesh) -> Outcome {
+fn unused(setting: &CaseSetting, mesh: &Mesh) -> CaseOutcome {
     let mut refusals = Refusals::default();
     let mut more = mesh.clone();
     more.points.extend([DVec3::ONE, DVec3::ZERO]);
@@ -354,11 +356,12 @@ fn unused(setting: &Setting, mesh: &Mesh) -> Outcome {
     refusals.outcome()
 }
 
-fn far(setting: &Setting, mesh: &Mesh) -> Outcome {
-    let sag = |offset: f64, precision| -> Result<Vec<DVec3>, Problem> {
+fn far(setting: &CaseSetting, mesh: &Mesh) -> CaseOutcome {
+    let sag = |offset: f64, precision| -> Result<Vec<DVec3>, CaseProblem> {
         let mut moved = mesh.clone();
         moved.points.iter_mut().for_each(|x| *x += DVec3::new(offset, -offset, offset));
-        let mut run = Run::new(&Setting { precision, ..*setting }, &moved, tissue(2e4, 0.4))?;
+        let mut run =
+            CaseRun::new(&CaseSetting { precision, ..*setting }, &moved, tissue(2e4, 0.4))?;
         run.solver(|s| s.linear_tolerance = if precision == Precision::F64 { 1e-10 } else { 1e-6 });
         run.simulation.set_gravity(GRAVITY);
         run.clamp("x0")?;
@@ -376,7 +379,7 @@ fn far(setting: &Setting, mesh: &Mesh) -> Outcome {
     Ok((Figures::default(), checks))
 }
 
-fn heavy(setting: &Setting, mesh: &Mesh) -> Outcome {
+fn heavy(setting: &CaseSetting, mesh: &Mesh) -> CaseOutcome {
     let mut run = sound(setting, mesh)?;
     run.simulation.set_gravity(DVec3::new(0.0, 0.0, -1e6));
     let mass = run.mass();

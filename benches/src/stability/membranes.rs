@@ -1,9 +1,11 @@
 //! Group 9: a sheet whose edges are brought together until it wrinkles, sheets collapsed to a point or a
 //! line, a sphere blown up to many times its size.
 
-use super::runner::{Cases, Outcome, Problem, Random, Run, Scope, Setting, tissue};
-use super::{Check, Part};
-use crate::beam;
+use super::rows::{CasePart, Check};
+use super::runner::{
+    CaseOutcome, CaseProblem, CaseRandom, CaseRun, CaseSetting, Cases, Scope, tissue,
+};
+use crate::toolbox::beam;
 use glam::{DVec2, DVec3};
 use sinew::engine::load::Pressure;
 use sinew::engine::mesh::generate::{sphere_triangles, triangle_grid};
@@ -14,18 +16,21 @@ use sinew::models::element::membrane::plane_stress;
 use sinew::prelude::*;
 use std::sync::Arc;
 
-const WRINKLED: Part = Part {
+const WRINKLED: CasePart = CasePart {
     group: 9,
     name: "wrinkled sheet",
     criterion: "leaves its plane by more than 1 % of its size",
 };
-const COLLAPSED: Part = Part {
+const COLLAPSED: CasePart = CasePart {
     group: 9,
     name: "sheet collapsed to point, line",
     criterion: "edge error < 1e-3 after 5 s",
 };
-const INFLATED: Part =
-    Part { group: 9, name: "inflated sphere", criterion: "radius within 0.5 % of the closed form" };
+const INFLATED: CasePart = CasePart {
+    group: 9,
+    name: "inflated sphere",
+    criterion: "radius within 0.5 % of the closed form",
+};
 /// Side of the sheet, thickness, radius of the sphere (m).
 const SIZE: f64 = 0.2;
 const THICKNESS: f64 = 0.001;
@@ -41,46 +46,50 @@ pub(super) fn cases() -> Result<Cases, MeshError> {
             for fraction in [0.1, 0.3, 0.6] {
                 let name = format!("{own} {:.0} % h {dt:.4}", 100.0 * fraction);
                 let quick = dt < 0.1 && fraction == 0.6;
-                let run = move |s: &Setting, mesh: &Mesh| wrinkle(s, mesh, model, fraction, dt);
+                let run = move |s: &CaseSetting, mesh: &Mesh| wrinkle(s, mesh, model, fraction, dt);
                 cases.within(Scope::Integrators, WRINKLED, name, quick, &sheet, run);
             }
             for (name, line) in [("point", false), ("line", true)] {
                 let name = format!("{own} {name} h {dt:.4}");
                 let quick = dt < 0.1 && model == MembraneModel::Biquadratic;
-                let run = move |s: &Setting, mesh: &Mesh| collapse(s, mesh, model, line, dt);
+                let run = move |s: &CaseSetting, mesh: &Mesh| collapse(s, mesh, model, line, dt);
                 cases.within(Scope::Integrators, COLLAPSED, name, quick, &sheet, run);
             }
         }
     }
     for stretch in [1.2, 2.0, 4.0] {
-        let run = move |s: &Setting, mesh: &Mesh| inflate(s, mesh, stretch);
+        let run = move |s: &CaseSetting, mesh: &Mesh| inflate(s, mesh, stretch);
         cases.within(Scope::Once, INFLATED, format!("stretch {stretch}"), true, &sphere, run);
     }
     Ok(cases)
 }
 
-fn sheet<'a>(setting: &Setting, mesh: &'a Mesh, model: MembraneModel) -> Result<Run<'a>, Problem> {
+fn sheet<'a>(
+    setting: &CaseSetting,
+    mesh: &'a Mesh,
+    model: MembraneModel,
+) -> Result<CaseRun<'a>, CaseProblem> {
     let material = tissue(1e4, 0.3);
     let membrane = MembraneDescription::new(&mesh.triangles, THICKNESS, material);
     let body = beam::sheet("sheet", mesh, MembraneDescription { model, ..membrane });
-    Run::of(setting, mesh, &body)
+    CaseRun::of(setting, mesh, &body)
 }
 
 /// Starts at rest, with noise (m) on the displacements.
-fn start(run: &mut Run, mut u: Vec<DVec3>, noise: f64) -> Result<(), Problem> {
-    let mut random = Random(0x5678_9abc_def1_2345);
+fn start(run: &mut CaseRun, mut u: Vec<DVec3>, noise: f64) -> Result<(), CaseProblem> {
+    let mut random = CaseRandom(0x5678_9abc_def1_2345);
     u.iter_mut().for_each(|u| *u += 2.0 * noise * (random.vector() - DVec3::splat(0.5)));
     run.place_still(&u)
 }
 
 /// Two opposite edges are brought together in half a second and held for another.
 fn wrinkle(
-    setting: &Setting,
+    setting: &CaseSetting,
     mesh: &Mesh,
     model: MembraneModel,
     fraction: f64,
     dt: f64,
-) -> Outcome {
+) -> CaseOutcome {
     let mut run = sheet(setting, mesh, model)?;
     run.solver(|s| s.mass_damping = 2.0);
     for (side, sign) in [("x0", 0.5), ("x1", -0.5)] {
@@ -98,7 +107,13 @@ fn wrinkle(
 }
 
 /// A free sheet in a point or on a line.
-fn collapse(setting: &Setting, mesh: &Mesh, model: MembraneModel, line: bool, dt: f64) -> Outcome {
+fn collapse(
+    setting: &CaseSetting,
+    mesh: &Mesh,
+    model: MembraneModel,
+    line: bool,
+    dt: f64,
+) -> CaseOutcome {
     let mut run = sheet(setting, mesh, model)?;
     run.solver(|s| s.mass_damping = 4.0);
     let centre = DVec3::new(0.5 * SIZE, 0.5 * SIZE, 0.0);
@@ -113,7 +128,7 @@ fn collapse(setting: &Setting, mesh: &Mesh, model: MembraneModel, line: bool, dt
 
 /// A sphere under the pressure at which a perfect one has `stretch` times its radius,
 /// `p = 2 (lambda + mu) (s^2 - 1) / (R s)`.
-fn inflate(setting: &Setting, mesh: &Mesh, stretch: f64) -> Outcome {
+fn inflate(setting: &CaseSetting, mesh: &Mesh, stretch: f64) -> CaseOutcome {
     let mut run = sheet(setting, mesh, MembraneModel::Biquadratic)?;
     run.solver(|s| {
         s.integrator = Integrator::QuasiStatic;

@@ -1,7 +1,7 @@
 //! Groups 6 and 7: bars twisted, stretched, teleported, and held and let go at every step.
 
-use super::runner::{Cases, Outcome, Random, Run, Setting, bend, nearest};
-use super::{Check, Part};
+use super::rows::{CasePart, Check};
+use super::runner::{CaseOutcome, CaseRandom, CaseRun, CaseSetting, Cases, bend, nearest};
 use glam::DVec3;
 use sinew::engine::mesh::generate::{box_tets, jitter_interior};
 use sinew::engine::mesh::{Mesh, MeshError};
@@ -9,17 +9,17 @@ use sinew::prelude::*;
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
-const DRIVEN: Part = Part {
+const DRIVEN: CasePart = CasePart {
     group: 6,
     name: "twist 4 turns, stretch 5 x",
     criterion: "none inverted while held (nu 0.3); 2 s after release edge error < 1 %, none inverted",
 };
-const TELEPORT: Part = Part {
+const TELEPORT: CasePart = CasePart {
     group: 7,
     name: "teleport",
     criterion: "none inverted while held (nu 0.3); 2 s after release edge error < 1 %, none inverted",
 };
-const TOGGLED: Part = Part {
+const TOGGLED: CasePart = CasePart {
     group: 7,
     name: "constraints on and off",
     criterion: "2 s later edge error < 1 %, none inverted",
@@ -51,8 +51,8 @@ pub(super) fn cases() -> Result<Cases, MeshError> {
     Ok(cases)
 }
 
-fn drive(setting: &Setting, mesh: &Mesh, motion: &Motion, nu: f64) -> Outcome {
-    let mut run = Run::damped(setting, mesh, nu)?;
+fn drive(setting: &CaseSetting, mesh: &Mesh, motion: &Motion, nu: f64) -> CaseOutcome {
+    let mut run = CaseRun::damped(setting, mesh, nu)?;
     let held = run.clamp("x0")?;
     let rows = run.side("x1")?;
     let moving = Constraint::moving("x1", rows, motion.clone(), Curve::ramp(0.0, 2.0));
@@ -75,8 +75,8 @@ fn drive(setting: &Setting, mesh: &Mesh, motion: &Motion, nu: f64) -> Outcome {
     Ok(run.finish(scale, checks))
 }
 
-fn teleport(setting: &Setting, mesh: &Mesh, nu: f64, dt: f64) -> Outcome {
-    let mut run = Run::damped(setting, mesh, nu)?;
+fn teleport(setting: &CaseSetting, mesh: &Mesh, nu: f64, dt: f64) -> CaseOutcome {
+    let mut run = CaseRun::damped(setting, mesh, nu)?;
     run.clamp("x0")?;
     run.simulation.set_dt(dt);
     run.step()?;
@@ -97,15 +97,15 @@ fn teleport(setting: &Setting, mesh: &Mesh, nu: f64, dt: f64) -> Outcome {
     Ok(run.finish(scale, checks))
 }
 
-fn toggle(setting: &Setting, mesh: &Mesh, nu: f64, dt: f64) -> Outcome {
-    let mut run = Run::damped(setting, mesh, nu)?;
+fn toggle(setting: &CaseSetting, mesh: &Mesh, nu: f64, dt: f64) -> CaseOutcome {
+    let mut run = CaseRun::damped(setting, mesh, nu)?;
     run.clamp("x0")?;
     run.simulation.set_dt(dt);
     // bent by a half turn
     let u = bend(mesh, 2.0 * SIZE.x / TAU);
     run.place_still(&u)?;
     let scale = run.energy();
-    let mut random = Random(0x4567_89ab_cdef_1234);
+    let mut random = CaseRandom(0x4567_89ab_cdef_1234);
     let vertices = mesh.points.len() as u32;
     for _ in 0..100 {
         let some: Vec<u32> = (0..vertices).filter(|_| random.number() < 0.3).collect();

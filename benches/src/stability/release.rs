@@ -1,14 +1,14 @@
 //! Group 2: a cube crushed between its faces and let go.
 
-use super::runner::{Cases, Outcome, Run, Setting};
-use super::{Check, Part};
+use super::rows::{CasePart, Check};
+use super::runner::{CaseOutcome, CaseRun, CaseSetting, Cases};
 use glam::DVec3;
 use sinew::engine::mesh::generate::{box_tets, jitter_interior};
 use sinew::engine::mesh::{Mesh, MeshError};
 use sinew::prelude::*;
 use std::sync::Arc;
 
-const PART: Part = Part {
+const PART: CasePart = CasePart {
     group: 2,
     name: "crushed and released",
     criterion: "none inverted while held at 50 and 80 %; after release edge error < 1 %, none inverted",
@@ -23,7 +23,7 @@ pub(super) fn cases() -> Result<Cases, MeshError> {
             for dt in [1.0 / 60.0, 0.1] {
                 let name = format!("{:.0} % nu {nu} h {dt:.4}", 100.0 * squeeze);
                 let quick = nu != 0.49 && squeeze != 0.8;
-                let run = move |s: &Setting, mesh: &Mesh| crush(s, mesh, squeeze, nu, dt);
+                let run = move |s: &CaseSetting, mesh: &Mesh| crush(s, mesh, squeeze, nu, dt);
                 cases.add(PART, name, quick, &mesh, run);
             }
         }
@@ -31,8 +31,8 @@ pub(super) fn cases() -> Result<Cases, MeshError> {
     Ok(cases)
 }
 
-fn crush(setting: &Setting, mesh: &Mesh, squeeze: f64, nu: f64, dt: f64) -> Outcome {
-    let mut run = Run::damped(setting, mesh, nu)?;
+fn crush(setting: &CaseSetting, mesh: &Mesh, squeeze: f64, nu: f64, dt: f64) -> CaseOutcome {
+    let mut run = CaseRun::damped(setting, mesh, nu)?;
     run.simulation.set_dt(dt);
     let ramp = (0.5 / dt).round() as u64;
     for (side, way) in [("x0", 2.0 * CELL), ("x1", -2.0 * CELL)] {

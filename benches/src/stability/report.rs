@@ -1,29 +1,31 @@
 //! The pass table and what lies behind it: text, JSON, one HTML page.
 
-use super::{Check, Column, Row, Status, Suite};
-use crate::bench::error::BenchError;
-use crate::bench::table::{Cell, Table, escape, three_digits};
-use crate::report::{Files, Page};
+use super::Suite;
+use super::rows::{CasePart, CaseStatus, Check, HardCaseRow, PassColumn};
+use crate::toolbox::error::BenchError;
+use crate::toolbox::report::ReportFiles;
+use sinew_tune::page::Page;
+use sinew_tune::table::{Cell, Table, escape, three_digits};
 use sinew_tune::table_of;
 use std::fmt::{self, Write};
 use std::path::{Path, PathBuf};
 
 /// Passed of run; what fails though it is required is called so, unless it is known.
-fn tally(rows: &[&Row]) -> String {
-    let passed = rows.iter().filter(|r| r.status == Status::Pass).count();
+fn tally(rows: &[&HardCaseRow]) -> String {
+    let passed = rows.iter().filter(|r| r.status == CaseStatus::Pass).count();
     match rows {
         [] => String::new(),
-        _ if rows.iter().any(|r| r.required && r.status == Status::Fail && !r.excused()) => {
+        _ if rows.iter().any(|r| r.required && r.status == CaseStatus::Fail && !r.excused()) => {
             format!("{passed}/{} FAIL", rows.len())
         }
-        _ if rows.iter().any(|r| r.required && r.status == Status::Fail) => {
+        _ if rows.iter().any(|r| r.required && r.status == CaseStatus::Fail) => {
             format!("{passed}/{} known", rows.len())
         }
         _ => format!("{passed}/{}", rows.len()),
     }
 }
 
-impl Row {
+impl HardCaseRow {
     /// What stopped it, or why what it misses is known.
     fn remark(&self) -> String {
         match self.known.filter(|_| self.excused()) {
@@ -34,14 +36,14 @@ impl Row {
 
     /// The column in words, nothing where none matters.
     fn with(&self) -> String {
-        self.column.map_or(String::new(), Column::name)
+        self.column.map_or(String::new(), PassColumn::name)
     }
 
     /// How it ended, in a word.
     fn result(&self) -> &'static str {
         match (self.status, self.required) {
-            (Status::Pass, _) if self.known.is_some() => "ok here",
-            (Status::Pass, _) => "ok",
+            (CaseStatus::Pass, _) if self.known.is_some() => "ok here",
+            (CaseStatus::Pass, _) => "ok",
             (_, true) if self.excused() => "known",
             (_, true) => "FAIL",
             _ => "misses",
@@ -73,8 +75,8 @@ impl Check {
 
 impl Suite {
     /// Subgroups in order.
-    fn parts(&self) -> Vec<super::Part> {
-        let mut parts: Vec<super::Part> = Vec::new();
+    fn parts(&self) -> Vec<CasePart> {
+        let mut parts: Vec<CasePart> = Vec::new();
         for row in &self.rows {
             if !parts.contains(&row.part) {
                 parts.push(row.part);
@@ -85,24 +87,24 @@ impl Suite {
 
     /// Passed of run, where the suite must pass: per subgroup and column.
     pub fn pass_table(&self) -> Table {
-        let mut settings: Vec<Option<Column>> =
+        let mut settings: Vec<Option<PassColumn>> =
             self.columns.iter().filter(|c| c.required()).map(|c| Some(*c)).collect();
         settings.push(None);
         let names: Vec<String> =
-            settings.iter().map(|c| c.map_or("any setting".into(), Column::name)).collect();
+            settings.iter().map(|c| c.map_or("any setting".into(), PassColumn::name)).collect();
         let mut columns = vec!["", "hard case"];
         columns.extend(names.iter().map(String::as_str));
         let mut table = Table::new("pass", "Hard cases: passed of run", &columns).note(format!(
             "Energy {}, recovery from inversion on unless named. \"any setting\": what depends on neither \
              integrator nor energy, and what every explicit integrator does beyond its limit. \"known\": \
              what misses is listed with its reason.",
-            Column::DEFAULT.model.name()
+            PassColumn::DEFAULT.model.name()
         ));
         for part in self.parts() {
             let mut row: Vec<Cell> = vec![u64::from(part.group).into(), part.name.into()];
-            let of_part = |r: &&Row| r.part == part;
+            let of_part = |r: &&HardCaseRow| r.part == part;
             for setting in &settings {
-                let rows: Vec<&Row> = self
+                let rows: Vec<&HardCaseRow> = self
                     .rows
                     .iter()
                     .filter(of_part)
@@ -120,7 +122,7 @@ impl Suite {
 
     /// Passed of run with the settings that are shown for comparison, per group.
     pub fn comparison_table(&self) -> Table {
-        let compared = |r: &&Row| !r.required;
+        let compared = |r: &&HardCaseRow| !r.required;
         let mut groups: Vec<u8> = self.rows.iter().filter(compared).map(|r| r.part.group).collect();
         groups.dedup();
         let names: Vec<String> = groups.iter().map(u8::to_string).collect();
@@ -134,7 +136,7 @@ impl Suite {
         for &column in self.columns.iter().filter(|c| !c.required()) {
             let mut row: Vec<Cell> = vec![column.name().into()];
             for &group in &groups {
-                let rows: Vec<&Row> = self
+                let rows: Vec<&HardCaseRow> = self
                     .rows
                     .iter()
                     .filter(compared)
@@ -200,11 +202,12 @@ impl Suite {
 
     /// How many cases ran and how they ended.
     pub fn summary(&self) -> String {
-        let count = |required: bool, status: Status| {
+        let count = |required: bool, status: CaseStatus| {
             self.rows.iter().filter(|r| r.required == required && r.status == status).count()
         };
-        let (passed, failed) = (count(true, Status::Pass), count(true, Status::Fail));
-        let (other_passed, other_failed) = (count(false, Status::Pass), count(false, Status::Fail));
+        let (passed, failed) = (count(true, CaseStatus::Pass), count(true, CaseStatus::Fail));
+        let (other_passed, other_failed) =
+            (count(false, CaseStatus::Pass), count(false, CaseStatus::Fail));
         let mut text = format!("{passed} of {} required cases passed", passed + failed);
         if other_passed + other_failed > 0 {
             let _ =
@@ -246,7 +249,7 @@ impl Suite {
         let is_page = path.extension().is_some_and(|e| e == "html" || e == "htm");
         let file = if is_page { path.to_path_buf() } else { path.join("stability.html") };
         let folder = file.parent().unwrap_or(Path::new(""));
-        let mut files = Files::default();
+        let mut files = ReportFiles::default();
         files.add(file.file_name().unwrap_or_default().to_string_lossy(), self.html());
         files.write(folder)?;
         Ok(file)

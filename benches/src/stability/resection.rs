@@ -1,10 +1,11 @@
 //! Group 8: elements removed from loaded bars, until what is left hangs on an edge, on a vertex or on
 //! nothing.
 
+use super::rows::{CasePart, Check};
 use super::runner::{
-    Cases, Fall, GRAVITY, Outcome, Problem, Random, Run, Setting, nearest, tissue,
+    CaseOutcome, CaseProblem, CaseRandom, CaseRun, CaseSetting, Cases, Fall, GRAVITY, nearest,
+    tissue,
 };
-use super::{Check, Part};
 use glam::DVec3;
 use sinew::engine::mesh::generate::box_tets;
 use sinew::engine::mesh::{Mesh, MeshError};
@@ -13,17 +14,17 @@ use sinew::models::resection::{Region, Removal};
 use sinew::prelude::*;
 use std::sync::Arc;
 
-const REMOVED: Part = Part {
+const REMOVED: CasePart = CasePart {
     group: 8,
     name: "30 % removed, 100 one by one",
     criterion: "what is left equals a fresh build to 1e-12",
 };
-const HANGING: Part = Part {
+const HANGING: CasePart = CasePart {
     group: 8,
     name: "hanging on edge, vertex, nothing",
     criterion: "none inverted; what is left equals a fresh build to 1e-12",
 };
-const LOOSE: Part = Part {
+const LOOSE: CasePart = CasePart {
     group: 8,
     name: "vertex without elements",
     criterion: "closed form of the scheme to 1e-9; stays where it has no mass",
@@ -41,12 +42,12 @@ pub(super) fn cases() -> Result<Cases, MeshError> {
             let quick = dt < 0.1 && policy == MassPolicy::Recompute;
             for (name, times) in [("30 % at once", 1), ("100 one by one", 100)] {
                 let name = format!("{name}, {masses} h {dt:.4}");
-                let run = move |s: &Setting, mesh: &Mesh| remove(s, mesh, policy, times, dt);
+                let run = move |s: &CaseSetting, mesh: &Mesh| remove(s, mesh, policy, times, dt);
                 cases.add(REMOVED, name, quick, &bar, run);
             }
             for (name, shared) in [("edge", 2), ("vertex", 1), ("nothing", 0)] {
                 let name = format!("{name}, {masses} h {dt:.4}");
-                let run = move |s: &Setting, mesh: &Mesh| hang(s, mesh, policy, shared, dt);
+                let run = move |s: &CaseSetting, mesh: &Mesh| hang(s, mesh, policy, shared, dt);
                 cases.add(HANGING, name, quick, &short, run);
             }
             let (name, quick) = (format!("{masses} h {dt:.4}"), dt < 0.1);
@@ -56,8 +57,8 @@ pub(super) fn cases() -> Result<Cases, MeshError> {
     Ok(cases)
 }
 
-fn loaded<'a>(setting: &Setting, mesh: &'a Mesh, dt: f64) -> Result<Run<'a>, Problem> {
-    let mut run = Run::new(setting, mesh, tissue(1e4, 0.45))?;
+fn loaded<'a>(setting: &CaseSetting, mesh: &'a Mesh, dt: f64) -> Result<CaseRun<'a>, CaseProblem> {
+    let mut run = CaseRun::new(setting, mesh, tissue(1e4, 0.45))?;
     run.simulation.set_gravity(GRAVITY);
     run.simulation.set_dt(dt);
     run.clamp("x0")?;
@@ -65,12 +66,16 @@ fn loaded<'a>(setting: &Setting, mesh: &'a Mesh, dt: f64) -> Result<Run<'a>, Pro
 }
 
 /// Energy scale (J): the weight of the whole bar times its length.
-fn weight(run: &mut Run) -> f64 {
+fn weight(run: &mut CaseRun) -> f64 {
     run.mass() * 9.81 * BAR.x
 }
 
 /// Difference from a body built anew; masses count where they were summed again.
-fn fresh(run: &mut Run, setting: &Setting, policy: MassPolicy) -> Result<Check, Problem> {
+fn fresh(
+    run: &mut CaseRun,
+    setting: &CaseSetting,
+    policy: MassPolicy,
+) -> Result<Check, CaseProblem> {
     let difference = run.simulation.verify_against_fresh(run.body)?;
     let mass = if policy == MassPolicy::Recompute { difference.mass } else { 0.0 };
     let limit = setting.pick(1e-12, 2e-5);
@@ -78,7 +83,12 @@ fn fresh(run: &mut Run, setting: &Setting, policy: MassPolicy) -> Result<Check, 
 }
 
 /// Takes away elements of a list in so many parts, with a step after each.
-fn cut(run: &mut Run, policy: MassPolicy, gone: &[u32], parts: usize) -> Result<(), Problem> {
+fn cut(
+    run: &mut CaseRun,
+    policy: MassPolicy,
+    gone: &[u32],
+    parts: usize,
+) -> Result<(), CaseProblem> {
     for some in gone.chunks(gone.len().div_ceil(parts)) {
         let removal = Removal { region: run.region(some), mass: policy };
         run.remove(&removal)?;
@@ -87,12 +97,18 @@ fn cut(run: &mut Run, policy: MassPolicy, gone: &[u32], parts: usize) -> Result<
     Ok(())
 }
 
-fn remove(setting: &Setting, mesh: &Mesh, policy: MassPolicy, parts: usize, dt: f64) -> Outcome {
+fn remove(
+    setting: &CaseSetting,
+    mesh: &Mesh,
+    policy: MassPolicy,
+    parts: usize,
+    dt: f64,
+) -> CaseOutcome {
     let mut run = loaded(setting, mesh, dt)?;
     let scale = weight(&mut run);
     run.steps(20)?;
     let mut all: Vec<u32> = (0..run.elements() as u32).collect();
-    let mut random = Random(0x6789_abcd_ef12_3456);
+    let mut random = CaseRandom(0x6789_abcd_ef12_3456);
     let count = if parts == 1 { all.len() * 3 / 10 } else { parts };
     for i in 0..count {
         let rest = (all.len() - i) as f64;
@@ -105,7 +121,13 @@ fn remove(setting: &Setting, mesh: &Mesh, policy: MassPolicy, parts: usize, dt: 
 }
 
 /// A held block and one more element that shares so many vertices with it.
-fn hang(setting: &Setting, mesh: &Mesh, policy: MassPolicy, shared: usize, dt: f64) -> Outcome {
+fn hang(
+    setting: &CaseSetting,
+    mesh: &Mesh,
+    policy: MassPolicy,
+    shared: usize,
+    dt: f64,
+) -> CaseOutcome {
     setting.of_tetrahedra()?;
     let mut run = loaded(setting, mesh, dt)?;
     let scale = weight(&mut run);
@@ -129,7 +151,7 @@ fn hang(setting: &Setting, mesh: &Mesh, policy: MassPolicy, shared: usize, dt: f
 }
 
 /// All elements round a corner go.
-fn orphan(setting: &Setting, mesh: &Mesh, policy: MassPolicy, dt: f64) -> Outcome {
+fn orphan(setting: &CaseSetting, mesh: &Mesh, policy: MassPolicy, dt: f64) -> CaseOutcome {
     setting.of_tetrahedra()?;
     let mut run = loaded(setting, mesh, dt)?;
     let scale = weight(&mut run);

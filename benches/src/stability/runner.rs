@@ -1,6 +1,6 @@
 //! One simulated case: a body, its clock and the books of its energy.
 
-use super::{Cells, Check, Column, Figures, Part};
+use super::rows::{CasePart, Check, Figures, PassColumn, SolidCells};
 use bevy_ecs::entity::Entity;
 use glam::DVec3;
 use sinew::engine::mesh::{Group, Mesh};
@@ -12,23 +12,23 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 
 /// Why a case could not be run to its end.
-pub(super) type Problem = Box<dyn std::error::Error + Send + Sync>;
+pub(super) type CaseProblem = Box<dyn std::error::Error + Send + Sync>;
 
 /// What a case gives: figures and criteria.
-pub(super) type Outcome = Result<(Figures, Vec<Check>), Problem>;
+pub(super) type CaseOutcome = Result<(Figures, Vec<Check>), CaseProblem>;
 
 /// With what a case is run.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Setting {
-    pub column: Column,
+pub(super) struct CaseSetting {
+    pub column: PassColumn,
     pub precision: Precision,
     pub threads: usize,
 }
 
-impl Setting {
+impl CaseSetting {
     /// Refuses a case that has to do with four-node tetrahedra.
-    pub fn of_tetrahedra(&self) -> Result<(), Problem> {
-        if self.column.cells == Cells::Tetrahedra { Ok(()) } else { Err(OtherCells.into()) }
+    pub fn of_tetrahedra(&self) -> Result<(), CaseProblem> {
+        if self.column.cells == SolidCells::Tetrahedra { Ok(()) } else { Err(OtherCells.into()) }
     }
 
     /// A limit that single precision may miss by a factor of ten.
@@ -56,9 +56,9 @@ impl Setting {
 #[error("this case is there for other cells only")]
 pub(super) struct OtherCells;
 
-impl Cells {
+impl SolidCells {
     /// A mesh of tetrahedra, cut into these cells.
-    fn of<'a>(self, mesh: &'a Mesh) -> Result<Cow<'a, Mesh>, Problem> {
+    fn of<'a>(self, mesh: &'a Mesh) -> Result<Cow<'a, Mesh>, CaseProblem> {
         match self {
             Self::Tetrahedra => Ok(Cow::Borrowed(mesh)),
             // a sheet is the same, whatever solids are cut into
@@ -111,28 +111,28 @@ pub(super) enum Scope {
 }
 
 /// A case and how to run it.
-pub(super) struct Case {
-    pub part: Part,
+pub(super) struct HardCase {
+    pub part: CasePart,
     pub name: String,
     /// Part of the quick selection.
     pub quick: bool,
     pub scope: Scope,
-    pub run: Box<dyn Fn(&Setting) -> Outcome + Send + Sync>,
+    pub run: Box<dyn Fn(&CaseSetting) -> CaseOutcome + Send + Sync>,
 }
 
 /// Cases of a group.
 #[derive(Default)]
-pub(super) struct Cases(pub Vec<Case>);
+pub(super) struct Cases(pub Vec<HardCase>);
 
 impl Cases {
     /// A case that concerns all columns, on a mesh.
     pub fn add(
         &mut self,
-        part: Part,
+        part: CasePart,
         name: String,
         quick: bool,
         mesh: &Arc<Mesh>,
-        run: impl Fn(&Setting, &Mesh) -> Outcome + Send + Sync + 'static,
+        run: impl Fn(&CaseSetting, &Mesh) -> CaseOutcome + Send + Sync + 'static,
     ) {
         self.within(Scope::Every, part, name, quick, mesh, run);
     }
@@ -141,17 +141,17 @@ impl Cases {
     pub fn within(
         &mut self,
         scope: Scope,
-        part: Part,
+        part: CasePart,
         name: String,
         quick: bool,
         mesh: &Arc<Mesh>,
-        run: impl Fn(&Setting, &Mesh) -> Outcome + Send + Sync + 'static,
+        run: impl Fn(&CaseSetting, &Mesh) -> CaseOutcome + Send + Sync + 'static,
     ) {
         let mesh = Arc::clone(mesh);
-        let run = Box::new(move |setting: &Setting| {
+        let run = Box::new(move |setting: &CaseSetting| {
             run(setting, setting.column.cells.of(&mesh)?.as_ref())
         });
-        self.0.push(Case { part, name, quick, scope, run });
+        self.0.push(HardCase { part, name, quick, scope, run });
     }
 }
 
@@ -170,12 +170,12 @@ const DAMPING: f64 = 3.5;
 const MAX_SUBSTEPS: u32 = 10_000;
 
 /// A body on its way through a case.
-pub(super) struct Run<'a> {
+pub(super) struct CaseRun<'a> {
     pub simulation: Simulation,
     pub body: BodyHandle,
     pub mesh: &'a Mesh,
     pub figures: Figures,
-    setting: Setting,
+    setting: CaseSetting,
     /// Energy (J) at the start of the phase, and outside work since then.
     start: f64,
     outside: f64,
@@ -185,29 +185,33 @@ pub(super) struct Run<'a> {
     pub largest: f64,
 }
 
-impl<'a> Run<'a> {
+impl<'a> CaseRun<'a> {
     /// A body at rest without gravity, no damping.
-    pub fn new(setting: &Setting, mesh: &'a Mesh, material: YoungPoisson) -> Result<Self, Problem> {
+    pub fn new(
+        setting: &CaseSetting,
+        mesh: &'a Mesh,
+        material: YoungPoisson,
+    ) -> Result<Self, CaseProblem> {
         Self::of(setting, mesh, &BodyDescription::new("body", mesh, material))
     }
 
     /// The same of a body described in full; the energy is that of the column.
     pub fn of(
-        setting: &Setting,
+        setting: &CaseSetting,
         mesh: &'a Mesh,
         description: &BodyDescription,
-    ) -> Result<Self, Problem> {
-        let Column { model, volume, .. } = setting.column;
+    ) -> Result<Self, CaseProblem> {
+        let PassColumn { model, volume, .. } = setting.column;
         Self::with(setting, mesh, &BodyDescription { model, volume, ..description.clone() })
     }
 
     /// The same with the energy that the description names.
     pub fn with(
-        setting: &Setting,
+        setting: &CaseSetting,
         mesh: &'a Mesh,
         description: &BodyDescription,
-    ) -> Result<Self, Problem> {
-        let Setting { precision, threads, .. } = *setting;
+    ) -> Result<Self, CaseProblem> {
+        let CaseSetting { precision, threads, .. } = *setting;
         let options = SimulationOptions { precision, threads, ..Default::default() };
         let mut simulation = Simulation::new(options)?;
         let body = simulation.add_body(description)?;
@@ -228,7 +232,11 @@ impl<'a> Run<'a> {
     }
 
     /// The same of soft tissue that is damped on its way to rest.
-    pub fn damped(setting: &Setting, mesh: &'a Mesh, poisson_ratio: f64) -> Result<Self, Problem> {
+    pub fn damped(
+        setting: &CaseSetting,
+        mesh: &'a Mesh,
+        poisson_ratio: f64,
+    ) -> Result<Self, CaseProblem> {
         let mut run = Self::new(setting, mesh, tissue(1e4, poisson_ratio))?;
         run.solver(|s| s.mass_damping = DAMPING);
         Ok(run)
@@ -236,7 +244,7 @@ impl<'a> Run<'a> {
 
     /// Sets the solver: defaults with the integrator of the column, then changes.
     pub fn solver(&mut self, change: impl FnOnce(&mut SolverSettings)) {
-        let Column { integrator, recovery, .. } = self.setting.column;
+        let PassColumn { integrator, recovery, .. } = self.setting.column;
         let max_substeps = MAX_SUBSTEPS;
         let mut settings =
             SolverSettings { integrator, recovery, max_substeps, ..Default::default() };
@@ -245,25 +253,29 @@ impl<'a> Run<'a> {
     }
 
     /// Vertex rows of a side of the mesh.
-    pub fn side(&self, name: &str) -> Result<Vec<VertexRow>, Problem> {
+    pub fn side(&self, name: &str) -> Result<Vec<VertexRow>, CaseProblem> {
         Ok(self.simulation.group_rows(self.body, self.mesh, name)?)
     }
 
     /// Holds a side for good.
-    pub fn clamp(&mut self, side: &str) -> Result<Entity, Problem> {
+    pub fn clamp(&mut self, side: &str) -> Result<Entity, CaseProblem> {
         let rows = self.side(side)?;
         Ok(self.simulation.add_constraint(Constraint::hold(side, rows)))
     }
 
     /// Puts the body somewhere, and starts the books there.
-    pub fn place(&mut self, displacements: &[DVec3], velocities: &[DVec3]) -> Result<(), Problem> {
+    pub fn place(
+        &mut self,
+        displacements: &[DVec3],
+        velocities: &[DVec3],
+    ) -> Result<(), CaseProblem> {
         self.simulation.set_state(self.body, displacements, velocities)?;
         self.open_books();
         Ok(())
     }
 
     /// The same without motion.
-    pub fn place_still(&mut self, displacements: &[DVec3]) -> Result<(), Problem> {
+    pub fn place_still(&mut self, displacements: &[DVec3]) -> Result<(), CaseProblem> {
         self.place(displacements, &vec![DVec3::ZERO; displacements.len()])
     }
 
@@ -289,7 +301,7 @@ impl<'a> Run<'a> {
     }
 
     /// One step, booked.
-    pub fn step(&mut self) -> Result<(), Problem> {
+    pub fn step(&mut self) -> Result<(), CaseProblem> {
         self.simulation.step()?;
         let report = self.simulation.report();
         let put_in = report.contact.work;
@@ -320,7 +332,7 @@ impl<'a> Run<'a> {
     }
 
     /// Takes elements away; the energy that goes with them counts as outside work.
-    pub fn remove(&mut self, removal: &Removal) -> Result<RemovalReport, Problem> {
+    pub fn remove(&mut self, removal: &Removal) -> Result<RemovalReport, CaseProblem> {
         let report = self.simulation.remove_elements(self.body, removal)?;
         self.outside -= report.elastic_energy + report.kinetic_energy;
         Ok(report)
@@ -340,18 +352,18 @@ impl<'a> Run<'a> {
     }
 
     /// Several steps.
-    pub fn steps(&mut self, count: u64) -> Result<(), Problem> {
+    pub fn steps(&mut self, count: u64) -> Result<(), CaseProblem> {
         (0..count).try_for_each(|_| self.step())
     }
 
     /// Steps of `dt` until about so many seconds have passed.
-    pub fn seconds(&mut self, dt: f64, seconds: f64) -> Result<(), Problem> {
+    pub fn seconds(&mut self, dt: f64, seconds: f64) -> Result<(), CaseProblem> {
         self.simulation.set_dt(dt);
         self.steps((seconds / dt).round() as u64)
     }
 
     /// Ten steps; most elements inverted after one of them.
-    pub fn held_steps(&mut self) -> Result<u64, Problem> {
+    pub fn held_steps(&mut self) -> Result<u64, CaseProblem> {
         let mut inverted = 0;
         for _ in 0..10 {
             self.step()?;
@@ -445,9 +457,9 @@ impl Fall {
 }
 
 /// A small generator of random numbers: the suite must be the same everywhere.
-pub(super) struct Random(pub u64);
+pub(super) struct CaseRandom(pub u64);
 
-impl Random {
+impl CaseRandom {
     /// Between 0 and 1.
     pub fn number(&mut self) -> f64 {
         self.0 ^= self.0 << 13;

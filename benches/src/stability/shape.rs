@@ -1,8 +1,10 @@
 //! Group 4: bad shapes, masses apart by a million, bodies of a micrometre and of a kilometre, far from
 //! the origin.
 
-use super::runner::{Cases, GRAVITY, Outcome, Problem, Run, Scope, Setting, bend, nearest, tissue};
-use super::{Check, Column, Figures, Part};
+use super::rows::{CasePart, Check, Figures, PassColumn};
+use super::runner::{
+    CaseOutcome, CaseProblem, CaseRun, CaseSetting, Cases, GRAVITY, Scope, bend, nearest, tissue,
+};
 use glam::DVec3;
 use sinew::engine::columns::single_table;
 use sinew::engine::mesh::generate::{box_tets, jitter_interior};
@@ -12,27 +14,28 @@ use sinew::engine::vertex::Mass;
 use sinew::prelude::*;
 use std::sync::Arc;
 
-const SHAPES: Part = Part {
+const SHAPES: CasePart = CasePart {
     group: 4,
     name: "slivers, needles, heavy vertex",
     criterion: "none inverted, elements of the heavy vertex left out; Newton <= 40 iterations",
 };
-const CONTRAST: Part = Part {
+const CONTRAST: CasePart = CasePart {
     group: 4,
     name: "stiffness 1e6 : 1",
     criterion: "none inverted; Newton <= 40 iterations",
 };
-const SIMILAR: Part = Part {
+const SIMILAR: CasePart = CasePart {
     group: 4,
     name: "similar bodies, 1e-6 to 1e3 m",
     criterion: "equal to the body of 0.2 m to 1e-9 of its size (f32: 1e-4)",
 };
-const FAR: Part = Part {
+const FAR: CasePart = CasePart {
     group: 4,
     name: "f32 forces far from the origin",
     criterion: "error at strains 1e-2 to 1e-6: < 1e-4 at 1 m, < 1e-2 farther",
 };
-const SIZE: DVec3 = DVec3::new(0.2, 0.05, 0.05);
+/// Edge lengths (m) of the bar.
+pub const SIZE: DVec3 = DVec3::new(0.2, 0.05, 0.05);
 const CELL: f64 = 0.025;
 
 pub(super) fn cases() -> Result<Cases, MeshError> {
@@ -56,7 +59,7 @@ pub(super) fn cases() -> Result<Cases, MeshError> {
         let ratios = if name.starts_with("nu") { vec![0.4999] } else { vec![0.3, 0.45] };
         for (nu, dt) in ratios.into_iter().flat_map(|nu| both.map(|dt| (nu, dt))) {
             let name = format!("{name}, nu {nu} h {dt:.4}");
-            let run = move |s: &Setting, mesh: &Mesh| {
+            let run = move |s: &CaseSetting, mesh: &Mesh| {
                 let body = BodyDescription::new("body", mesh, tissue(young, nu));
                 hang(s, mesh, &body, dt, heavy)
             };
@@ -72,7 +75,7 @@ pub(super) fn cases() -> Result<Cases, MeshError> {
         let young: Arc<Vec<f64>> = Arc::new(rough.tetrahedra.iter().map(young).collect());
         for (nu, dt) in [0.3, 0.45].into_iter().flat_map(|nu| both.map(|dt| (nu, dt))) {
             let (name, young) = (format!("{name}, nu {nu} h {dt:.4}"), Arc::clone(&young));
-            let run = move |s: &Setting, mesh: &Mesh| {
+            let run = move |s: &CaseSetting, mesh: &Mesh| {
                 s.of_tetrahedra()?;
                 let young_modulus = Some(&young[..]);
                 let body = BodyDescription::new("body", mesh, tissue(1e4, nu));
@@ -86,7 +89,7 @@ pub(super) fn cases() -> Result<Cases, MeshError> {
         cases.add(SIMILAR, name, nu == 0.3, &rough, move |s, mesh| similar(s, mesh, nu));
     }
     for offset in [1.0, 100.0, 1e4] {
-        let run = move |s: &Setting, mesh: &Mesh| far(s.column, mesh, offset);
+        let run = move |s: &CaseSetting, mesh: &Mesh| far(s.column, mesh, offset);
         cases.within(Scope::Once, FAR, format!("{offset} m"), true, &rough, run);
     }
     Ok(cases)
@@ -104,7 +107,7 @@ fn thin_layer(mesh: &Mesh, axis: usize, thickness: f64) -> Mesh {
 }
 
 /// The bar with a layer so thin that the smallest dihedral angle is `degrees`.
-fn with_dihedral(mesh: &Mesh, degrees: f64) -> Mesh {
+pub fn with_dihedral(mesh: &Mesh, degrees: f64) -> Mesh {
     let (mut low, mut high) = (1e-9 * CELL, CELL);
     for _ in 0..60 {
         let middle = (low * high).sqrt();
@@ -115,7 +118,7 @@ fn with_dihedral(mesh: &Mesh, degrees: f64) -> Mesh {
 }
 
 /// Smallest dihedral angle (degrees) of a mesh.
-fn smallest_dihedral(mesh: &Mesh) -> f64 {
+pub fn smallest_dihedral(mesh: &Mesh) -> f64 {
     let mut smallest = f64::INFINITY;
     for t in &mesh.tetrahedra {
         let x = t.map(|v| mesh.points[v as usize]);
@@ -131,8 +134,14 @@ fn smallest_dihedral(mesh: &Mesh) -> f64 {
     smallest.to_degrees()
 }
 
-fn hang(setting: &Setting, mesh: &Mesh, body: &BodyDescription, dt: f64, heavy: f64) -> Outcome {
-    let mut run = Run::of(setting, mesh, body)?;
+fn hang(
+    setting: &CaseSetting,
+    mesh: &Mesh,
+    body: &BodyDescription,
+    dt: f64,
+    heavy: f64,
+) -> CaseOutcome {
+    let mut run = CaseRun::of(setting, mesh, body)?;
     run.clamp("x0")?;
     run.simulation.set_dt(dt);
     let vertex = nearest(&mesh.points, 0.5 * SIZE) as u32;
@@ -176,12 +185,12 @@ fn scale_mass<S: Scalar>(simulation: &mut Simulation, row: usize, factor: f64) {
 }
 
 /// The same bar a micrometre and a kilometre long, time and gravity scaled alike.
-fn similar(setting: &Setting, mesh: &Mesh, nu: f64) -> Outcome {
-    let run = |length: f64| -> Result<(Figures, Vec<Check>, Vec<DVec3>), Problem> {
+fn similar(setting: &CaseSetting, mesh: &Mesh, nu: f64) -> CaseOutcome {
+    let run = |length: f64| -> Result<(Figures, Vec<Check>, Vec<DVec3>), CaseProblem> {
         let scale = length / SIZE.x;
         let mut scaled = mesh.clone();
         scaled.points.iter_mut().for_each(|x| *x *= scale);
-        let mut run = Run::new(setting, &scaled, tissue(1e4, nu))?;
+        let mut run = CaseRun::new(setting, &scaled, tissue(1e4, nu))?;
         // waves need as much longer as the body is larger
         run.simulation.set_dt(scale / 60.0);
         run.simulation.set_gravity(DVec3::new(0.0, 1.0, -9.81) / scale);
@@ -204,7 +213,7 @@ fn similar(setting: &Setting, mesh: &Mesh, nu: f64) -> Outcome {
 }
 
 /// Forces in single against double precision.
-fn far(column: Column, mesh: &Mesh, offset: f64) -> Outcome {
+fn far(column: PassColumn, mesh: &Mesh, offset: f64) -> CaseOutcome {
     let mut moved = mesh.clone();
     moved.points.iter_mut().for_each(|x| *x += DVec3::splat(offset));
     let limit = if offset <= 1.0 { 1e-4 } else { 1e-2 };
@@ -215,9 +224,9 @@ fn far(column: Column, mesh: &Mesh, offset: f64) -> Outcome {
             DVec3::new(x.x + x.y, wave, 0.5 * x.z - wave) * strain
         };
         let u: Vec<DVec3> = mesh.points.iter().map(field).collect();
-        let force = |precision| -> Result<Vec<DVec3>, Problem> {
-            let setting = Setting { column, precision, threads: 1 };
-            let mut run = Run::new(&setting, &moved, tissue(1e4, 0.4))?;
+        let force = |precision| -> Result<Vec<DVec3>, CaseProblem> {
+            let setting = CaseSetting { column, precision, threads: 1 };
+            let mut run = CaseRun::new(&setting, &moved, tissue(1e4, 0.4))?;
             run.place_still(&u)?;
             Ok(run.simulation.elastic_forces(run.body))
         };
@@ -227,19 +236,4 @@ fn far(column: Column, mesh: &Mesh, offset: f64) -> Outcome {
         checks.push(Check::at_most("force error of f32", error / largest, limit));
     }
     Ok((Figures::default(), checks))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn shapes_are_as_bad_as_they_say() {
-        let bar = box_tets(SIZE, [8, 2, 2]).unwrap();
-        for degrees in [1.0, 0.01] {
-            let found = smallest_dihedral(&with_dihedral(&bar, degrees));
-            assert!((found / degrees - 1.0).abs() < 1e-6, "{found} instead of {degrees}");
-        }
-        assert!((smallest_dihedral(&bar) - 45.0).abs() < 1e-9);
-    }
 }

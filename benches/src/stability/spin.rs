@@ -1,19 +1,19 @@
 //! Group 5: momentum of spinning and flying bodies.
 
-use super::runner::{Cases, Fall, GRAVITY, Outcome, Problem, Run, Setting, tissue};
-use super::{Check, Part};
+use super::rows::{CasePart, Check};
+use super::runner::{CaseOutcome, CaseProblem, CaseRun, CaseSetting, Cases, Fall, GRAVITY, tissue};
 use crate::bench::integrators::spin_elsewhere;
 use glam::DVec3;
 use sinew::engine::mesh::generate::{box_tets, jitter_interior};
 use sinew::engine::mesh::{Mesh, MeshError};
 use std::sync::Arc;
 
-const SPIN: Part = Part {
+const SPIN: CasePart = CasePart {
     group: 5,
     name: "spin at 100 rad/s",
     criterion: "linear momentum to 1e-10; angular momentum kept as the method has it",
 };
-const FLIGHT: Part = Part {
+const FLIGHT: CasePart = CasePart {
     group: 5,
     name: "free flight",
     criterion: "linear momentum and centre of mass as the scheme's closed form, to 1e-10",
@@ -45,7 +45,7 @@ pub(super) struct Momenta {
     pub size: f64,
 }
 
-pub(super) fn momenta(run: &mut Run) -> Momenta {
+pub(super) fn momenta(run: &mut CaseRun) -> Momenta {
     let m = run.simulation.masses(run.body);
     let u = run.simulation.displacements(run.body);
     let v = run.simulation.velocities(run.body);
@@ -59,15 +59,15 @@ pub(super) fn momenta(run: &mut Run) -> Momenta {
 }
 
 /// Turns about the centre of mass (rad/s) and flies (m/s).
-fn launch(run: &mut Run, turn: DVec3, flight: DVec3) -> Result<Momenta, Problem> {
+fn launch(run: &mut CaseRun, turn: DVec3, flight: DVec3) -> Result<Momenta, CaseProblem> {
     let centre = momenta(run).centre;
     let v: Vec<DVec3> = run.mesh.points.iter().map(|x| flight + turn.cross(*x - centre)).collect();
     run.place(&vec![DVec3::ZERO; v.len()], &v)?;
     Ok(momenta(run))
 }
 
-fn spin(setting: &Setting, mesh: &Mesh, place: usize) -> Outcome {
-    let mut run = Run::new(setting, mesh, tissue(1e5, 0.3))?;
+fn spin(setting: &CaseSetting, mesh: &Mesh, place: usize) -> CaseOutcome {
+    let mut run = CaseRun::new(setting, mesh, tissue(1e5, 0.3))?;
     let dt = STEPS[place];
     let start = launch(&mut run, DVec3::Z * 100.0, DVec3::ZERO)?;
     let scale = run.energy();
@@ -96,8 +96,8 @@ fn spin(setting: &Setting, mesh: &Mesh, place: usize) -> Outcome {
     Ok(run.finish(scale, checks))
 }
 
-fn fly(setting: &Setting, mesh: &Mesh, dt: f64) -> Outcome {
-    let mut run = Run::new(setting, mesh, tissue(1e5, 0.3))?;
+fn fly(setting: &CaseSetting, mesh: &Mesh, dt: f64) -> CaseOutcome {
+    let mut run = CaseRun::new(setting, mesh, tissue(1e5, 0.3))?;
     run.simulation.set_gravity(GRAVITY);
     let turn = DVec3::new(1.0, 2.0, 3.0);
     let start = launch(&mut run, turn, DVec3::new(0.3, -0.2, 0.5))?;

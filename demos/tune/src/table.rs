@@ -1,10 +1,12 @@
 //! Tables: one form for the terminal, CSV, Markdown and HTML.
 
+use serde::Serialize;
 use sinew_scene::output::no_formula;
 use std::fmt::Write;
 
 /// One value of a table.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(untagged)]
 pub enum Cell {
     /// Words.
     Text(String),
@@ -126,7 +128,7 @@ macro_rules! table_of {
 }
 
 /// A table with a heading.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Table {
     /// Name of the CSV file and of the anchor in HTML.
     pub name: &'static str,

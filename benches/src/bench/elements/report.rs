@@ -1,12 +1,12 @@
 //! What the rows of the kinds of elements say: verdicts, tables, charts.
 
 use super::ElementTruth;
-use super::{Body, CAPPED, DENSITY, ElementReport, ElementRow, KINDS, Kind, SIZE};
-use crate::bench::aims::Aim;
-use crate::bench::error::BenchError;
-use crate::bench::plot::{self, Panel, Series};
-use crate::bench::table::{Table, three_digits};
-use crate::report::Chart;
+use super::{CAPPED, DENSITY, Discretisation, ElementBody, ElementReport, ElementRow, KINDS, SIZE};
+use crate::toolbox::aim::BenchAim;
+use crate::toolbox::error::BenchError;
+use crate::toolbox::plot::{self, ChartPanel, Series};
+use sinew_tune::page::Chart;
+use sinew_tune::table::{Table, three_digits};
 use sinew_tune::table_of;
 use std::collections::BTreeSet;
 
@@ -15,7 +15,7 @@ const COLOURS: [usize; 8] = [0, 1, 2, 3, 0, 2, 3, 6];
 
 /// Time at which a curve of (time, error) points reaches an error, by straight lines in logarithms, and whether that lies
 /// outside of what was measured. None where the errors do not fall towards it.
-fn time_at_error(curve: &[[f64; 2]], error: f64) -> Option<(f64, bool)> {
+pub fn time_at_error(curve: &[[f64; 2]], error: f64) -> Option<(f64, bool)> {
     let mut points: Vec<[f64; 2]> =
         curve.iter().filter(|p| p.iter().all(|x| *x > 0.0 && x.is_finite())).copied().collect();
     points.sort_by(|a, b| a[0].total_cmp(&b[0]));
@@ -39,7 +39,7 @@ fn time_at_error(curve: &[[f64; 2]], error: f64) -> Option<(f64, bool)> {
 }
 
 /// Time of the cheapest measured or interpolated point of a curve with at most this error; nothing is extrapolated.
-fn time_within(curve: &[[f64; 2]], error: f64) -> Option<f64> {
+pub fn time_within(curve: &[[f64; 2]], error: f64) -> Option<f64> {
     let measured = curve.iter().filter(|p| p[1] <= error).map(|p| p[0]).min_by(f64::total_cmp);
     let between = time_at_error(curve, error).filter(|(_, outside)| !outside).map(|(t, _)| t);
     measured.into_iter().chain(between).min_by(f64::total_cmp)
@@ -57,7 +57,7 @@ fn cheapest_of_best<R>(rows: Vec<(R, [f64; 2])>) -> Option<(R, [f64; 2])> {
 
 /// The same points, cheapest first, no error smaller than that of a dearer one: a coarse mesh may come near by chance, where
 /// the error changes its sign.
-fn without_luck(mut curve: Vec<[f64; 2]>) -> Vec<[f64; 2]> {
+pub fn without_luck(mut curve: Vec<[f64; 2]>) -> Vec<[f64; 2]> {
     curve.sort_by(|a, b| a[0].total_cmp(&b[0]));
     let mut worst = 0.0_f64;
     for p in curve.iter_mut().rev() {
@@ -90,7 +90,7 @@ impl ElementReport {
 
     /// Points of a kind for the chart: of a rival on each mesh the cheapest setting that is as exact as its best, since fewer
     /// iterations may do.
-    fn drawn(&self, kind: &str, poisson_ratio: f64) -> Vec<[f64; 2]> {
+    pub fn drawn(&self, kind: &str, poisson_ratio: f64) -> Vec<[f64; 2]> {
         let settings = self.rows.iter().filter(|r| {
             let rest = r.kind.strip_prefix(kind);
             r.poisson_ratio == poisson_ratio && rest.is_some_and(|s| s.is_empty() || s == CAPPED)
@@ -121,9 +121,9 @@ impl ElementReport {
     }
 
     /// What was aimed at, as far as it was measured. The limits were fixed before.
-    pub fn aims(&self) -> Vec<Aim> {
+    pub fn aims(&self) -> Vec<BenchAim> {
         let mut aims = Vec::new();
-        let [linear, clusters, _, ten_node] = Kind::ALL.map(Kind::name);
+        let [linear, clusters, _, ten_node] = Discretisation::ALL.map(Discretisation::name);
         let on = |kind, nu, level| self.of(kind, nu).find(move |r| r.level == level);
         let body = self.of_body();
         for r in self.of(clusters, 0.4999) {
@@ -133,7 +133,7 @@ impl ElementReport {
                     "safe step with clusters at nu 0.4999 over the plain one at 0.45, {}{body}",
                     r.mesh
                 );
-                aims.push(Aim::at_most(what, CLUSTER_STEP, "x", ms.median / plain.median));
+                aims.push(BenchAim::at_most(what, CLUSTER_STEP, "x", ms.median / plain.median));
             }
         }
         let differences = self.of(clusters, 0.4999).filter_map(|r| {
@@ -142,7 +142,7 @@ impl ElementReport {
         });
         if let Some(found) = differences.reduce(f64::max) {
             let what = "iterations per step of clusters at nu 0.49 and 0.4999, largest difference";
-            aims.push(Aim::at_most(what, CLUSTER_ITERATIONS, "", found));
+            aims.push(BenchAim::at_most(what, CLUSTER_ITERATIONS, "", found));
         }
         for (nu, other) in [(0.3, linear), (0.4999, clusters)] {
             let curve = self.curve(other, nu);
@@ -159,7 +159,7 @@ impl ElementReport {
                     r.mesh,
                     if outside { " (extrapolated)" } else { "" }
                 );
-                aims.push(Aim::at_most(what, TEN_NODE_SHARE, "x", ms / time));
+                aims.push(BenchAim::at_most(what, TEN_NODE_SHARE, "x", ms / time));
             }
         }
         for nu in self.ratios() {
@@ -174,7 +174,7 @@ impl ElementReport {
                 };
                 let theirs = theirs.filter_map(|r| sure(r).map(|p| (r, p))).collect();
                 let Some((row, [ms, error])) = cheapest_of_best(theirs) else { continue };
-                let curves = Kind::ALL.map(|k| without_luck(self.curve(k.name(), nu)));
+                let curves = Discretisation::ALL.map(|k| without_luck(self.curve(k.name(), nu)));
                 let least = |of: &dyn Fn(&Vec<[f64; 2]>) -> Option<f64>| {
                     curves.iter().filter_map(of).min_by(f64::total_cmp)
                 };
@@ -189,7 +189,7 @@ impl ElementReport {
                 );
                 // JSON has no infinity: without any elements that get there, the largest number
                 let found = ours.or(beyond).map_or(f64::MAX, |t| t / ms);
-                aims.push(Aim::at_most(what, RIVAL_SHARE, "x", found));
+                aims.push(BenchAim::at_most(what, RIVAL_SHARE, "x", found));
             }
         }
         aims
@@ -201,8 +201,10 @@ impl ElementReport {
         let [young, gravity] = self.body.load();
         let title = format!("Kinds of elements: {shape}, steps of 10 ms");
         let size = match self.body {
-            Body::Beam => format!("Beam {} x {} x {} m", SIZE.x, SIZE.y, SIZE.z),
-            Body::Liver => "Liver of 0.20 m, coarse mesh of the demos, edges in parts".into(),
+            ElementBody::Beam => format!("Beam {} x {} x {} m", SIZE.x, SIZE.y, SIZE.z),
+            ElementBody::Liver => {
+                "Liver of 0.20 m, coarse mesh of the demos, edges in parts".into()
+            }
         };
         let mut rows = table_of!(name, title; for r in &self.rows;
             "nu" => r.poisson_ratio.to_string(), "kind" => &r.kind, "mesh" => &r.mesh,
@@ -254,10 +256,12 @@ impl ElementReport {
     }
 
     /// Every rival's row with its time and error, and our cheapest elements that are as exact.
-    fn at_equal_error(&self) -> impl Iterator<Item = (&ElementRow, [f64; 2], Option<(Kind, f64)>)> {
+    pub fn at_equal_error(
+        &self,
+    ) -> impl Iterator<Item = (&ElementRow, [f64; 2], Option<(Discretisation, f64)>)> {
         let rivals = self.rows.iter().filter(|r| r.engine != "Sinew");
         rivals.filter_map(|r| r.point().map(|p| (r, p))).map(|(r, p)| {
-            let ours = Kind::ALL.into_iter().filter_map(|kind| {
+            let ours = Discretisation::ALL.into_iter().filter_map(|kind| {
                 let curve = without_luck(self.curve(kind.name(), r.poisson_ratio));
                 time_within(&curve, p[1]).map(|t| (kind, t))
             });
@@ -270,7 +274,7 @@ impl ElementReport {
     /// # Errors
     /// When it cannot be drawn.
     pub fn charts(&self) -> Result<Vec<Chart>, BenchError> {
-        let panel = |nu: f64| Panel {
+        let panel = |nu: f64| ChartPanel {
             name: format!("{}-{nu}", self.body.name()),
             title: format!("Static error against time of a step{}, nu {nu}", self.of_body()),
             series: (KINDS.iter().enumerate())
@@ -279,7 +283,7 @@ impl ElementReport {
                 })
                 .collect(),
         };
-        let panels: Vec<Panel> = self.ratios().into_iter().map(panel).collect();
+        let panels: Vec<ChartPanel> = self.ratios().into_iter().map(panel).collect();
         let axes = ["ms per step of 10 ms, one thread", "static error (%)"];
         plot::panels(self.body.name(), axes, &panels, true)
     }
@@ -289,106 +293,5 @@ impl ElementRow {
     /// Time (ms) and static error (%), where both are there.
     fn point(&self) -> Option<[f64; 2]> {
         Some([self.ms?.median, self.static_percent?])
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::bench::stats::Spread;
-
-    fn row(kind: &str, nu: f64, level: usize, ms: f64, error: f64) -> ElementRow {
-        let engine = kind.split(' ').next().filter(|e| ["MuJoCo", "Rapier"].contains(e));
-        ElementRow {
-            poisson_ratio: nu,
-            kind: kind.into(),
-            engine: engine.unwrap_or("Sinew").into(),
-            level,
-            mesh: format!("mesh {level}"),
-            ms: Spread::of(&[ms]),
-            iterations: Some(ms),
-            static_percent: Some(error),
-            ..ElementRow::default()
-        }
-    }
-
-    #[test]
-    fn equal_errors_are_interpolated_in_logarithms() {
-        // error = 10 / time
-        let curve = [[1.0, 10.0], [100.0, 0.1], [10.0, 1.0]];
-        let (time, outside) = time_at_error(&curve, 2.0).unwrap();
-        assert!((time - 5.0).abs() < 1e-12 && !outside);
-        let (time, outside) = time_at_error(&curve, 0.02).unwrap();
-        assert!((time - 500.0).abs() < 1e-9 && outside);
-        let (time, outside) = time_at_error(&curve, 20.0).unwrap();
-        assert!((time - 0.5).abs() < 1e-12 && outside);
-        assert_eq!(time_at_error(&curve, 10.0), Some((1.0, false)));
-        // an error that rises leads nowhere
-        assert_eq!(time_at_error(&[[1.0, 1.0], [10.0, 2.0]], 0.5), None);
-        assert_eq!(time_at_error(&[[1.0, 1.0]], 0.5), None);
-        assert_eq!(time_at_error(&[], 0.5), None);
-        // a bound is measured or lies between: never beyond
-        assert!((time_within(&curve, 2.0).unwrap() - 5.0).abs() < 1e-12);
-        assert_eq!(time_within(&curve, 20.0), Some(1.0));
-        assert_eq!(time_within(&curve, 0.02), None);
-        // a coarse mesh that is near by chance counts as the finer one
-        let lucky = without_luck(vec![[10.0, 8.0], [1.0, 2.0], [100.0, 4.0]]);
-        assert_eq!(lucky, [[1.0, 8.0], [10.0, 8.0], [100.0, 4.0]]);
-        assert_eq!(time_within(&lucky, 2.0), None);
-        assert_eq!(time_within(&lucky, 8.0), Some(1.0));
-    }
-
-    #[test]
-    fn verdicts_compare_what_they_say() {
-        let [linear, clusters, _, ten_node] = Kind::ALL.map(Kind::name);
-        let (a, b) = (1, 2);
-        let mut report = ElementReport {
-            rows: vec![
-                row(linear, 0.3, a, 1.0, 20.0),
-                row(linear, 0.3, b, 10.0, 5.0),
-                row(linear, 0.45, a, 2.0, 20.0),
-                row(clusters, 0.49, a, 5.5, 20.0),
-                row(clusters, 0.4999, a, 3.0, 20.0),
-                row(ten_node, 0.3, a, 1.0, 5.0),
-                row("MuJoCo tetrahedra", 0.3, b, 100.0, 10.0),
-                row("Rapier tetrahedra", 0.3, b, 100.0, 1.25),
-            ],
-            ..ElementReport::default()
-        };
-        let found = |report: &ElementReport| -> Vec<(f64, bool)> {
-            report.aims().iter().map(|a| ((a.found * 1e6).round() / 1e6, a.met)).collect()
-        };
-        // steps 3 to 2; iterations 3 to 5.5; 1 ms to 10; the ten-node row beats MuJoCo; linear ones reach 1.25 % at 100 ms
-        let all = [(1.5, true), (2.5, false), (0.1, true), (0.01, true), (1.0, false)];
-        assert_eq!(found(&report), all);
-        assert!(report.aims()[2].what.contains("equal static error of 5.00 %"));
-        assert!(report.aims()[4].what.ends_with("nu 0.3 (extrapolated)"));
-        // an extrapolation says so
-        report.rows[5].static_percent = Some(2.5);
-        assert_eq!(report.aims().len(), 5);
-        // an error that is not known well enough is not compared
-        let own_percent = 1.3;
-        report.truths =
-            vec![ElementTruth { poisson_ratio: 0.3, own_percent, ..Default::default() }];
-        assert_eq!(report.aims().len(), 4);
-        report.truths.clear();
-        assert!(report.aims()[2].what.ends_with("mesh 1 (extrapolated)"));
-        // a cap that gives the same error is what counts, one that does not is not
-        let capped = format!("Rapier tetrahedra{CAPPED}");
-        report.rows.push(row(&capped, 0.3, b, 40.0, 1.26));
-        report.rows.push(row(&capped, 0.3, a, 1.0, 30.0));
-        report.rows.push(row("Rapier tetrahedra", 0.3, a, 9.0, 3.0));
-        assert_eq!(report.drawn("Rapier tetrahedra", 0.3), [[9.0, 3.0], [40.0, 1.26]]);
-        assert!((report.aims()[4].found - 2.5).abs() < 0.05, "{:?}", report.aims()[4]);
-        report.rows.truncate(8);
-        // a rival's row stands beside what ours take for its error
-        let equal: Vec<_> = report.at_equal_error().map(|(_, _, best)| best).collect();
-        assert_eq!(equal.len(), 2);
-        assert_eq!(equal[0].unwrap().0, Kind::TenNode);
-        assert_eq!((equal[0].unwrap().1, equal[1]), (1.0, None));
-        // what failed is no figure
-        report.rows[6].static_percent = None;
-        assert_eq!(report.aims().len(), 4);
-        assert!(ElementReport::default().aims().is_empty());
     }
 }

@@ -1,11 +1,12 @@
 //! Repeated timings: variants take turns, so that what else the machine does meets all alike, and
 //! every figure keeps its spread.
 
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 use sinew_tune::measures::quantile;
+use sinew_tune::table::three_digits;
 
 /// Order statistics of repeated measurements; unit of the samples.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Spread {
     /// Number of samples.
     pub samples: usize,
@@ -55,10 +56,20 @@ impl Spread {
         }
     }
 
+    /// `lower-upper` quartile, for tables.
+    pub fn quartiles(&self) -> String {
+        format!("{}-{}", three_digits(self.lower_quartile), three_digits(self.upper_quartile))
+    }
+
     /// Distance between the quartiles over the median.
     pub fn relative_spread(&self) -> f64 {
         (self.upper_quartile - self.lower_quartile) / self.median
     }
+}
+
+/// Median of samples; `None` without any or when one is not a number.
+pub fn median(samples: &[f64]) -> Option<f64> {
+    Some(Spread::of(samples)?.median)
 }
 
 /// How often variants take turns.
@@ -95,43 +106,4 @@ pub fn interleave<V, E>(
         }
     }
     Ok(samples)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn quartiles_lie_between_neighbours() {
-        let spread = Spread::of(&[4.0, 1.0, 3.0, 2.0]).unwrap();
-        assert_eq!(
-            spread,
-            Spread {
-                samples: 4,
-                minimum: 1.0,
-                lower_quartile: 1.75,
-                median: 2.5,
-                upper_quartile: 3.25
-            }
-        );
-        assert_eq!(spread.scaled(2.0).median, 5.0);
-        assert_eq!(spread.relative_spread(), 0.6);
-        let one = Spread::of(&[7.0]).unwrap();
-        assert_eq!([one.minimum, one.lower_quartile, one.median, one.upper_quartile], [7.0; 4]);
-        assert_eq!((Spread::of(&[]), Spread::of(&[1.0, f64::NAN])), (None, None));
-    }
-
-    #[test]
-    fn variants_take_turns_and_slow_ones_drop_out() {
-        let mut order = Vec::new();
-        let rounds = Rounds { most: 4, least: 2, seconds: 1.5 };
-        let samples = interleave(&mut [0.1, 1.0], rounds, |seconds| {
-            order.push(*seconds);
-            Ok::<f64, ()>(*seconds)
-        })
-        .unwrap();
-        assert_eq!(order, [0.1, 1.0, 0.1, 1.0, 0.1, 0.1]);
-        assert_eq!((samples[0].len(), samples[1].len()), (4, 2));
-        assert_eq!(interleave(&mut [1], rounds, |_| Err::<f64, _>("no")), Err("no"));
-    }
 }

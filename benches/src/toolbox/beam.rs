@@ -164,16 +164,3 @@ pub fn take_back(world: &mut World, pool: &mut Option<Workers>) {
 pub fn precision_of<S: Scalar>() -> Precision {
     if S::NAME == "f32" { Precision::F32 } else { Precision::F64 }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn sizes_are_about_as_asked() {
-        for asked in [200, 1000, 5_000, 12_345, 50_000, 500_000] {
-            let found: usize = 6 * cells_for(asked).iter().product::<usize>();
-            assert!(found.abs_diff(asked) * 10 < asked, "{asked}: {found}");
-        }
-    }
-}

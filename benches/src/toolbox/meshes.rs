@@ -1,8 +1,24 @@
-//! Uniform refinement: every tetrahedron into eight, vertices of the coarse mesh first.
+//! Meshes of the demos, and uniform refinement: every tetrahedron into eight, vertices of the coarse mesh first.
 
+use super::error::BenchError;
 use glam::DVec3;
-use sinew::engine::mesh::{Group, Mesh};
+use sinew::engine::mesh::{CheckOptions, Group, Mesh, check};
 use std::collections::HashMap;
+use std::path::Path;
+
+/// A mesh of the demos, checked.
+///
+/// # Errors
+/// When it cannot be read or is damaged.
+pub fn demo_mesh(file: &str) -> Result<Mesh, BenchError> {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../demos/meshes").join(file);
+    let checked = check(&Mesh::read(&path)?, &CheckOptions::default());
+    let checked = checked.map_err(|e| BenchError::Request {
+        what: format!("{}: {e}", path.display()),
+        remedy: "restore the file".into(),
+    })?;
+    Ok(checked.mesh)
+}
 
 /// The mesh with every edge halved. Vertex `i` of the mesh stays vertex `i`; midpoints follow. A
 /// midpoint belongs to a group when both ends of its edge do, as on
@@ -73,29 +89,5 @@ pub fn refined(mesh: &Mesh) -> Mesh {
         tetrahedra,
         groups,
         ..Mesh::default()
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use sinew::engine::mesh::generate::box_tets;
-
-    #[test]
-    fn refinement_keeps_volume_vertices_and_faces() {
-        let coarse = box_tets(DVec3::new(0.3, 0.2, 0.1), [2, 1, 1]).unwrap();
-        let fine = refined(&coarse);
-        assert_eq!(fine.tetrahedra.len(), 8 * coarse.tetrahedra.len());
-        assert_eq!(fine.points[..coarse.points.len()], coarse.points[..]);
-        // the box with twice the cells has the same vertices
-        let double = box_tets(DVec3::new(0.3, 0.2, 0.1), [4, 2, 2]).unwrap();
-        assert_eq!(fine.points.len(), double.points.len());
-        assert!((fine.total_volume() - coarse.total_volume()).abs() < 1e-15);
-        let all_positive =
-            fine.tetrahedra.iter().all(|&t| fine.signed_volume(t).is_some_and(|v| v > 0.0));
-        assert!(all_positive);
-        let side = fine.group("x0").unwrap();
-        assert_eq!(side.vertices.len(), double.group("x0").unwrap().vertices.len());
-        assert!(side.vertices.iter().all(|&v| fine.points[v as usize].x == 0.0));
     }
 }

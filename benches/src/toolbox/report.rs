@@ -1,17 +1,16 @@
 //! What every report is made of, tables and charts, and the one writer of files.
 
-use crate::bench::error::BenchError;
-use crate::bench::table::Table;
+use crate::toolbox::error::BenchError;
 use serde::Serialize;
-pub use sinew_tune::page::{Chart, Page, Verdict};
+use sinew_tune::table::Table;
 use std::fmt::Display;
 use std::path::{Path, PathBuf};
 
 /// Files of a report by name.
 #[derive(Default)]
-pub struct Files(Vec<(String, Vec<u8>)>);
+pub struct ReportFiles(Vec<(String, Vec<u8>)>);
 
-impl Files {
+impl ReportFiles {
     /// One more file.
     pub fn add(&mut self, name: impl Into<String>, content: impl Into<Vec<u8>>) {
         self.0.push((name.into(), content.into()));

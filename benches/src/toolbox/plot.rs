@@ -2,10 +2,10 @@
 
 use super::error::BenchError;
 use super::stats::Spread;
-use crate::report::Chart;
 use plotters::coord::Shift;
 use plotters::coord::ranged1d::ValueFormatter;
 use plotters::prelude::*;
+use sinew_tune::page::Chart;
 use std::ops::Range;
 
 /// Points of one kind.
@@ -108,11 +108,11 @@ fn svg(
 
 /// Label of a tick of the bars' axis.
 fn linear_label(x: f64, logarithmic: bool) -> String {
-    if logarithmic { tick_label(&x) } else { super::table::three_digits(x) }
+    if logarithmic { tick_label(&x) } else { sinew_tune::table::three_digits(x) }
 }
 
 /// Whole decades around values, at least one.
-fn decades(values: impl Iterator<Item = f64>) -> Option<Range<f64>> {
+pub fn decades(values: impl Iterator<Item = f64>) -> Option<Range<f64>> {
     let (mut low, mut high) = (f64::INFINITY, 0.0_f64);
     for x in values.filter(|x| x.is_finite() && *x > 0.0) {
         (low, high) = (low.min(x), high.max(x));
@@ -131,12 +131,12 @@ fn tick_label(x: &f64) -> String {
 }
 
 /// Label of a tick of linear axes, without rounding errors and the sign of 0.
-fn plain_label(x: &f64) -> String {
+pub fn plain_label(x: &f64) -> String {
     format!("{}", (x * 1e9).round() / 1e9 + 0.0)
 }
 
 /// The same as [`tick_label`], only where the number begins with 1, 2 or 5: others would touch.
-fn sparse_label(x: &f64) -> String {
+pub fn sparse_label(x: &f64) -> String {
     match format!("{x:.0e}").bytes().next() {
         Some(b'1' | b'2' | b'5') => tick_label(x),
         _ => String::new(),
@@ -278,8 +278,22 @@ fn entry(
     legend.draw(&Text::new(name.to_string(), (x + 24, y - 7), words(13))).map_err(failed)
 }
 
+/// A point, not below the floor of a chart; a NaN stays one.
+fn lifted([x, y]: [f64; 2], floor: f64) -> [f64; 2] {
+    [x, if y < floor { floor } else { y }]
+}
+
+/// Series with no point below the floor of a chart.
+fn raised(series: &[Series], floor: f64) -> Vec<Series> {
+    let raised = |s: &Series| {
+        let points = s.points.iter().map(|p| lifted(*p, floor)).collect();
+        Series::new(&*s.name, points, s.colour).hollow(s.hollow)
+    };
+    series.iter().map(raised).collect()
+}
+
 /// One of several charts with the same axes and names.
-pub struct Panel {
+pub struct ChartPanel {
     /// Name of its file.
     pub name: String,
     /// Heading.
@@ -302,7 +316,7 @@ const PANEL_FLOOR: f64 = 1e-4;
 pub fn panels(
     name: &str,
     axes: [&str; 2],
-    panels: &[Panel],
+    panels: &[ChartPanel],
     lines: bool,
 ) -> Result<Vec<Chart>, BenchError> {
     let points = || panels.iter().flat_map(|p| &p.series).flat_map(|s| &s.points);
@@ -315,13 +329,8 @@ pub fn panels(
     let (Some(xs), Some(ys)) = (range(0, 0.0), range(1, PANEL_FLOOR)) else {
         return Err(BenchError::Chart(format!("{name}: no points")));
     };
-    let draw = |panel: &Panel, area: &Area<'_>| -> Result<(), BenchError> {
-        let raised = |s: &Series| {
-            let points =
-                s.points.iter().map(|&[x, y]| [x, if y < PANEL_FLOOR { PANEL_FLOOR } else { y }]);
-            Series::new(&*s.name, points.collect(), s.colour).hollow(s.hollow)
-        };
-        let series: Vec<Series> = panel.series.iter().map(raised).collect();
+    let draw = |panel: &ChartPanel, area: &Area<'_>| -> Result<(), BenchError> {
+        let series = raised(&panel.series, PANEL_FLOOR);
         let plot = Plot {
             title: &panel.title,
             axes,
@@ -340,7 +349,7 @@ pub fn panels(
         let chart = chart.build_cartesian_2d(xs.clone().log_scale(), ys.clone().log_scale());
         plot.fill(chart.map_err(failed)?)
     };
-    let picture = |name: &str, panels: &[&Panel]| {
+    let picture = |name: &str, panels: &[&ChartPanel]| {
         let mut names: Vec<&Series> = Vec::new();
         for s in panels.iter().flat_map(|p| &p.series) {
             if !s.points.is_empty() && names.iter().all(|n| n.name != s.name) {
@@ -397,19 +406,11 @@ pub fn speed_against_error(
     } else {
         xs
     };
-    // a NaN stays one
-    let raised = |[x, y]: [f64; 2]| [x, if y < ys.start { ys.start } else { y }];
-    let floored: Vec<Series> = series
-        .iter()
-        .map(|s| {
-            let points = s.points.iter().map(|p| raised(*p)).collect();
-            Series::new(&*s.name, points, s.colour).hollow(s.hollow)
-        })
-        .collect();
+    let floored = raised(series, ys.start);
     // between two points of a front only the cheaper one's error is to be had
     let stairs = |front: &Vec<[f64; 2]>| {
         let mut steps: Vec<(f64, f64)> = Vec::new();
-        for [x, y] in front.iter().map(|p| raised(*p)) {
+        for [x, y] in front.iter().map(|p| lifted(*p, ys.start)) {
             steps.extend(steps.last().map(|&(_, before)| (x, before)));
             steps.push((x, y));
         }
@@ -557,114 +558,8 @@ pub fn bars(name: &str, title: &str, unit: &str, bars: &[Bar]) -> Result<Chart, 
                 area.draw(&tick).map_err(failed)?;
             }
             let beside = end.max(place(bar.quartiles[1])).max(bar.aim.map_or(0, place));
-            text(&super::table::three_digits(bar.value), (beside + 6, y + 2), 12)?;
+            text(&sinew_tune::table::three_digits(bar.value), (beside + 6, y + 2), 12)?;
         }
         Ok(())
     })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn charts_hold_their_points_and_words() {
-        let points = vec![[1e-3, 1.0], [1e-2, 0.1], [f64::NAN, 1.0], [1.0, 0.0]];
-        let series = Series::new("a < b", points, 0);
-        let front = vec![vec![[1e-3, 1.0], [1e-2, 0.1]]];
-        let axes = ["cost", "error"];
-        let text = speed_against_error("n", "title", axes, &[series], &front).unwrap().svg;
-        assert!(text.starts_with("<svg") && text.contains("a &lt; b") && text.contains("Pareto"));
-        // three points and one in the legend; zero lies on the floor, NaN nowhere
-        assert_eq!(text.matches("<circle").count(), 4);
-        assert!(!text.contains("NaN"));
-        assert!(speed_against_error("n", "t", axes, &[], &[]).is_err());
-    }
-
-    #[test]
-    fn panels_share_their_scales_and_one_legend() {
-        let panel = |name: &str, points: Vec<[f64; 2]>| Panel {
-            name: name.into(),
-            title: name.into(),
-            series: vec![Series::new("kind", points, 0), Series::new("absent", Vec::new(), 1)],
-        };
-        let both = [
-            panel("one", vec![[1.0, 10.0], [10.0, 1.0]]),
-            panel("two", vec![[2.0, 0.0], [1000.0, 0.5]]),
-        ];
-        let charts = panels("all", ["ms", "%"], &both, true).unwrap();
-        let names: Vec<&str> = charts.iter().map(|c| c.name.as_str()).collect();
-        assert_eq!(names, ["one", "two", "all"]);
-        assert_eq!(charts[2].svg.matches("<circle").count(), 4);
-        assert_eq!(charts[2].svg.matches(">\nkind\n<").count(), 1, "{}", charts[2].svg);
-        assert!(charts.iter().all(|c| !c.svg.contains("absent") && !c.svg.contains("NaN")));
-        // the tick of 1000 ms is there without a point near it
-        assert!(charts[0].svg.contains("\n1000\n"), "{}", charts[0].svg);
-        assert_eq!(panels("all", ["ms", "%"], &both[..1], true).unwrap().len(), 1);
-        assert!(panels("all", ["ms", "%"], &[], true).is_err());
-    }
-
-    #[test]
-    fn lines_are_drawn_with_their_names() {
-        let line = |points| Series::new("a & b", points, 2);
-        let series = [line(vec![[0.0, 0.0], [1.0, -2.0]])];
-        let text = lines("n", "title", ["x", "y"], &series, Scales::Equal).unwrap().svg;
-        assert!(text.contains("<polyline") && text.contains("a &amp; b") && !text.contains("NaN"));
-        let nothing = [line(vec![[f64::NAN, 1.0]])];
-        assert!(lines("n", "t", ["x", "y"], &nothing, Scales::Linear).is_err());
-        // 0 has no place on logarithmic axes
-        let series = [line(vec![[0.0, 1.0], [1.0, 1e-3], [10.0, 1e-2]])];
-        let text = lines("n", "title", ["x", "y"], &series, Scales::Logarithmic).unwrap().svg;
-        assert_eq!(text.matches("<circle").count(), 2);
-    }
-
-    #[test]
-    fn bars_have_lengths_and_aims() {
-        let bar = |value: f64, aim| Bar {
-            label: "x".into(),
-            value,
-            quartiles: [0.9 * value, 1.1 * value],
-            aim,
-            colour: 1,
-        };
-        let text = bars("n", "title", "ns", &[bar(1.0, None), bar(3.0, Some(2.0))]).unwrap().svg;
-        assert!(text.matches("<rect").count() >= 3 && text.contains("#C80000"));
-        assert!(bars("n", "t", "ns", &[bar(0.0, None)]).is_err());
-        // of widely different ones the places are drawn, not lengths
-        let text = bars("n", "title", "ns", &[bar(1.0, None), bar(100.0, None)]).unwrap().svg;
-        assert_eq!(text.matches("<circle").count(), 2);
-    }
-
-    #[test]
-    fn lines_that_coincide_are_marked_at_other_places() {
-        let points: Vec<[f64; 2]> =
-            (0..60).map(|i| [f64::from(i), 2.0]).chain([[60.0, 3.0]]).collect();
-        let series = [0, 1].map(|i| Series::new(format!("{i}"), points.clone(), i));
-        let text = lines("n", "t", ["x", "y"], &series, Scales::Linear).unwrap().svg;
-        let places = |colour: &str| -> Vec<String> {
-            let circles = text.lines().filter(|l| l.starts_with("<circle") && l.contains(colour));
-            circles.map(|l| l.split("cx=").nth(1).unwrap()[..6].to_string()).collect()
-        };
-        let [first, second] = ["#0072B2", "#D55E00"].map(places);
-        assert!(first.len() > 5 && second.len() > 5, "{text}");
-        assert!(first.iter().all(|x| !second.contains(x)), "{first:?} {second:?}");
-    }
-
-    #[test]
-    fn ticks_are_readable() {
-        let labels =
-            [0.1 + 1e-17, 0.30000000000000004, 9.999999999999e-5, 20.0].map(|x| sparse_label(&x));
-        assert_eq!(labels, ["0.1", "", "1e-4", "20"]);
-        assert_eq!(
-            [-1e-17, 0.30000000000000004, -40.0].map(|x| plain_label(&x)),
-            ["0", "0.3", "-40"]
-        );
-    }
-
-    #[test]
-    fn decades_enclose() {
-        assert_eq!(decades([0.002, 0.5, 0.0].into_iter()), Some(1e-3..1.0));
-        assert_eq!(decades([1.0].into_iter()), Some(1.0..10.0));
-        assert_eq!(decades([0.0].into_iter()), None);
-    }
 }

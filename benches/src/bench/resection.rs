@@ -1,28 +1,18 @@
 //! Frame times while tetrahedra are removed: one per frame of 1/60 s, safe step, organs that hang
 //! under their weight.
 
-use serde::Serialize;
+use crate::toolbox::error::BenchError;
 use sinew::engine::mesh::generate::sphere_tets;
 use sinew::models::resection::{Region, Removal};
 use sinew::prelude::*;
-use std::error::Error;
-use std::fmt;
+use sinew_tune::measures::quantile;
+use sinew_tune::table::Table;
+use sinew_tune::table_of;
 use std::time::Instant;
 
-/// What is measured.
-#[derive(Clone, Debug)]
-pub struct ResectionOptions {
-    /// Sizes of the ball (tetrahedra, about).
-    pub sizes: Vec<usize>,
-    /// Frames per run.
-    pub frames: usize,
-    /// Threads.
-    pub threads: usize,
-}
-
 /// Distribution of times (ms).
-#[derive(Clone, Debug, Serialize)]
-pub struct Times {
+#[derive(Clone, Debug)]
+pub struct FrameTimes {
     /// Shortest.
     pub min: f64,
     /// Half are shorter.
@@ -37,28 +27,28 @@ pub struct Times {
     pub late: f64,
 }
 
-impl Times {
+impl FrameTimes {
     fn of(mut ms: Vec<f64>) -> Self {
         ms.sort_by(f64::total_cmp);
-        let at = |q: f64| ms[((ms.len() as f64 * q).ceil() as usize).clamp(1, ms.len()) - 1];
+        let [min, median, p95, p99, max] = [0.0, 0.5, 0.95, 0.99, 1.0].map(|q| quantile(&ms, q));
         let late = ms.iter().filter(|&&t| t > FRAME * 1e3).count() as f64 / ms.len() as f64;
-        Self { min: ms[0], median: at(0.5), p95: at(0.95), p99: at(0.99), max: at(1.0), late }
+        Self { min, median, p95, p99, max, late }
     }
 }
 
 /// One run.
-#[derive(Clone, Debug, Serialize)]
-pub struct Run {
+#[derive(Clone, Debug)]
+pub struct ResectionRun {
     /// Tetrahedra at the start.
     pub tetrahedra: usize,
     /// Time of preparing the body for removals (ms), before the first frame.
     pub prepare_ms: f64,
     /// Removal and step.
-    pub frame: Times,
+    pub frame: FrameTimes,
     /// Removal alone.
-    pub removal: Times,
+    pub removal: FrameTimes,
     /// Step alone.
-    pub step: Times,
+    pub step: FrameTimes,
     /// Frames by their time: up to 1, 2, 4, ... ms.
     pub histogram: Vec<(f64, usize)>,
     /// Worst relative residual of a linear system.
@@ -78,13 +68,12 @@ pub struct Run {
     /// Largest difference from a fresh build at the end, masses included.
     pub difference: f64,
     /// Every frame.
-    #[serde(skip)]
-    pub frames: Vec<Frame>,
+    pub frames: Vec<ResectionFrame>,
 }
 
 /// One frame.
 #[derive(Clone, Copy, Debug)]
-pub struct Frame {
+pub struct ResectionFrame {
     /// Tetrahedra removed.
     pub removed: usize,
     /// Time of the removal (ms).
@@ -106,40 +95,33 @@ pub struct Organ<'a> {
     pub material: YoungPoisson,
 }
 
-/// All runs.
-#[derive(Clone, Debug, Serialize)]
-pub struct Report {
-    /// Frames per run.
-    pub frames: usize,
-    /// Threads.
-    pub threads: usize,
-    /// One per size.
-    pub runs: Vec<Run>,
-}
-
 /// Length of a frame and of its step (s).
 pub const FRAME: f64 = 1.0 / 60.0;
 /// Radius of the ball (m): about a litre.
 const RADIUS: f64 = 0.065;
 
-/// Measures frame times.
+/// Frame times of balls of about these sizes (tetrahedra): so many frames each, at most one per tetrahedron.
 ///
 /// # Errors
 /// When a body cannot be made or a step fails.
-pub fn run(options: &ResectionOptions) -> Result<Report, Box<dyn Error>> {
-    let runs = options.sizes.iter().map(|&size| run_one(size, options));
-    let runs = runs.collect::<Result<_, _>>()?;
-    Ok(Report { frames: options.frames, threads: options.threads, runs })
-}
-
-fn run_one(size: usize, options: &ResectionOptions) -> Result<Run, Box<dyn Error>> {
-    let shells = (size as f64 / 20.0).cbrt().round().max(2.0) as usize;
-    let mesh = sphere_tets(RADIUS, shells)?;
-    let held: Vec<u32> =
-        (0..).zip(&mesh.points).filter(|(_, p)| p.z > 0.7 * RADIUS).map(|(i, _)| i).collect();
-    let organ = Organ { mesh: &mesh, held: &held, material: preset("liver")?.material };
-    let frames = options.frames.min(mesh.tetrahedra.len());
-    cut(&organ, frames, options.threads, at_random(mesh.tetrahedra.len()))
+pub fn run(
+    sizes: &[usize],
+    frames: usize,
+    threads: usize,
+    mut tell: impl FnMut(&str),
+) -> Result<Vec<Table>, BenchError> {
+    let mut runs = Vec::new();
+    for &size in sizes {
+        tell(&format!("resection: about {size} tetrahedra"));
+        let shells = (size as f64 / 20.0).cbrt().round().max(2.0) as usize;
+        let mesh = sphere_tets(RADIUS, shells)?;
+        let held: Vec<u32> =
+            (0..).zip(&mesh.points).filter(|(_, p)| p.z > 0.7 * RADIUS).map(|(i, _)| i).collect();
+        let organ = Organ { mesh: &mesh, held: &held, material: preset("liver")?.material };
+        let count = mesh.tetrahedra.len();
+        runs.push(cut(&organ, frames.min(count), threads, at_random(count))?);
+    }
+    Ok(tables(&runs, threads))
 }
 
 /// One of so many tetrahedra a frame, at random, none twice.
@@ -167,7 +149,7 @@ pub fn cut(
     frames: usize,
     threads: usize,
     mut next: impl FnMut(usize) -> Region,
-) -> Result<Run, Box<dyn Error>> {
+) -> Result<ResectionRun, BenchError> {
     let Organ { mesh, held, material } = *organ;
     let mut simulation = Simulation::new(SimulationOptions { threads, ..Default::default() })?;
     let body = simulation.add_body(&BodyDescription::new("organ", mesh, material))?;
@@ -188,7 +170,7 @@ pub fn cut(
     let prepare_ms = clock.elapsed().as_secs_f64() * 1e3;
 
     let mut present = vec![true; mesh.tetrahedra.len()];
-    let mut all: Vec<Frame> = Vec::new();
+    let mut all: Vec<ResectionFrame> = Vec::new();
     let (mut iterations, mut projections) = (0, 0);
     let (mut compactions, mut pieces, mut orphans) = (0, 1, 0);
     for frame in 0..frames {
@@ -204,7 +186,12 @@ pub fn cut(
         orphans += removed.orphans.len();
         let report = simulation.report();
         let residual = report.cg_residual;
-        all.push(Frame { removed: removed.tetrahedra.len(), removal_ms, step_ms, residual });
+        all.push(ResectionFrame {
+            removed: removed.tetrahedra.len(),
+            removal_ms,
+            step_ms,
+            residual,
+        });
         iterations += report.cg_iterations;
         projections += report.projections;
     }
@@ -212,7 +199,7 @@ pub fn cut(
     let batch = simulation.remove_elements(body, &Removal::new(Region::Tetrahedra(batch)))?;
     compactions += usize::from(batch.compacted);
     let difference = simulation.verify_against_fresh(body)?;
-    let total = |f: &Frame| f.removal_ms + f.step_ms;
+    let total = |f: &ResectionFrame| f.removal_ms + f.step_ms;
     let mut histogram: Vec<(f64, usize)> = Vec::new();
     for exponent in -3..12 {
         let limit = 2.0_f64.powi(exponent);
@@ -222,8 +209,8 @@ pub fn cut(
             histogram.push((limit, count));
         }
     }
-    let times = |pick: fn(&Frame) -> f64| Times::of(all.iter().map(pick).collect());
-    Ok(Run {
+    let times = |pick: fn(&ResectionFrame) -> f64| FrameTimes::of(all.iter().map(pick).collect());
+    Ok(ResectionRun {
         tetrahedra: mesh.tetrahedra.len(),
         prepare_ms,
         frame: times(total),
@@ -242,41 +229,29 @@ pub fn cut(
     })
 }
 
-impl fmt::Display for Report {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        writeln!(
-            f,
-            "One tetrahedron removed per frame of 16.7 ms, {} frames, {} thread(s), safe step",
-            self.frames, self.threads
-        )?;
-        for r in &self.runs {
-            writeln!(f, "\n{} tetrahedra, prepared in {:.1} ms", r.tetrahedra, r.prepare_ms)?;
-            writeln!(f, "  ms          min  median    95 %    99 %     max   above 16.7 ms")?;
-            for (name, t) in [("frame", &r.frame), ("removal", &r.removal), ("step", &r.step)] {
-                let Times { min, median, p95, p99, max, late } = t;
-                writeln!(
-                    f,
-                    "  {name:<7} {min:7.3} {median:7.3} {p95:7.3} {p99:7.3} {max:7.3} {:9.1} %",
-                    100.0 * late
-                )?;
-            }
-            for (limit, count) in &r.histogram {
-                let bar = "#".repeat((count * 50).div_ceil(self.frames.max(1)));
-                writeln!(f, "  up to {limit:7.3} ms {count:6} {bar}")?;
-            }
-            writeln!(
-                f,
-                "  worst linear residual {:.1e}, {:.1} iterations per frame, {} projections, {} \
-                 compactions",
-                r.residual, r.iterations, r.projections, r.compactions
-            )?;
-            writeln!(
-                f,
-                "  {} piece(s) and {} vertices without elements after the frames; then a third at once in \
-                 {:.2} ms; off a fresh build by {:.1e}",
-                r.pieces, r.orphans, r.batch_ms, r.difference
-            )?;
-        }
-        Ok(())
-    }
+/// What frames take, how many take how long, and what was cut and solved.
+fn tables(runs: &[ResectionRun], threads: usize) -> Vec<Table> {
+    let parts = runs.iter().flat_map(|r| {
+        let parts = [("frame", &r.frame), ("removal", &r.removal), ("step", &r.step)];
+        parts.map(|(name, times)| (r, name, times))
+    });
+    let title = "One tetrahedron removed per frame of 16.7 ms, safe step (ms)";
+    let times = table_of!("resection", title; for (r, name, t) in parts;
+        "what" => name, "tets" => r.tetrahedra, "frames" => r.frames.len(), "threads" => threads,
+        "least" => t.min, "median" => t.median, "95 %" => t.p95, "99 %" => t.p99, "longest" => t.max,
+        "above 16.7 ms %" => 100.0 * t.late,
+    );
+    let counts = runs.iter().flat_map(|r| r.histogram.iter().map(move |count| (r, count)));
+    let histogram = table_of!("resection-frames", "Frames by their time"; for (r, (limit, count)) in counts;
+        "tets" => r.tetrahedra, "up to ms" => *limit, "frames" => *count,
+        "" => "#".repeat((count * 50).div_ceil(r.frames.len().max(1))),
+    );
+    let solved = table_of!("resection-solved", "What was cut and solved"; for r in runs;
+        "tets" => r.tetrahedra, "prepared ms" => r.prepare_ms, "worst residual" => r.residual,
+        "CG its" => r.iterations, "projections" => r.projections, "compactions" => r.compactions,
+        "pieces" => r.pieces, "loose vertices" => r.orphans, "a third ms" => r.batch_ms,
+        "off a fresh build" => r.difference,
+    )
+    .note("loose vertices: without elements after the frames; a third: of what is left, then removed at once.");
+    vec![times, histogram, solved]
 }

@@ -1,0 +1,8 @@
+//! All tests of the laboratory, one binary.
+
+mod bench;
+mod command;
+mod elements;
+mod hard_cases;
+mod peers;
+mod toolbox;

@@ -1,0 +1,350 @@
+//! Rivals: beams, the ball, what their processes answer, charts and verdicts.
+
+use glam::DVec3;
+use sinew::prelude::*;
+use sinew_benches::peers::beam::masses;
+use sinew_benches::peers::mujoco::{MuJoCo, parse, to_vectors};
+#[cfg(feature = "rapier")]
+use sinew_benches::peers::rapier;
+use sinew_benches::peers::rival::{BeamCase, compete, static_error};
+use sinew_benches::peers::touch::{
+    self, AT, DEPTH, DRAG, FRICTION, Finger, GAP, PHASES, RADIUS, SIZE, Sample, TURN, TouchBlock,
+    TouchRow, TouchTruth, TouchTurn, figures, ours, run,
+};
+use sinew_benches::peers::{Beam, PeerReport, PeerRow, aims, sinew_rows};
+use sinew_benches::toolbox::error::BenchError;
+use sinew_tune::page::Chart;
+
+#[test]
+fn beams_have_the_stated_volume_and_mass() {
+    for (beam, tetrahedra, volume) in [
+        (Beam::rapier([8, 2, 2], 0.3, 9.81).unwrap(), 160, 5e-4),
+        (Beam::rapier([16, 4, 4], 0.3, 9.81).unwrap(), 1280, 5e-4),
+        (Beam::mujoco([16, 4, 4], 0.3).unwrap(), 1536, 4e-3),
+    ] {
+        assert_eq!(beam.mesh.tetrahedra.len(), tetrahedra);
+        // every element the right way round, together the whole box
+        let volumes = beam.mesh.tetrahedra.iter().map(|&t| beam.mesh.signed_volume(t).unwrap());
+        assert!(volumes.clone().all(|v| v > 0.0));
+        assert!((volumes.sum::<f64>() / volume - 1.0).abs() < 1e-12);
+        assert!((beam.masses().iter().sum::<f64>() / (1000.0 * volume) - 1.0).abs() < 1e-12);
+        // faces meet: the surface is the box and nothing inside
+        let area: f64 = (beam.mesh.surface_triangles().iter())
+            .map(|t| {
+                let [a, b, c] = t.map(|v| beam.mesh.points[v as usize]);
+                0.5 * (b - a).cross(c - a).length()
+            })
+            .sum();
+        let size = beam.mesh.bounds().map(|(low, high)| high - low).unwrap();
+        let expected = 2.0 * (size.x * size.y + size.y * size.z + size.z * size.x);
+        assert!((area / expected - 1.0).abs() < 1e-12);
+    }
+}
+
+#[test]
+fn the_mesh_file_holds_the_beam() {
+    let beam = Beam::mujoco([2, 1, 1], 0.3).unwrap();
+    let value: serde_json::Value =
+        serde_json::from_str(&serde_json::to_string(&beam.file()).unwrap()).unwrap();
+    assert_eq!(value["points"].as_array().unwrap().len(), 12);
+    assert_eq!(value["points"][11], serde_json::json!([0.4, 0.1, 0.1]));
+    assert_eq!(value["tetrahedra"].as_array().unwrap().len(), 12);
+    assert_eq!(value["fixed"], serde_json::json!([0, 1, 2, 3]));
+    let masses: f64 = value["masses"].as_array().unwrap().iter().map(|m| m.as_f64().unwrap()).sum();
+    assert!((masses - 4.0).abs() < 1e-12);
+}
+
+#[test]
+fn answers_of_the_script_are_read() {
+    let reply = parse(r#"{"milliseconds": [1.5, 2.0], "warnings": ["a"], "more": 1}"#).unwrap();
+    assert_eq!(reply.milliseconds, [1.5, 2.0]);
+    assert_eq!(reply.warnings, ["a"]);
+    let error = parse(r#"{"error": "ValueError: no mesh"}"#).unwrap_err().to_string();
+    assert!(error.contains("MuJoCo") && error.contains("no mesh"), "{error}");
+    let error = parse("Traceback").unwrap_err().to_string();
+    assert!(error.contains("Traceback"), "{error}");
+    assert_eq!(to_vectors(&[1.0, 2.0, 3.0], 1).unwrap(), [DVec3::new(1.0, 2.0, 3.0)]);
+    assert!(to_vectors(&[1.0, 2.0], 1).is_err());
+}
+
+/// A script in place of Python that answers each kind of request as the real one does.
+#[cfg(unix)]
+#[test]
+fn a_ball_is_driven_by_the_contract_of_the_script() {
+    use std::os::unix::fs::PermissionsExt;
+    let folder = std::env::temp_dir().join(format!("sinew-touch-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    let python = folder.join("python");
+    // 12 vertices, 12 tetrahedra; two steps; the third request has one force too few
+    let zeros = ["0"; 36].join(",");
+    let answers = format!(
+        r#"#!/bin/sh
+n=0
+while read -r line; do
+case "$line" in
+*'"version"'*) echo '{{"version": "4.0.0"}}' ;;
+*'"op":"touch-load"'*'"radius":0.02'*) echo '{{"nodes": 12, "elements": 12, "warnings": []}}' ;;
+*'"op":"touch"'*'"places":[['*) n=$((n + 1)); more=',[0,0,3,-1,0,0]'; [ $n = 2 ] && more=''
+echo '{{"milliseconds": [1, 2], "forces": [[0,0,2,0.5,0,0]'$more'], "displacements": [{zeros}], "warnings": ["so: 1"]}}' ;;
+*) echo '{{"error": "what?"}}' ;;
+esac
+done
+"#
+    );
+    std::fs::write(&python, answers).unwrap();
+    std::fs::set_permissions(&python, std::fs::Permissions::from_mode(0o755)).unwrap();
+    let mut mujoco = MuJoCo::start(python.to_str().unwrap()).unwrap();
+    let block = touch::TouchBlock::new([2, 1, 1]).unwrap();
+    let mut fingers = mujoco.fingers(&block).unwrap();
+    assert_eq!(fingers.len(), 3);
+    let finger = &mut fingers[0];
+    finger.start(&block, 0.3).unwrap();
+    let turn = finger.advance(&block, &[DVec3::ZERO; 2]).unwrap();
+    assert_eq!(turn.displacements, [DVec3::ZERO; 12]);
+    // normal force and friction add up
+    assert_eq!(turn.samples[1].force, DVec3::new(-1.0, 0.0, 3.0));
+    assert_eq!(turn.samples[0].friction, Some(DVec3::X * 0.5));
+    let error = finger.advance(&block, &[DVec3::ZERO; 2]).err().unwrap().to_string();
+    assert!(error.contains("MuJoCo") && error.contains("1 steps of 2"), "{error}");
+    assert!(finger.remark().contains("it warns: so"), "{}", finger.remark());
+    // another mesh than ours
+    let other = touch::TouchBlock::new([2, 2, 1]).unwrap();
+    let error = finger.start(&other, 0.0).unwrap_err().to_string();
+    assert!(error.contains("12 vertices") && error.contains("of 18 and 24"), "{error}");
+    drop(fingers);
+    drop(mujoco);
+    std::fs::remove_dir_all(&folder).unwrap();
+}
+
+/// The script knows what it is asked.
+#[test]
+fn the_script_serves_the_requests() {
+    let script = include_str!("../../peers/mujoco_flex.py");
+    for word in
+        ["touch-load", "touch", "places", "friction", "radius", "damping", "option", "contact"]
+    {
+        assert!(
+            script.contains(&format!("[\"{word}\"]"))
+                || script.contains(&format!("op == \"{word}\"")),
+            "{word}"
+        );
+    }
+}
+
+#[test]
+fn a_missing_python_is_skipped_with_a_remedy() {
+    let why = MuJoCo::start("/no/such/python").err().expect("there is none");
+    assert!(why.contains("/no/such/python") && why.contains("pip install mujoco"), "{why}");
+}
+
+#[test]
+fn errors_are_relative_to_the_truth() {
+    let beam = Beam::mujoco([2, 1, 1], 0.3).unwrap();
+    let truth: Vec<DVec3> = beam.mesh.points.iter().map(|p| DVec3::Z * -p.x).collect();
+    let u: Vec<DVec3> = truth.iter().map(|u| *u * 1.02).collect();
+    let (field, tip) = static_error(&beam, &u, &truth);
+    assert!((field - 2.0).abs() < 1e-9 && (tip - 2.0).abs() < 1e-9);
+    assert_eq!(static_error(&beam, &truth, &truth), (0.0, 0.0));
+}
+
+/// Our own rows on a small beam: they settle to the truth, and faster steps count as cheaper.
+#[test]
+fn own_rows_settle_to_the_truth() {
+    let case = BeamCase::new(Beam::mujoco([8, 2, 2], 0.3).unwrap()).unwrap();
+    let rows = compete(&case, &mut sinew_rows::rivals(&[1e-2, 1.0 / 30.0], true), true);
+    assert_eq!(rows.len(), 6);
+    for row in &rows {
+        let error = row.error_percent.unwrap_or_else(|| panic!("{row:?}"));
+        assert!(error < 1.0, "{row:?}");
+        assert!(row.ms_per_step.unwrap() > 0.0 && row.force_ns_per_element.unwrap() > 0.0);
+    }
+}
+
+#[test]
+fn aims_compare_at_no_larger_error() {
+    let case = BeamCase { beam: Beam::mujoco([24, 6, 6], 0.3).unwrap(), truth: Vec::new() };
+    let row = |engine: &str, setting: &str, cost, force, error| PeerRow {
+        cost_per_simulated_second: Some(cost),
+        force_ns_per_element: Some(force),
+        error_percent: Some(error),
+        ..case.row(engine, "1", setting.into())
+    };
+    let mut rows = vec![
+        row("Sinew", "default, h = 10 ms", 0.1, 10.0, 0.5),
+        row("Sinew", "exact", 0.5, 12.0, 1e-6),
+        row("MuJoCo", "h = 10 ms", 2.0, 70.0, 1e-4),
+    ];
+    // the cheaper row of ours is too wrong to count
+    let met: Vec<bool> = aims(&rows).iter().map(|a| a.met).collect();
+    assert_eq!(met, [true, false, true]);
+    rows[0].error_percent = Some(1e-5);
+    let met: Vec<bool> = aims(&rows).iter().map(|a| a.met).collect();
+    assert_eq!(met, [true, true, true]);
+    rows[0].error_percent = Some(2.0);
+    assert!(!aims(&rows).last().unwrap().met);
+}
+
+#[test]
+fn the_largest_beams_and_the_ball_come_first() {
+    let row = |engine: &str, setting: &str, scene: &str, elements| PeerRow {
+        engine: engine.into(),
+        setting: setting.into(),
+        scene: scene.into(),
+        elements,
+        cost_per_simulated_second: Some(0.1),
+        error_percent: Some(1.0),
+        ..PeerRow::default()
+    };
+    let rows = vec![
+        row("Sinew", "safe, StVK, h = 10 ms", "a, 10 tetrahedra", 10),
+        row("MuJoCo", "flex, at most 1000 iterations", "a, 20 tetrahedra", 20),
+        row("Rapier", "FEM, at most 20 CG iterations", "b, 5 tetrahedra", 5),
+        row("Sinew", "quasi-static Newton, StVK", "c, 1 tetrahedra", 1),
+    ];
+    let report = PeerReport { rows, ..PeerReport::default() };
+    let names =
+        |charts: &[Chart]| -> Vec<String> { charts.iter().map(|c| c.name.clone()).collect() };
+    let (charts, leading) = report.charts().unwrap();
+    // an equilibrium has no cost per simulated second: its scene has no chart
+    assert_eq!(names(&charts), ["peers-beam-1", "peers-beam-2", "peers-beam-3", "peers-beams"]);
+    assert_eq!(leading, 2);
+    assert!(charts[0].svg.contains("MuJoCo, converged") && charts[0].svg.contains("20 tetrahedra"));
+    assert!(charts[1].svg.contains("Rapier, its cap"));
+    assert!(PeerReport::default().charts().unwrap().0.is_empty());
+}
+
+fn block() -> TouchBlock {
+    TouchBlock::new([6, 5, 3]).unwrap()
+}
+
+/// What an engine says in a test: the same vertical force throughout, and friction.
+struct Steady {
+    h: f64,
+    force: DVec3,
+    friction: Option<DVec3>,
+    /// The surface sinks below the ball.
+    yields: bool,
+}
+
+impl Finger for Steady {
+    fn row(&self, block: &TouchBlock) -> TouchRow {
+        block.row("steady", "1", "as told".into())
+    }
+    fn step(&self) -> f64 {
+        self.h
+    }
+    fn start(&mut self, _: &TouchBlock, friction: f64) -> Result<(), BenchError> {
+        match self.friction {
+            None if friction > 0.0 => Err(BenchError::Rival("no friction here".into())),
+            _ => Ok(()),
+        }
+    }
+    fn advance(&mut self, block: &TouchBlock, places: &[DVec3]) -> Result<TouchTurn, BenchError> {
+        let sample = Sample { ms: 2.0, force: self.force, friction: self.friction };
+        let down = if self.yields { DVec3::Z * -(DEPTH + GAP) } else { DVec3::ZERO };
+        let displacements = vec![down; block.mesh.points.len()];
+        Ok(TouchTurn { samples: vec![sample; places.len()], displacements })
+    }
+}
+
+/// Row of such an engine under runs without and with friction, against a truth of 1 N.
+fn judge(finger: Steady) -> TouchRow {
+    let block = block();
+    let row = TouchRow { force: Some(1.0), ..TouchRow::default() };
+    let truths = [TouchTruth { model: Model::StVK, row }];
+    let mut fingers: Vec<Box<dyn Finger>> = vec![Box::new(finger)];
+    let [smooth, rough] = [0.0, FRICTION].map(|friction| run(&block, &mut fingers, friction));
+    let mut row = fingers[0].row(&block);
+    let faces = TouchRow { force: Some(1.2), ..TouchRow::default() };
+    figures(&mut row, fingers[0].as_ref(), &truths, &faces, [&smooth[0], &rough[0]], Some(1.1));
+    row
+}
+
+#[test]
+fn the_ball_goes_the_stated_way_in_whole_steps() {
+    assert_eq!(TouchBlock::place(0.0), AT);
+    for (t, way) in PHASES.into_iter().zip([0.0, 0.0, DRAG[0]]) {
+        let place = AT + DVec3::new(way, 0.0, -GAP - DEPTH);
+        assert!(TouchBlock::place(t).distance(place) < 1e-15);
+        assert!((t / TURN - (t / TURN).round()).abs() < 1e-12);
+    }
+    for finger in ours(false) {
+        let steps = TURN / finger.step();
+        assert!((steps - steps.round()).abs() < 1e-9, "{steps}");
+    }
+    let block = block();
+    // the ball stays within the sides
+    for end in [AT, TouchBlock::place(PHASES[2])] {
+        assert!(end.x - RADIUS > 0.0 && end.x + RADIUS < SIZE.x);
+        assert!(end.y - RADIUS > 0.0 && end.y + RADIUS < SIZE.y);
+    }
+    assert_eq!([block.fixed.len(), block.surface.len()], [42; 2]);
+    let mass: f64 = masses(&block.mesh, 1000.0).iter().sum();
+    assert!((mass / (1000.0 * SIZE.element_product()) - 1.0).abs() < 1e-12);
+}
+
+#[test]
+fn depth_is_that_of_the_deepest_vertex() {
+    let block = block();
+    let mut u = vec![DVec3::ZERO; block.mesh.points.len()];
+    let vertex = block.surface[20] as usize;
+    let over = block.mesh.points[vertex] + DVec3::Z * (RADIUS - 0.004);
+    assert!((block.depth(&u, over) - 0.004).abs() < 1e-15);
+    assert!(block.depth(&u, over + DVec3::Z * 0.005) < 0.0);
+    u[vertex].z = -0.001;
+    assert!((block.depth(&u, over) - 0.003).abs() < 1e-15);
+}
+
+#[test]
+fn figures_follow_from_what_the_engines_say() {
+    let friction = DVec3::X * -0.33;
+    let told = DVec3::Z * 1.1 + friction;
+    let row = judge(Steady { h: 0.01, force: told, friction: Some(friction), yields: true });
+    assert!((row.force.unwrap() - 1.1).abs() < 1e-12);
+    assert!((row.error_percent.unwrap() - 10.0).abs() < 1e-9);
+    assert!((row.off_faces_percent.unwrap() + 100.0 / 12.0).abs() < 1e-9);
+    assert!((row.friction_ratio.unwrap() - 1.0).abs() < 1e-12);
+    assert!(row.ripple_percent.unwrap().abs() < 1e-9);
+    assert_eq!([row.ms_per_step, row.ms_with_friction], [Some(2.0); 2]);
+    assert!((row.cost_per_simulated_second.unwrap() - 0.2).abs() < 1e-12);
+    assert!(row.depth_mm.unwrap() < 0.1 && row.note.contains("the clamp feels"), "{row:?}");
+
+    // a surface that does not move lets the ball through; an engine may refuse friction
+    let row = judge(Steady { h: 0.05, force: DVec3::Z, friction: None, yields: false });
+    assert!(row.note.contains("goes through") && row.note.contains("no friction here"), "{row:?}");
+    assert_eq!([row.friction_ratio, row.ms_with_friction], [None; 2]);
+
+    // no figure is made of a state that is not finite
+    let row = judge(Steady { h: 0.1, force: DVec3::NAN, friction: None, yields: true });
+    assert!(row.note.contains("not finite"), "{row:?}");
+    assert_eq!([row.force, row.ripple_percent, row.ms_per_step], [None; 3]);
+}
+
+/// Exact contact in steps settles to the truth, and the row survives JSON.
+#[test]
+fn exact_steps_settle_to_the_truth() {
+    let mut fingers: Vec<Box<dyn Finger>> = ours(true).into_iter().skip(2).take(1).collect();
+    let rows = touch::compete(&block(), &mut fingers).unwrap();
+    let [truth, faces, row] = rows.as_slice() else { panic!("{rows:?}") };
+    assert_eq!([truth.engine.as_str(), faces.engine.as_str()], ["truth"; 2]);
+    assert!(truth.force.unwrap() > 0.1 && faces.error_percent.unwrap() > 0.0);
+    assert!(row.setting.contains("exact"), "{row:?}");
+    assert!(row.error_percent.unwrap().abs() < 1e-2 && row.depth_mm.unwrap() < 1e-2, "{row:?}");
+}
+
+/// Units and signs: what the clamp feels is near the equilibrium of Rapier's own energy, though its cells are
+/// of less than a cubic centimetre, and the ball stays outside.
+#[cfg(feature = "rapier")]
+#[test]
+fn small_cells_push_back() {
+    let block = TouchBlock::new([6, 5, 3]).unwrap();
+    let mut fingers: Vec<Box<dyn Finger>> =
+        rapier::fingers(&block, true).unwrap().into_iter().skip(1).collect();
+    let rows = touch::compete(&block, &mut fingers).unwrap();
+    let own = rows.iter().find(|r| r.setting.contains("corotational")).unwrap();
+    let row = rows.last().unwrap();
+    let ratio = row.force.unwrap() / own.force.unwrap();
+    assert!((0.7..2.0).contains(&ratio) && row.engine == "Rapier", "{row:?}");
+    assert!(row.depth_mm.unwrap() < 2.0 && row.friction_ratio.is_none(), "{row:?}");
+    assert!(row.note.contains("corotational") && !row.note.contains("goes through"), "{row:?}");
+}
