@@ -369,9 +369,9 @@ impl BenchReport {
             }
         }
         page.add(format_args!(
-            "<h2>How to reproduce</h2>\n<p><code>cargo run --release -- {}</code> from a checkout, \
+            "<h2>How to reproduce</h2>\n<p><code>cargo run --release -p sinew-benches -- {}</code> from a checkout, \
              with nothing else running. For the other engines see <code>sinew-lab bench --help</code>.</p>",
-            escape(self.command.trim_start_matches("sinew "))
+            escape(self.command.trim_start_matches("sinew-lab "))
         ));
         Ok(page.html())
     }
