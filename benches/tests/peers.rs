@@ -119,7 +119,7 @@ done
 /// The script knows what it is asked.
 #[test]
 fn the_script_serves_the_requests() {
-    let script = include_str!("../../peers/mujoco_flex.py");
+    let script = include_str!("../peers/mujoco_flex.py");
     for word in
         ["touch-load", "touch", "places", "friction", "radius", "damping", "option", "contact"]
     {

@@ -1,6 +1,6 @@
 //! Sinew's own rows.
 
-use super::equilibrium::simulation;
+use super::equilibrium::{equilibrium, simulation};
 use super::rival::{BeamCase, DAMPING, PeerRow, Rival, milliseconds, say};
 use crate::toolbox::error::BenchError;
 use crate::toolbox::stats::median;

@@ -1,11 +1,11 @@
 //! Cases, columns and checks of the pass table: what the groups of hard cases and their report speak of.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use sinew::models::body::VolumeRule;
 use sinew::prelude::*;
 
 /// What solids are cut into.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum SolidCells {
     /// Linear tetrahedra.

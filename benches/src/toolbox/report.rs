@@ -2,6 +2,7 @@
 
 use crate::toolbox::error::BenchError;
 use serde::Serialize;
+use sinew_tune::page::Chart;
 use sinew_tune::table::Table;
 use std::fmt::Display;
 use std::path::{Path, PathBuf};
