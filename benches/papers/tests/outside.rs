@@ -14,7 +14,7 @@ use sinew::models::frame::row::{LawRow, LawTable, activate};
 use sinew::models::laws::linear::Linear;
 use sinew::models::resection::{Region, Removal};
 use sinew::prelude::*;
-use sinew_benches::beam::sheet;
+use sinew_benches::toolbox::beam::sheet;
 use sinew_papers::axes::law::IN_TETRAHEDRA;
 use sinew_papers::axes::springs::VolumeForm;
 use sinew_papers::axes::{PrintedDescription, PrintedError};
