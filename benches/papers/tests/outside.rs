@@ -14,7 +14,11 @@ use sinew::models::frame::row::{LawRow, LawTable, activate};
 use sinew::models::laws::linear::Linear;
 use sinew::models::resection::{Region, Removal};
 use sinew::prelude::*;
+<<<<<<< HEAD
 use sinew_benches::toolbox::beam::sheet;
+=======
+use sinew_benches::beam::{relative_distance, sheet};
+>>>>>>> ab160ef (Papers: laws from outside are compared to rounding, whatever registers they use)
 use sinew_papers::axes::law::IN_TETRAHEDRA;
 use sinew_papers::axes::springs::VolumeForm;
 use sinew_papers::axes::{PrintedDescription, PrintedError};
@@ -176,7 +180,9 @@ fn a_law_of_hexahedra_can_be_added() {
             simulation.step().unwrap();
             (simulation.evaluate(), simulation.displacements(body))
         };
-        assert_eq!(run(Model::Own(&MINE)), run(Model::Linear));
+        let ((own, u), (linear, v)) = (run(Model::Own(&MINE)), run(Model::Linear));
+        assert!(linear > 0.0 && (own / linear - 1.0).abs() < 1e-12, "{own} {linear}");
+        assert!(relative_distance(&u, &v) < 1e-12);
     }
 }
 
@@ -219,6 +225,7 @@ fn a_law_of_membranes_can_be_added() {
         (simulation.evaluate(), simulation.elastic_forces(body))
     };
     let ((once, force), (twice, forces)) = (run(false), run(true));
-    assert_eq!(twice, 2.0 * once);
-    assert!(force.iter().zip(&forces).all(|(a, b)| 2.0 * *a == *b));
+    assert!(once > 0.0 && (twice / once - 2.0).abs() < 1e-12, "{once} {twice}");
+    let double: Vec<DVec3> = force.iter().map(|f| 2.0 * *f).collect();
+    assert!(relative_distance(&forces, &double) < 1e-12);
 }
