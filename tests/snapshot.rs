@@ -182,8 +182,9 @@ fn by_integrator(integrator: Integrator) {
 }
 
 macro_rules! integrators {
-    ($($name:ident: $integrator:ident;)+) => {$(
+    ($($(#[$slow:meta])? $name:ident: $integrator:ident;)+) => {$(
         #[test]
+        $(#[$slow])?
         fn $name() {
             by_integrator(Integrator::$integrator);
         }
@@ -193,11 +194,15 @@ macro_rules! integrators {
 integrators! {
     auto: Auto;
     safe: Safe;
+    #[ignore = "slow"]
     newton: Newton;
     bdf2: Bdf2;
     linearised_bdf2: LinearisedBdf2;
+    #[ignore = "slow"]
     tr_bdf2: TrBdf2;
+    #[ignore = "slow"]
     midpoint: ImplicitMidpoint;
+    #[ignore = "slow"]
     quasi_static: QuasiStatic;
     symplectic_euler: SymplecticEuler;
     stormer_verlet: StormerVerlet;
@@ -230,6 +235,7 @@ fn preconditioners() {
 }
 
 #[test]
+#[ignore = "slow"]
 fn all_models_of_solids() {
     let size = DVec3::new(0.3, 0.1, 0.1);
     let hexahedra = box_hexahedra(size, [4, 2, 2]).unwrap();
@@ -327,6 +333,7 @@ fn axes_and_muscles() {
 
 /// Removals in a schedule and by hand, one of which compacts the tables, with other materials between.
 #[test]
+#[ignore = "slow"]
 fn removals_and_materials() {
     let mesh = jittered_box([0.3, 0.1, 0.1], [8, 3, 3]);
     let hexahedra = box_hexahedra(DVec3::new(0.3, 0.1, 0.1), [8, 3, 3]).unwrap();
@@ -455,8 +462,9 @@ fn drag(integrator: Integrator) {
 }
 
 macro_rules! drags {
-    ($($name:ident: $integrator:ident;)+) => {$(
+    ($($(#[$slow:meta])? $name:ident: $integrator:ident;)+) => {$(
         #[test]
+        $(#[$slow])?
         fn $name() {
             drag(Integrator::$integrator);
         }
@@ -468,6 +476,7 @@ drags! {
     drag_safe: Safe;
     drag_newton: Newton;
     drag_bdf2: Bdf2;
+    #[ignore = "slow"]
     drag_tr_bdf2: TrBdf2;
     drag_midpoint: ImplicitMidpoint;
     drag_stormer_verlet: StormerVerlet;
@@ -475,6 +484,7 @@ drags! {
 
 /// A tool without penetration.
 #[test]
+#[ignore = "slow"]
 fn exact_contact() {
     let build = |options| {
         let mut simulation = slab(options, Integrator::Newton);

@@ -14,11 +14,7 @@ use sinew::models::frame::row::{LawRow, LawTable, activate};
 use sinew::models::laws::linear::Linear;
 use sinew::models::resection::{Region, Removal};
 use sinew::prelude::*;
-<<<<<<< HEAD
-use sinew_benches::toolbox::beam::sheet;
-=======
-use sinew_benches::beam::{relative_distance, sheet};
->>>>>>> ab160ef (Papers: laws from outside are compared to rounding, whatever registers they use)
+use sinew_benches::toolbox::beam::{relative_distance, sheet};
 use sinew_papers::axes::law::IN_TETRAHEDRA;
 use sinew_papers::axes::springs::VolumeForm;
 use sinew_papers::axes::{PrintedDescription, PrintedError};

@@ -280,6 +280,7 @@ fn results(out: &Path) -> (String, String, String) {
 /// Killed again and again at any moment, also while it writes a checkpoint, it goes on every time.
 #[cfg(unix)]
 #[test]
+#[ignore = "slow"]
 fn a_run_that_is_killed_goes_on() {
     let (scene, whole, cut) = (shipped("grasp"), file("killed_whole"), file("killed_cut"));
     let _ = (std::fs::remove_dir_all(&whole), std::fs::remove_dir_all(&cut));
