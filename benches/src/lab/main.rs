@@ -15,8 +15,8 @@ use std::process::ExitCode;
     version,
     about,
     after_help = "Scenes, meshes, validation, fits and advice are another command: `sinew`, that is `cargo run --release`. So \
-                  are the figures of papers: `sinew-papers`, that is `cargo run --release --manifest-path \
-                  benches/papers/Cargo.toml`."
+                  are the figures of papers: `sinew-papers`, that is `cargo run --release -p \
+                  sinew-papers`."
 )]
 struct Cli {
     #[command(subcommand)]
