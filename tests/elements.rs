@@ -2,8 +2,8 @@
 //! materials, springs, recovery.
 
 use crate::common::{
-    Shortcuts, assert_fresh, blow, disturb, guide, hold_end, options, pick, random_field, refused,
-    region, sheet,
+    Shortcuts, assert_as_fresh, assert_fresh, blow, disturb, guide, hold_end, options, pick,
+    random_field, refused, region, sheet,
 };
 use glam::DVec3;
 use sinew::engine::connectivity::ElementKind;
@@ -409,7 +409,7 @@ fn uniform_springs_are_one_for_every_pair() {
             let after = simulation.evaluate();
             let gone = report.elastic_energy;
             assert!(gone > 0.0 && (before - after - gone).abs() < 1e-12 * before, "{gone}");
-            assert_fresh(&mut simulation, body, 1e-12, "springs");
+            assert_as_fresh(&mut simulation, body, "springs");
         }
     }
     let springs = Some(SpringRule::Uniform(UniformSprings {
