@@ -383,7 +383,7 @@ fn rows_take_the_place_of_shipped_ones() {
     let hexahedra = linear_law.in_elements(Elements::Hexahedra, VolumeRule::Elements).unwrap();
     let wrong = BodyDescription { model: Model::Own(hexahedra), ..linear };
     let error = spawn_body(&mut self::world::<f64>(), &wrong).unwrap_err();
-    assert!(error.to_string().contains("does not act on tetrahedra"), "{error}");
+    assert!(error.to_string().contains("acts neither on tetrahedra nor on axes"), "{error}");
 }
 
 /// A tie along x in a tetrahedron, as another crate would have it: `W = k/2 (sum_a q_a u_a)^2`.
