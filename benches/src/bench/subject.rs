@@ -16,7 +16,7 @@ use sinew::engine::workers::Workers;
 use sinew::models::axes::element::{AxisElement, Triad};
 use sinew::models::element::precompute::{RestTetrahedron, SpringConstants};
 use sinew::models::element::spring::{Stretch, tensile_energy, tensile_tension};
-use sinew::models::element::tetrahedron::Element;
+use sinew::models::element::tetrahedron::{self, Element};
 use sinew::models::frame::law::TetrahedronLaw;
 use sinew::models::frame::stand_in::Corotational;
 use sinew::models::frame::tetrahedra;
@@ -298,7 +298,11 @@ impl Reference {
                 }
                 // no row of another crate is timed
                 Model::StVK | Model::CompressibleStVK | Model::Own(_) => {
-                    element_sums::<FusedStVK>(&e, &u, &v)
+                    let product = |kind| tetrahedron::tangent(&e, &u, kind).product(&v);
+                    let [exact, projected] = [TangentKind::Exact, TangentKind::Projected];
+                    let (energy, forces) =
+                        (tetrahedron::energy(&e, &u), tetrahedron::forces(&e, &u));
+                    (energy, forces, product(exact), product(projected))
                 }
             };
             sum.add(nodes, sums);

@@ -367,7 +367,7 @@ def test_meshes_from_elsewhere():
 
 
 def test_readme_example():
-    text = (ROOT / "python" / "README.md").read_text()
+    text = (ROOT / "doors" / "python" / "README.md").read_text()
     code = text.split("```python\n", 1)[1].split("```", 1)[0]
     assert len(code.strip().splitlines()) <= 12
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd="/")
