@@ -15,11 +15,12 @@ use serde::{Deserialize, Serialize};
 /// use bevy_ecs::prelude::*;
 /// use sinew_engine::load::Constraint;
 /// use sinew_engine::order::{LastOrder, Order};
+/// use sinew_engine::row::VertexRow;
 ///
 /// let mut world = World::new();
 /// world.init_resource::<LastOrder>();
-/// let first = world.spawn(Constraint::hold("wall", vec![0])).id();
-/// let second = world.spawn(Constraint::hold("tool", vec![1])).id();
+/// let first = world.spawn(Constraint::hold("wall", vec![VertexRow(0)])).id();
+/// let second = world.spawn(Constraint::hold("tool", vec![VertexRow(1)])).id();
 /// assert_eq!(world.get::<Order>(first), Some(&Order(1)));
 /// assert_eq!(world.get::<Order>(second), Some(&Order(2)));
 /// ```
