@@ -51,7 +51,7 @@ use sinew_engine::vertex::{Displacement, ElasticForce, FixedAxes, Velocity};
 use sinew_engine::workers::Workers;
 
 /// Work space of the explicit integrators, and what they remember from step to step.
-#[derive(Resource, Clone, Debug, Default)]
+#[derive(Resource, Debug, Default)]
 pub struct ExplicitScratch<S: Scalar> {
     node: NodeState<S>,
     /// Inverse masses (1/kg), 0 for held unknowns and padding.

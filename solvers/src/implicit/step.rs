@@ -39,7 +39,7 @@ pub(super) struct Step<'w, S: Scalar> {
 }
 
 /// Work space of the implicit integrators, and what they remember of the last step.
-#[derive(Resource, Clone, Debug, Default)]
+#[derive(Resource, Debug, Default)]
 pub struct ImplicitScratch<S: Scalar> {
     /// The columns at the start of the step.
     pub(super) node: NodeState<S>,
