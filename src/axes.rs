@@ -3,16 +3,7 @@
 use crate::simulation::{BodyHandle, Simulation, SimulationError};
 use bevy_ecs::prelude::World;
 use sinew_engine::by_precision;
-use sinew_engine::columns::single_table;
-use sinew_engine::element::{
-    RestVolume, ShapeGradients, TetrahedronVertices, displacement_gradient, volume_change,
-};
-use sinew_engine::isoparametric::{
-    Derivatives, HexahedronRest, HexahedronVertices, Tetrahedron10Rest, Tetrahedron10Vertices,
-};
-use sinew_engine::scalar::{Scalar, xyz};
-use sinew_engine::step::point_ratios;
-use sinew_engine::vertex::{BodyId, Displacement};
+use sinew_engine::scalar::Scalar;
 use sinew_models::axes::description::AxesError;
 use sinew_models::axes::muscle::{ActivationError, ActivationWork, Muscles};
 use sinew_models::body::axis_modulus::set_axis_modulus;
@@ -68,7 +59,14 @@ impl Simulation {
 
     /// Volume (m^3) of the solid elements of a body as it is now, counting inverted ones negative.
     pub fn volume(&mut self, body: BodyHandle) -> f64 {
-        by_precision!(self.precision(), volume(self, body))
+        let mut sum = 0.0;
+        self.each_element(body, |e| {
+            if e.kind.is_solid() {
+                let points = e.ratios.iter().zip(e.sizes);
+                sum += points.map(|(ratio, volume)| ratio * volume).sum::<f64>();
+            }
+        });
+        sum
     }
 }
 
@@ -82,40 +80,4 @@ fn set<S: Scalar>(
     forget_steps::<S>(world);
     forget_matrices::<S>(world);
     Ok(())
-}
-
-fn volume<S: Scalar>(simulation: &mut Simulation, body: BodyHandle) -> f64 {
-    let world = simulation.world_mut();
-    let mut vertices = world.query::<&Displacement<S>>();
-    let mut tetrahedra =
-        world.query::<(&TetrahedronVertices, ShapeGradients<S>, &RestVolume<S>, &BodyId)>();
-    let Some(u) = single_table(vertices.contiguous_iter(world)) else { return 0.0 };
-    let mut sum = 0.0;
-    for (nodes, (d1, d2, d3), rest, of) in tetrahedra.iter(world) {
-        if of.0 as usize == body.0 {
-            let gradients =
-                [[d1.0.0, d1.1.0, d1.2.0], [d2.0.0, d2.1.0, d2.2.0], [d3.0.0, d3.1.0, d3.2.0]];
-            let local = nodes.0.map(|v| xyz(u[v as usize].0));
-            let change = volume_change(&displacement_gradient(&gradients, &local)).to_f64();
-            sum += rest.0.to_f64() * (1.0 + change);
-        }
-    }
-    let mut hexahedra = world.query::<(&HexahedronVertices, &HexahedronRest<S>, &BodyId)>();
-    let mut tens = world.query::<(&Tetrahedron10Vertices, &Tetrahedron10Rest<S>, &BodyId)>();
-    let Some(u) = single_table(vertices.contiguous_iter(world)) else { return sum };
-    macro_rules! at_points {
-        ($elements:expr, $derivatives:expr) => {
-            let derivatives = &$derivatives;
-            for (nodes, rest, of) in $elements.iter(world) {
-                if of.0 as usize == body.0 {
-                    let ratios = point_ratios(derivatives, u, &nodes.0, rest);
-                    let points = ratios.iter().zip(&rest.volume);
-                    sum += points.map(|(ratio, volume)| ratio * volume.to_f64()).sum::<f64>();
-                }
-            }
-        };
-    }
-    at_points!(hexahedra, Derivatives::hexahedron());
-    at_points!(tens, Derivatives::tetrahedron10());
-    sum
 }

@@ -62,7 +62,7 @@ impl Simulation {
         let resection = self.world().get_resource::<Resection>();
         let connectivity = resection.and_then(|r| r.connectivity(body.0));
         let mut left: Vec<u32> = (0..)
-            .zip(rows.order(kind))
+            .zip(&rows.order[kind])
             .filter(|(e, _)| connectivity.is_none_or(|c| c.is_present(kind, *e)))
             .map(|(_, &index)| index)
             .collect();
@@ -97,7 +97,7 @@ impl Simulation {
         let surface = connectivity.into_iter().flat_map(|c| c.surface());
         let user = |(triangle, kind, e): ([u32; 3], ElementKind, u32)| {
             let vertices = triangle.map(|v| rows.vertex_order[LocalRow(v)].0);
-            (vertices, kind, rows.order(kind)[e as usize])
+            (vertices, kind, rows.order[kind][e as usize])
         };
         Ok(surface.map(user).collect())
     }

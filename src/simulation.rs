@@ -7,31 +7,24 @@ use glam::DVec3;
 use sinew_contact::set::ContactSet;
 use sinew_engine::by_precision;
 use sinew_engine::columns::single_table;
-use sinew_engine::element::{ShapeGradients, TetrahedronVertices};
+use sinew_engine::connectivity::ElementKind;
 use sinew_engine::fnv::Fnv64;
-use sinew_engine::isoparametric::{
-    Derivatives, HexahedronIndex, HexahedronRest, HexahedronVertices, QuadIndex, QuadRest,
-    QuadVertices, Tetrahedron10Rest, Tetrahedron10Vertices,
-};
 use sinew_engine::lanes::InstructionSet;
 use sinew_engine::law::{ElasticEnergy, EvaluationRequest};
 use sinew_engine::load::{Constraint, Load, Pose, Pressure, TargetError};
 use sinew_engine::mesh::Mesh;
 pub use sinew_engine::precision::Precision;
+use sinew_engine::ratios::{ElementNow, each_element, measure_area_ratios, measure_volume_ratios};
+use sinew_engine::read::{by_vertex, each_vertex, reaction};
 use sinew_engine::report::{AreaReport, StepReport, VolumeReport};
 use sinew_engine::row::{MeshVertex, VertexRow};
 use sinew_engine::scalar::Scalar;
 use sinew_engine::schedule::{Executor, ForceSchedule};
 #[cfg(feature = "gpu")]
 use sinew_engine::step::ColumnsBehind;
-use sinew_engine::step::{
-    Gravity, StepClock, StepError, install_engine, measure_area_ratios, measure_volume_ratios,
-    point_ratios, quad_ratios, run_step,
-};
+use sinew_engine::step::{Gravity, StepClock, StepError, install_engine, run_step};
 use sinew_engine::topology::{BodyRows, Topology};
-use sinew_engine::vertex::{
-    Displacement, ElasticForce, ExternalForce, Mass, RestPosition, Velocity,
-};
+use sinew_engine::vertex::{Displacement, Velocity};
 use sinew_engine::workers::{Workers, WorkersError};
 use sinew_models::axes::description::AxesError;
 use sinew_models::body::change::set_material;
@@ -633,50 +626,70 @@ impl Simulation {
 
     /// Deformed positions (m) in the user's order, what a host draws; zero for vertices without an element.
     pub fn positions(&mut self, body: BodyHandle) -> Vec<DVec3> {
-        by_precision!(self.precision, read_rows(self.world_mut(), body.0, |x| x.5.0 + x.0.get()))
+        by_precision!(self.precision, by_vertex(self.world_mut(), body.0, |now| now.position()))
     }
 
     /// Displacements (m) in the user's order; vertices without an element have none (zero).
     pub fn displacements(&mut self, body: BodyHandle) -> Vec<DVec3> {
-        by_precision!(self.precision, read_rows(self.world_mut(), body.0, |x| x.0.get()))
+        by_precision!(
+            self.precision,
+            by_vertex(self.world_mut(), body.0, |now| now.displacement.get())
+        )
     }
 
     /// Velocities (m/s) in the user's order.
     pub fn velocities(&mut self, body: BodyHandle) -> Vec<DVec3> {
-        by_precision!(self.precision, read_rows(self.world_mut(), body.0, |x| x.1.get()))
+        by_precision!(self.precision, by_vertex(self.world_mut(), body.0, |now| now.velocity.get()))
     }
 
     /// Elastic forces (N) of the last evaluation in the user's order; see [`Simulation::evaluate`].
     pub fn elastic_forces(&mut self, body: BodyHandle) -> Vec<DVec3> {
-        by_precision!(self.precision, read_rows(self.world_mut(), body.0, |x| x.2.get()))
+        by_precision!(self.precision, by_vertex(self.world_mut(), body.0, |now| now.elastic.get()))
     }
 
     /// External forces (N), gravity included, of the last step in the user's order.
     pub fn external_forces(&mut self, body: BodyHandle) -> Vec<DVec3> {
-        by_precision!(self.precision, read_rows(self.world_mut(), body.0, |x| x.3.get()))
+        by_precision!(self.precision, by_vertex(self.world_mut(), body.0, |now| now.external.get()))
     }
 
     /// Lumped masses (kg) in the user's order; zero for vertices without an element.
     pub fn masses(&mut self, body: BodyHandle) -> Vec<f64> {
+        let mut masses = vec![0.0; self.vertex_count(body)];
         by_precision!(
             self.precision,
-            read_rows(self.world_mut(), body.0, |x| DVec3::splat(x.4.0.to_f64()))
-        )
-        .iter()
-        .map(|m| m.x)
-        .collect()
+            each_vertex(self.world_mut(), body.0, |vertex, now| {
+                masses[vertex.index()] = now.mass.0.to_f64();
+            })
+        );
+        masses
     }
 
     /// Volume ratio J of every tetrahedron of a body, then of every hexahedron (the smallest of its Gauss
     /// points), in the user's order.
     pub fn volume_ratios(&mut self, body: BodyHandle) -> Vec<f64> {
-        by_precision!(self.precision, volume_ratios(self, body))
+        self.ratios(body, [ElementKind::Tetrahedron, ElementKind::Hexahedron])
     }
 
     /// Area ratio of every membrane triangle of a body, then of every quadrilateral (the smallest of its Gauss
     /// points), in the user's order.
     pub fn area_ratios(&mut self, body: BodyHandle) -> Vec<f64> {
-        by_precision!(self.precision, area_ratios(self, body))
+        self.ratios(body, [ElementKind::Triangle, ElementKind::Quad])
+    }
+
+    fn ratios(&mut self, body: BodyHandle, kinds: [ElementKind; 2]) -> Vec<f64> {
+        let order = &self.topology().bodies[body.0].order;
+        let first = order[kinds[0]].len();
+        let mut result = vec![1.0; first + order[kinds[1]].len()];
+        self.each_element(body, |e| {
+            if let Some(list) = kinds.iter().position(|kind| *kind == e.kind) {
+                result[list * first + e.index as usize] = e.smallest();
+            }
+        });
+        result
+    }
+
+    pub(crate) fn each_element(&mut self, body: BodyHandle, with: impl FnMut(ElementNow)) {
+        by_precision!(self.precision, each_element(self.world_mut(), body.0, with));
     }
 
     /// Calls `with` with every vertex that elements use or used, by its index in the user's mesh, and its deformed
@@ -684,7 +697,10 @@ impl Simulation {
     pub fn each_position(&mut self, body: BodyHandle, mut with: impl FnMut(usize, DVec3)) {
         by_precision!(
             self.precision,
-            each_row(self.world_mut(), body.0, |vertex, x| with(vertex, x.5.0 + x.0.get()))
+            each_vertex(self.world_mut(), body.0, |vertex, now| with(
+                vertex.index(),
+                now.position()
+            ))
         );
     }
 
@@ -692,7 +708,9 @@ impl Simulation {
     pub fn each_displacement(&mut self, body: BodyHandle, mut with: impl FnMut(usize, DVec3)) {
         by_precision!(
             self.precision,
-            each_row(self.world_mut(), body.0, |vertex, x| with(vertex, x.0.get()))
+            each_vertex(self.world_mut(), body.0, |vertex, now| {
+                with(vertex.index(), now.displacement.get())
+            })
         );
     }
 
@@ -700,7 +718,9 @@ impl Simulation {
     pub fn each_velocity(&mut self, body: BodyHandle, mut with: impl FnMut(usize, DVec3)) {
         by_precision!(
             self.precision,
-            each_row(self.world_mut(), body.0, |vertex, x| with(vertex, x.1.get()))
+            each_vertex(self.world_mut(), body.0, |vertex, now| {
+                with(vertex.index(), now.velocity.get())
+            })
         );
     }
 
@@ -726,7 +746,9 @@ impl Simulation {
 
     /// The force (N) of [`Simulation::reaction`], and its torque (N m) about a point (m).
     pub fn reaction_about(&mut self, constraint: Entity, point: DVec3) -> [DVec3; 2] {
-        by_precision!(self.precision, reaction(self, constraint, point))
+        let contact = self.world().get_resource::<ContactSet>();
+        let touch = contact.map_or_else(Vec::new, |contact| contact.forces().to_vec());
+        by_precision!(self.precision, reaction(self.world_mut(), constraint, point, &touch))
     }
 
     /// 64-bit FNV-1a hash of displacements and velocities, in the user's order: equal hashes mean
@@ -802,8 +824,8 @@ pub fn state_hash(world: &mut World) -> u64 {
 fn hash_rows<S: Scalar>(world: &mut World) -> u64 {
     let mut hash = Fnv64::default();
     for body in 0..world.resource::<Topology>().bodies.len() {
-        let u = read_rows::<S>(world, body, |x| x.0.get());
-        let v = read_rows::<S>(world, body, |x| x.1.get());
+        let u = by_vertex::<S>(world, body, |now| now.displacement.get());
+        let v = by_vertex::<S>(world, body, |now| now.velocity.get());
         for x in u.iter().chain(&v).flat_map(|x| x.to_array()) {
             x.to_bits().to_le_bytes().into_iter().for_each(|byte| hash.add(byte.into()));
         }
@@ -813,43 +835,6 @@ fn hash_rows<S: Scalar>(world: &mut World) -> u64 {
 
 #[cfg(feature = "gpu")]
 use sinew_gpu::{fetch_state, install_gpu as install_on_gpu};
-
-/// The vertex columns that can be read from outside.
-type Vertex<S> =
-    (Displacement<S>, Velocity<S>, ElasticForce<S>, ExternalForce<S>, Mass<S>, RestPosition);
-
-/// One value per vertex of the user's mesh, zero where there is no row.
-fn read_rows<S: Scalar>(
-    world: &mut World,
-    body: usize,
-    pick: fn(&Vertex<S>) -> DVec3,
-) -> Vec<DVec3> {
-    let mut result = vec![DVec3::ZERO; world.resource::<Topology>().bodies[body].mesh_vertices()];
-    each_row(world, body, |vertex, x: &Vertex<S>| result[vertex] = pick(x));
-    result
-}
-
-/// Calls `with` with every row of a body, by its vertex in the user's mesh.
-fn each_row<S: Scalar>(world: &mut World, body: usize, mut with: impl FnMut(usize, &Vertex<S>)) {
-    let mut query = world.query::<(
-        &Displacement<S>,
-        &Velocity<S>,
-        &ElasticForce<S>,
-        &ExternalForce<S>,
-        &Mass<S>,
-        &RestPosition,
-    )>();
-    let world = &*world;
-    let rows = &world.resource::<Topology>().bodies[body];
-    if let Some((u, v, f, e, m, x)) = single_table(query.contiguous_iter(world)) {
-        let (first, n) = (rows.vertices.start as usize, rows.vertex_order.len());
-        let (u, v, f) = (&u[first..][..n], &v[first..][..n], &f[first..][..n]);
-        let (e, m, x) = (&e[first..][..n], &m[first..][..n], &x[first..][..n]);
-        for (i, vertex) in rows.vertex_order.iter().enumerate() {
-            with(vertex.index(), &(u[i], v[i], f[i], e[i], m[i], x[i]));
-        }
-    }
-}
 
 fn write_state<S: Scalar>(
     simulation: &mut Simulation,
@@ -876,116 +861,9 @@ fn write_state<S: Scalar>(
     world.run_system_cached(measure_volume_ratios::<S>).map_err(|e| failed(&e))
 }
 
-fn volume_ratios<S: Scalar>(simulation: &mut Simulation, body: BodyHandle) -> Vec<f64> {
-    use sinew_engine::element::{TetrahedronIndex, displacement_gradient, volume_change};
-    use sinew_engine::scalar::xyz;
-    use sinew_engine::vertex::BodyId;
-    let rows = &simulation.topology().bodies[body.0];
-    let first = rows.tetrahedron_order.len();
-    let mut result = vec![1.0; first + rows.hexahedra.len()];
-    let world = simulation.world_mut();
-    let mut vertices = world.query::<&Displacement<S>>();
-    let mut tetrahedra =
-        world.query::<(&TetrahedronVertices, ShapeGradients<S>, &TetrahedronIndex, &BodyId)>();
-    let Some(u) = single_table(vertices.contiguous_iter(world)) else { return result };
-    for (nodes, (d1, d2, d3), index, of) in tetrahedra.iter(world) {
-        if of.0 as usize == body.0 {
-            let gradients =
-                [[d1.0.0, d1.1.0, d1.2.0], [d2.0.0, d2.1.0, d2.2.0], [d3.0.0, d3.1.0, d3.2.0]];
-            let local = nodes.0.map(|v| xyz(u[v as usize].0));
-            let change = volume_change(&displacement_gradient(&gradients, &local));
-            result[index.0 as usize] = 1.0 + change.to_f64();
-        }
-    }
-    let mut hexahedra =
-        world.query::<(&HexahedronVertices, &HexahedronRest<S>, &HexahedronIndex, &BodyId)>();
-    let mut tens = world
-        .query::<(&Tetrahedron10Vertices, &Tetrahedron10Rest<S>, &TetrahedronIndex, &BodyId)>();
-    let Some(u) = single_table(vertices.contiguous_iter(world)) else { return result };
-    macro_rules! at_points {
-        ($elements:expr, $derivatives:expr, $first:expr) => {
-            let derivatives = &$derivatives;
-            for (nodes, rest, index, of) in $elements.iter(world) {
-                if of.0 as usize == body.0 {
-                    let ratios = point_ratios(derivatives, u, &nodes.0, rest);
-                    let smallest = ratios.into_iter().fold(f64::INFINITY, f64::min);
-                    result[$first + index.0 as usize] = smallest;
-                }
-            }
-        };
-    }
-    at_points!(hexahedra, Derivatives::hexahedron(), first);
-    at_points!(tens, Derivatives::tetrahedron10(), 0);
-    result
-}
-
-fn area_ratios<S: Scalar>(simulation: &mut Simulation, body: BodyHandle) -> Vec<f64> {
-    use sinew_engine::element::{MembraneIndex, MembraneRest, MembraneVertices, area_ratio};
-    use sinew_engine::scalar::xyz;
-    use sinew_engine::vertex::BodyId;
-    let rows = &simulation.topology().bodies[body.0];
-    let first = rows.membrane.len();
-    let mut result = vec![1.0; first + rows.quads.len()];
-    let world = simulation.world_mut();
-    let mut vertices = world.query::<&Displacement<S>>();
-    let mut triangles =
-        world.query::<(&MembraneVertices, MembraneRest<S>, &MembraneIndex, &BodyId)>();
-    let Some(u) = single_table(vertices.contiguous_iter(world)) else { return result };
-    for (nodes, (a, b, area), index, of) in triangles.iter(world) {
-        if of.0 as usize == body.0 {
-            let edges = [[a.0.0, a.1.0, a.2.0], [b.0.0, b.1.0, b.2.0]];
-            let local = nodes.0.map(|v| xyz(u[v as usize].0));
-            result[index.0 as usize] = area_ratio(&edges, area.0, &local).to_f64();
-        }
-    }
-    let derivatives = &Derivatives::quad();
-    let mut quads = world.query::<(&QuadVertices, &QuadRest<S>, &QuadIndex, &BodyId)>();
-    let Some(u) = single_table(vertices.contiguous_iter(world)) else { return result };
-    for (nodes, rest, index, of) in quads.iter(world) {
-        if of.0 as usize == body.0 {
-            let ratios = quad_ratios(derivatives, u, *nodes, rest);
-            result[first + index.0 as usize] = ratios.into_iter().fold(f64::INFINITY, f64::min);
-        }
-    }
-    result
-}
-
 fn check_support<S: Scalar>(world: &mut World) -> Result<(), StepError> {
     world.run_system_cached(sinew_engine::load::apply_constraints::<S>).expect("engine resources");
     let mut node = sinew_solvers::state::NodeState::<S>::default();
     node.read(world);
     sinew_solvers::support::check_support(world, &node)
-}
-
-fn reaction<S: Scalar>(
-    simulation: &mut Simulation,
-    constraint: Entity,
-    point: DVec3,
-) -> [DVec3; 2] {
-    let none = [DVec3::ZERO; 2];
-    let world = simulation.world_mut();
-    let Some(constraint) = world.get::<Constraint>(constraint) else { return none };
-    let (rows, axes) = (constraint.rows.clone(), constraint.axes);
-    let touched = world.get_resource::<ContactSet>().map_or_else(Vec::new, |c| c.forces().to_vec());
-    let mut query =
-        world.query::<(&ElasticForce<S>, &ExternalForce<S>, &RestPosition, &Displacement<S>)>();
-    let Some((elastic, external, rest, u)) = single_table(query.contiguous_iter(world)) else {
-        return none;
-    };
-    let [mut sum, mut torque] = none;
-    for row in rows.into_iter().filter(|row| row.index() < elastic.len()) {
-        let touch = touched.binary_search_by_key(&row, |(row, _)| *row);
-        let touch = touch.map_or(DVec3::ZERO, |i| touched[i].1);
-        let row = row.index();
-        let f = elastic[row].get() + external[row].get() + touch;
-        let mut own = DVec3::ZERO;
-        for k in 0..3 {
-            if axes.holds(k) {
-                sum[k] -= f[k];
-                own[k] = -f[k];
-            }
-        }
-        torque += (rest[row].0 + u[row].get() - point).cross(own);
-    }
-    [sum, torque]
 }

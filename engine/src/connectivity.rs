@@ -1,9 +1,9 @@
 //! Which elements of a body are left and what hangs together through them: plain data, kept up to date while elements are removed at a cost that grows with their number
 //! alone. Numbers are local to the body and those of its layout; they never change.
 
-use crate::element::TETRAHEDRON_FACES;
-pub use crate::element_kind::{ByKind, ElementKind};
-use crate::isoparametric::{HEXAHEDRON_FACES, TETRAHEDRON10_FACES};
+use crate::element_kind::local_triangles;
+pub use crate::element_kind::{ByKind, ElementKind, PerElement};
+use crate::isoparametric::HEXAHEDRON_FACES;
 use crate::layout::{BodyElements, Cells, UNUSED, starts};
 use crate::sets::DisjointSets;
 use crate::topology::{BodyRows, pieces};
@@ -17,13 +17,13 @@ pub struct Incidence {
 
 impl Incidence {
     /// Of `count` items, from the items of every element.
-    fn new<const N: usize>(count: usize, items: &[[u32; N]]) -> Self {
-        let start = starts(count, items.iter().flatten().copied());
+    fn new(count: usize, items: &PerElement) -> Self {
+        let start = starts(count, items.flat().iter().copied());
         let mut next = start.clone();
-        let mut elements = vec![0; items.len() * N];
-        for (t, items) in items.iter().enumerate() {
+        let mut elements = vec![0; items.flat().len()];
+        for (t, items) in (0..).zip(items.iter()) {
             for &item in items {
-                elements[next[item as usize] as usize] = t as u32;
+                elements[next[item as usize] as usize] = t;
                 next[item as usize] += 1;
             }
         }
@@ -43,22 +43,10 @@ impl Incidence {
     }
 }
 
-/// Incidence of tetrahedra, of which there is one order only.
-fn of_tetrahedra<const N: usize, const M: usize>(
-    count: usize,
-    linear: &[[u32; N]],
-    quadratic: &[[u32; M]],
-) -> Incidence {
-    match quadratic.is_empty() {
-        true => Incidence::new(count, linear),
-        false => Incidence::new(count, quadratic),
-    }
-}
-
 /// Number of elements of any kind round each of `count` items.
 fn counted(count: usize, round: &ByKind<Incidence>) -> Vec<u32> {
     let mut sum = vec![0; count];
-    for own in &round.0 {
+    for own in round.iter() {
         sum.iter_mut().zip(own.counts()).for_each(|(sum, n)| *sum += n);
     }
     sum
@@ -156,36 +144,21 @@ impl Connectivity {
     /// Of a whole body.
     pub fn new(body: &BodyRows) -> Self {
         let n = body.vertex_order.len();
-        let cells = Cells::new(n, &body.elements());
+        let cells = Cells::new(n, &body.nodes);
         let edges = cells.edges.len();
-        let round_vertex = ByKind([
-            of_tetrahedra(n, &body.tetrahedra, &body.tetrahedra10),
-            Incidence::new(n, &body.membrane),
-            Incidence::new(n, &body.hexahedra),
-            Incidence::new(n, &body.quads),
-        ]);
-        let round_edge = ByKind([
-            of_tetrahedra(edges, &cells.tetrahedron_edges, &cells.tetrahedron10_edges),
-            Incidence::new(edges, &cells.membrane_edges),
-            Incidence::new(edges, &cells.hexahedron_edges),
-            Incidence::new(edges, &cells.quad_edges),
-        ]);
-        let round_triangle = of_tetrahedra(
-            cells.triangles.len(),
-            &cells.tetrahedron_triangles,
-            &cells.tetrahedron10_triangles,
-        );
+        let round_vertex = ByKind::of(|kind| Incidence::new(n, &body.nodes[kind]));
+        let round_edge = ByKind::of(|kind| Incidence::new(edges, &cells.edges_of[kind]));
+        let round_triangle = Incidence::new(cells.triangles.len(), &cells.triangles_of.tetrahedra);
         let triangle_count = round_triangle.counts();
-        let round_face = Incidence::new(cells.faces.len(), &cells.hexahedron_faces);
+        let round_face = Incidence::new(cells.faces.len(), &cells.faces_of);
         let face_count = round_face.counts();
         let mut membrane_at = vec![UNUSED; cells.triangles.len()];
-        for (t, &triangle) in (0..).zip(&cells.membrane_triangles) {
+        for (t, &triangle) in (0..).zip(cells.triangles_of.triangles.flat()) {
             membrane_at[triangle as usize] = t;
         }
-        let counts = ElementKind::ALL.map(|kind| body.order(kind).len());
         Self {
-            present: ByKind(counts.map(|count| vec![true; count])),
-            remaining: ByKind(counts),
+            present: ByKind::of(|kind| vec![true; body.order[kind].len()]),
+            remaining: ByKind::of(|kind| body.order[kind].len()),
             vertex_count: counted(n, &round_vertex),
             edge_count: counted(edges, &round_edge),
             surface: OpenSet::new(&triangle_count),
@@ -206,13 +179,13 @@ impl Connectivity {
     /// Vertex rows of an element.
     #[inline]
     pub fn vertices(&self, kind: ElementKind, element: u32) -> &[u32] {
-        self.ordered.nodes(kind, element)
+        self.ordered.nodes[kind].of(element)
     }
 
     /// Edges of an element, in the order of its local pairs.
     #[inline]
     pub fn edges(&self, kind: ElementKind, element: u32) -> &[u32] {
-        self.cells.edges_of(kind, element)
+        self.cells.edges_of[kind].of(element)
     }
 
     /// Number of elements, removed ones included.
@@ -264,24 +237,23 @@ impl Connectivity {
 
     /// Triangles of the surface of the solid, outward, each with the element behind it; in no particular
     /// order, but the same one for the same removals. Faces of hexahedra are cut along the diagonal from
-    /// their lowest vertex row, those of ten-node tetrahedra into [four](TETRAHEDRON10_FACES).
+    /// their lowest vertex row, those of ten-node tetrahedra into [four](crate::isoparametric::TETRAHEDRON10_FACES).
     pub fn surface(&self) -> impl Iterator<Item = ([u32; 3], ElementKind, u32)> + '_ {
         let triangles = self.surface.items.iter().map(|&triangle| {
             let round = self.round_triangle.of(triangle);
             let t = self.left(ElementKind::Tetrahedron, round).next().unwrap_or(0);
-            let faces = self.cells.triangles_of(t);
+            let faces = self.cells.triangles_of.tetrahedra.of(t);
             let face = faces.iter().position(|&f| f == triangle).unwrap_or(0);
-            let vertices = self.ordered.nodes(ElementKind::Tetrahedron, t);
-            let linear = vertices.len() == 4;
-            let local = if linear { TETRAHEDRON_FACES[face] } else { TETRAHEDRON10_FACES[face] };
+            let vertices = self.ordered.nodes.tetrahedra.of(t);
+            let local = local_triangles(ElementKind::Tetrahedron, vertices.len())[face];
             (local.map(|v| vertices[v]), ElementKind::Tetrahedron, t)
         });
         let quads = self.open_faces.items.iter().flat_map(|&face| {
             let round = self.round_face.of(face);
             let h = self.left(ElementKind::Hexahedron, round).next().unwrap_or(0);
-            let faces = &self.cells.hexahedron_faces[h as usize];
+            let faces = self.cells.faces_of.of(h);
             let local = faces.iter().position(|&f| f == face).unwrap_or(0);
-            let mut q = HEXAHEDRON_FACES[local].map(|v| self.ordered.hexahedra[h as usize][v]);
+            let mut q = HEXAHEDRON_FACES[local].map(|v| self.ordered.nodes.hexahedra.of(h)[v]);
             let lowest = (0..4).min_by_key(|&i| q[i]).unwrap_or(0);
             q.rotate_left(lowest);
             let brick = move |triangle| (triangle, ElementKind::Hexahedron, h);
@@ -299,23 +271,14 @@ impl Connectivity {
                 self.present[kind][e as usize] = false;
                 touched.vertices.extend_from_slice(self.vertices(kind, e));
                 touched.edges.extend_from_slice(self.edges(kind, e));
-                match kind {
-                    ElementKind::Tetrahedron => {
-                        for &f in self.cells.triangles_of(e) {
-                            self.triangle_count[f as usize] -= 1;
-                            touched.triangles.push(f);
-                        }
-                    }
-                    ElementKind::Triangle => {
-                        touched.triangles.push(self.cells.membrane_triangles[e as usize]);
-                    }
-                    ElementKind::Hexahedron => {
-                        for f in self.cells.hexahedron_faces[e as usize] {
-                            self.face_count[f as usize] -= 1;
-                            faces.push(f);
-                        }
-                    }
-                    ElementKind::Quad => {}
+                touched.triangles.extend_from_slice(self.cells.triangles_of[kind].of(e));
+                if kind == ElementKind::Tetrahedron {
+                    let own = self.cells.triangles_of.tetrahedra.of(e);
+                    own.iter().for_each(|&f| self.triangle_count[f as usize] -= 1);
+                } else if kind == ElementKind::Hexahedron {
+                    let own = self.cells.faces_of.of(e);
+                    own.iter().for_each(|&f| self.face_count[f as usize] -= 1);
+                    faces.extend_from_slice(own);
                 }
             }
             self.remaining[kind] -= removed[kind].len();
@@ -428,7 +391,6 @@ impl Connectivity {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::layout::{BodyLayout, ElementLists};
     use crate::mesh::generate::box_tets;
     use glam::DVec3;
 
@@ -458,15 +420,13 @@ mod tests {
             membrane.dedup();
             quads.extend(hexahedra.iter().map(|h| [h[0], h[1], h[2], h[3]]));
         }
-        let lists = ElementLists {
-            tetrahedra: &mesh.tetrahedra,
-            tetrahedra10: &[],
-            hexahedra: &hexahedra,
-            membrane: &membrane,
-            quads: &quads,
+        let nodes = ByKind {
+            tetrahedra: mesh.tetrahedra.into(),
+            triangles: membrane.into(),
+            hexahedra: hexahedra.into(),
+            quads: quads.into(),
         };
-        let layout = BodyLayout::of(mesh.points.len(), &lists);
-        BodyRows::new(String::new(), layout.ordered, 1.0)
+        BodyRows::new(String::new(), BodyElements::new(mesh.points.len(), &nodes), 1.0)
     }
 
     /// Everything that is kept up to date equals what follows from the elements that are left, and
@@ -494,24 +454,15 @@ mod tests {
                     batch[kind].dedup();
                 }
                 let touched = connectivity.remove(&batch);
-                let left = |kind| connectivity.all_left(kind).map(|e| e as usize);
-                let tetrahedra: Vec<_> =
-                    left(ElementKind::Tetrahedron).map(|t| body.tetrahedra[t]).collect();
-                assert_eq!(tetrahedra.len(), connectivity.remaining(ElementKind::Tetrahedron));
-                let membrane: Vec<_> =
-                    left(ElementKind::Triangle).map(|t| body.membrane[t]).collect();
-                assert_eq!(membrane.len(), connectivity.remaining(ElementKind::Triangle));
-                let hexahedra: Vec<_> =
-                    left(ElementKind::Hexahedron).map(|h| body.hexahedra[h]).collect();
-                let quads: Vec<_> = left(ElementKind::Quad).map(|q| body.quads[q]).collect();
-                let lists = ElementLists {
-                    tetrahedra: &tetrahedra,
-                    tetrahedra10: &[],
-                    hexahedra: &hexahedra,
-                    membrane: &membrane,
-                    quads: &quads,
-                };
-                let fresh = Cells::new(body.vertex_order.len(), &lists);
+                let left = ByKind::of(|kind| {
+                    let nodes = &body.nodes[kind];
+                    let left = connectivity.all_left(kind).flat_map(|e| nodes.of(e).to_vec());
+                    PerElement::filled(nodes.width(), left)
+                });
+                for kind in ElementKind::ALL {
+                    assert_eq!(left[kind].len(), connectivity.remaining(kind));
+                }
+                let fresh = Cells::new(body.vertex_order.len(), &left);
                 let cells = &connectivity.cells;
                 let edges: Vec<[u32; 2]> = (0..cells.edges.len() as u32)
                     .filter(|&e| connectivity.uses_edge(e))
@@ -533,14 +484,12 @@ mod tests {
                 surface.sort_unstable();
                 let once =
                     |faces: &[u32], f: usize| faces.iter().filter(|&&g| g == f as u32).count() == 1;
-                let faces: Vec<u32> =
-                    fresh.tetrahedron_triangles.iter().flatten().copied().collect();
-                let open = (0..fresh.triangles.len()).filter(|&f| once(&faces, f));
+                let faces = fresh.triangles_of.tetrahedra.flat();
+                let open = (0..fresh.triangles.len()).filter(|&f| once(faces, f));
                 let mut boundary: Vec<[u32; 3]> = open.map(|f| fresh.triangles[f]).collect();
-                let faces: Vec<u32> = fresh.hexahedron_faces.iter().flatten().copied().collect();
-                for (h, own) in hexahedra.iter().zip(&fresh.hexahedron_faces) {
+                for (h, own) in left.hexahedra.iter().zip(fresh.faces_of.iter()) {
                     for (local, &f) in HEXAHEDRON_FACES.iter().zip(own) {
-                        if once(&faces, f as usize) {
+                        if once(fresh.faces_of.flat(), f as usize) {
                             let mut q = local.map(|v| h[v]);
                             let lowest = (0..4).min_by_key(|&i| q[i]).unwrap();
                             q.rotate_left(lowest);

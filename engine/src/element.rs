@@ -30,6 +30,9 @@ pub const TETRAHEDRON_EDGES: [[usize; 2]; 6] = [[0, 1], [0, 2], [0, 3], [1, 2], 
 /// Local vertices of the four faces of a tetrahedron; face `i` lies opposite vertex `i`, outward.
 pub const TETRAHEDRON_FACES: [[usize; 3]; 4] = [[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]];
 
+/// Local vertices of the edges of a triangle; edge `i` lies opposite vertex `i`.
+pub const TRIANGLE_EDGES: [[usize; 2]; 3] = [[1, 2], [2, 0], [0, 1]];
+
 /// Columns of vertex rows, edge rows or tangent blocks.
 macro_rules! row_columns {
     ($($(#[$doc:meta])* $name:ident($rows:ty),)+) => {$(

@@ -5,45 +5,19 @@
 //! that a range of elements touches a short span of vertices: that keeps gathers in cache and makes
 //! the private arrays of [`crate::law`] small.
 
-use crate::element::{TETRAHEDRON_EDGES, TETRAHEDRON_FACES};
-use crate::element_kind::ElementKind;
-use crate::isoparametric::{
-    HEXAHEDRON_FACES, HEXAHEDRON_PAIRS, QUAD_PAIRS, TETRAHEDRON10_FACES, TETRAHEDRON10_PAIRS,
-};
+use crate::element::TRIANGLE_EDGES;
+use crate::element_kind::{ByKind, ElementKind, PerElement, local_triangles, pairs};
+use crate::isoparametric::HEXAHEDRON_FACES;
 use crate::row::{IndexVec, LocalRow, MeshVertex};
 use std::ops::Deref;
 
 /// Row that stands for "not part of the body".
 pub const UNUSED: u32 = u32::MAX;
 
-/// Elements of a body: vertex indices, valid and distinct in every element.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct ElementLists<'a> {
-    /// Tetrahedra.
-    pub tetrahedra: &'a [[u32; 4]],
-    /// Ten-node tetrahedra; a body has tetrahedra of one order only.
-    pub tetrahedra10: &'a [[u32; 10]],
-    /// Hexahedra.
-    pub hexahedra: &'a [[u32; 8]],
-    /// Membrane triangles.
-    pub membrane: &'a [[u32; 3]],
-    /// Membrane quadrilaterals.
-    pub quads: &'a [[u32; 4]],
-}
-
-impl ElementLists<'_> {
-    /// Every pair of vertices that share an element, pairs of several elements several times.
-    fn pairs(&self) -> impl Iterator<Item = [u32; 2]> + '_ {
-        let sheets = self.membrane.iter().flat_map(|&[a, b, c]| [[b, c], [a, c], [a, b]]);
-        let quads = self.quads.iter().flat_map(|q| QUAD_PAIRS.map(|[a, b]| [q[a], q[b]]));
-        let tetrahedra =
-            self.tetrahedra.iter().flat_map(|t| TETRAHEDRON_EDGES.map(|[a, b]| [t[a], t[b]]));
-        let hexahedra =
-            self.hexahedra.iter().flat_map(|h| HEXAHEDRON_PAIRS.map(|[a, b]| [h[a], h[b]]));
-        let tens = self.tetrahedra10.iter();
-        let tens = tens.flat_map(|t| TETRAHEDRON10_PAIRS.map(|[a, b]| [t[a], t[b]]));
-        sheets.chain(quads).chain(tetrahedra).chain(tens).chain(hexahedra)
-    }
+/// Every pair of vertices that share an element, pairs of several elements several times.
+fn all_pairs(nodes: &ByKind<PerElement>) -> impl Iterator<Item = [u32; 2]> {
+    let of = move |kind| nodes[kind].at(pairs(kind, nodes[kind].width()));
+    ElementKind::ALL.into_iter().flat_map(of)
 }
 
 /// Vertices and elements of a body in engine order.
@@ -53,98 +27,69 @@ pub struct BodyElements {
     pub vertex_order: IndexVec<LocalRow, MeshVertex>,
     /// Row of every vertex of the user's mesh that some element uses.
     pub row_of_vertex: IndexVec<MeshVertex, Option<LocalRow>>,
-    /// Vertex rows of the tetrahedra. Local vertices are renumbered, orientation kept, so that the
-    /// lowest row comes first and the next lowest second.
-    pub tetrahedra: Vec<[u32; 4]>,
-    /// Vertex rows of the ten-node tetrahedra, in the user's local order. They are tetrahedra as far as
-    /// [`ElementKind`] goes, and a body has one of the two lists only.
-    pub tetrahedra10: Vec<[u32; 10]>,
-    /// Tetrahedron row -> index in the user's mesh, of either order.
-    pub tetrahedron_order: Vec<u32>,
-    /// Vertex rows of the membrane triangles, ascending. They are no faces by themselves: an edge or a
-    /// face that a membrane shares with a tetrahedron is there once.
-    pub membrane: Vec<[u32; 3]>,
-    /// Membrane triangle row -> index in the user's list.
-    pub membrane_order: Vec<u32>,
-    /// Vertex rows of the hexahedra, in the user's local order.
-    pub hexahedra: Vec<[u32; 8]>,
-    /// Hexahedron row -> index in the user's mesh.
-    pub hexahedron_order: Vec<u32>,
-    /// Vertex rows of the membrane quadrilaterals, in the user's local order.
-    pub quads: Vec<[u32; 4]>,
-    /// Quadrilateral row -> index in the user's list.
-    pub quad_order: Vec<u32>,
+    /// Vertex rows of the elements. Local vertices are in the user's order but in tetrahedra of four vertices, where
+    /// the lowest row comes first and the next lowest second, orientation kept, and in membrane triangles, where rows
+    /// ascend. Membrane triangles are no faces by themselves: an edge or a face that one shares with a tetrahedron is
+    /// there once.
+    pub nodes: ByKind<PerElement>,
+    /// Index in the user's mesh or list of every element row.
+    pub order: ByKind<Vec<u32>>,
 }
 
 impl BodyElements {
-    /// Orders a mesh of `vertex_count` vertices with valid, distinct indices.
-    pub fn new(vertex_count: usize, elements: &ElementLists) -> Self {
+    /// Orders a mesh of `vertex_count` vertices, whose elements have valid, distinct ones.
+    pub fn new(vertex_count: usize, elements: &ByKind<PerElement>) -> Self {
         let vertex_order = reverse_cuthill_mckee(vertex_count, elements);
         let mut row_of_vertex = IndexVec::from(vec![None; vertex_count]);
         for (row, &vertex) in (0..).map(LocalRow).zip(&vertex_order) {
             row_of_vertex[vertex] = Some(row);
         }
-        let (mut tetrahedron_order, tetrahedra) = ordered(elements.tetrahedra, &row_of_vertex);
-        let (order, tetrahedra10) = ordered(elements.tetrahedra10, &row_of_vertex);
-        tetrahedron_order.extend(order);
-        let (membrane_order, membrane) = ordered(elements.membrane, &row_of_vertex);
-        let (hexahedron_order, hexahedra) = ordered(elements.hexahedra, &row_of_vertex);
-        let (quad_order, quads) = ordered(elements.quads, &row_of_vertex);
-        Self {
-            vertex_order,
-            row_of_vertex,
-            tetrahedra: tetrahedra.into_iter().map(lowest_first).collect(),
-            tetrahedra10,
-            tetrahedron_order,
-            membrane: membrane.into_iter().map(|[a, b, c]| sorted3(a, b, c)).collect(),
-            membrane_order,
-            hexahedra,
-            hexahedron_order,
-            quads,
-            quad_order,
+        let (mut nodes, mut order) = (ByKind::default(), ByKind::default());
+        for kind in ElementKind::ALL {
+            (order[kind], nodes[kind]) = match elements[kind].width() {
+                3 => ordered::<3>(&elements[kind], &row_of_vertex, sorted),
+                4 if kind == ElementKind::Tetrahedron => {
+                    ordered(&elements[kind], &row_of_vertex, lowest_first)
+                }
+                4 => ordered::<4>(&elements[kind], &row_of_vertex, |quad| quad),
+                8 => ordered::<8>(&elements[kind], &row_of_vertex, |hexahedron| hexahedron),
+                _ => ordered::<10>(&elements[kind], &row_of_vertex, |tetrahedron| tetrahedron),
+            };
         }
+        Self { vertex_order, row_of_vertex, nodes, order }
     }
 
-    /// The elements by vertex rows.
-    pub fn elements(&self) -> ElementLists<'_> {
-        ElementLists {
-            tetrahedra: &self.tetrahedra,
-            tetrahedra10: &self.tetrahedra10,
-            hexahedra: &self.hexahedra,
-            membrane: &self.membrane,
-            quads: &self.quads,
-        }
+    /// Vertex rows of the tetrahedra, where they have four vertices.
+    pub fn tetrahedra(&self) -> &[[u32; 4]] {
+        self.nodes.tetrahedra.each()
     }
 
-    /// Element row -> index in the user's mesh or list.
-    pub fn order(&self, kind: ElementKind) -> &[u32] {
-        match kind {
-            ElementKind::Tetrahedron => &self.tetrahedron_order,
-            ElementKind::Triangle => &self.membrane_order,
-            ElementKind::Hexahedron => &self.hexahedron_order,
-            ElementKind::Quad => &self.quad_order,
-        }
+    /// Vertex rows of the tetrahedra, where they have ten vertices.
+    pub fn tetrahedra10(&self) -> &[[u32; 10]] {
+        self.nodes.tetrahedra.each()
+    }
+
+    /// Vertex rows of the membrane triangles.
+    pub fn triangles(&self) -> &[[u32; 3]] {
+        self.nodes.triangles.each()
+    }
+
+    /// Vertex rows of the hexahedra.
+    pub fn hexahedra(&self) -> &[[u32; 8]] {
+        self.nodes.hexahedra.each()
+    }
+
+    /// Vertex rows of the membrane quadrilaterals.
+    pub fn quads(&self) -> &[[u32; 4]] {
+        self.nodes.quads.each()
     }
 
     /// Index in the user's mesh or list -> element row.
     pub fn rows_of(&self, kind: ElementKind) -> Vec<u32> {
-        let order = self.order(kind);
+        let order = &self.order[kind];
         let mut rows = vec![0; order.len()];
         (0..).zip(order).for_each(|(row, &index)| rows[index as usize] = row);
         rows
-    }
-
-    /// Vertex rows of an element.
-    #[inline]
-    pub fn nodes(&self, kind: ElementKind, element: u32) -> &[u32] {
-        let i = element as usize;
-        match kind {
-            ElementKind::Tetrahedron if !self.tetrahedra10.is_empty() => &self.tetrahedra10[i],
-            ElementKind::Tetrahedron => &self.tetrahedra[i],
-            ElementKind::Triangle => &self.membrane[i],
-            ElementKind::Hexahedron => &self.hexahedra[i],
-            ElementKind::Quad => &self.quads[i],
-        }
     }
 }
 
@@ -165,45 +110,28 @@ impl Deref for BodyLayout {
 }
 
 impl BodyLayout {
-    /// Orders a mesh of `vertex_count` vertices without membranes; `tetrahedra` must hold valid, distinct
-    /// indices (which [`crate::mesh`]'s check guarantees).
-    pub fn new(vertex_count: usize, tetrahedra: &[[u32; 4]]) -> Self {
-        Self::with_membrane(vertex_count, tetrahedra, &[])
-    }
-
-    /// Orders a mesh of tetrahedra and membrane triangles with valid, distinct indices. Both share
-    /// vertices and edges where they share indices.
-    pub fn with_membrane(
-        vertex_count: usize,
-        tetrahedra: &[[u32; 4]],
-        membrane: &[[u32; 3]],
-    ) -> Self {
-        Self::of(vertex_count, &ElementLists { tetrahedra, membrane, ..ElementLists::default() })
-    }
-
-    /// Orders a mesh of any elements; all share vertices and edges where they share indices.
-    pub fn of(vertex_count: usize, elements: &ElementLists) -> Self {
+    /// Orders a mesh of `vertex_count` vertices, whose elements have valid, distinct ones (which
+    /// [`crate::mesh`]'s check guarantees). Elements share vertices and edges where they share indices.
+    pub fn new(vertex_count: usize, elements: &ByKind<PerElement>) -> Self {
         let ordered = BodyElements::new(vertex_count, elements);
-        let cells = Cells::new(ordered.vertex_order.len(), &ordered.elements());
+        let cells = Cells::new(ordered.vertex_order.len(), &ordered.nodes);
         Self { ordered, cells }
     }
 }
 
-/// Elements sorted by their vertex rows: the order, and the rows in the order of local vertices.
+/// Elements sorted by their vertex rows: the order, and the rows of local vertices, which `turn` puts in order.
 fn ordered<const N: usize>(
-    elements: &[[u32; N]],
+    elements: &PerElement,
     row_of_vertex: &IndexVec<MeshVertex, Option<LocalRow>>,
-) -> (Vec<u32>, Vec<[u32; N]>) {
+    turn: impl Fn([u32; N]) -> [u32; N],
+) -> (Vec<u32>, PerElement) {
+    let elements = elements.each::<N>();
     let row = |v| row_of_vertex[MeshVertex(v)].map_or(UNUSED, |row| row.0);
     let rows = |e: u32| elements[e as usize].map(row);
     let mut order: Vec<u32> = (0..elements.len() as u32).collect();
-    order.sort_by_cached_key(|&e| {
-        let mut key = rows(e);
-        key.sort_unstable();
-        (key, e)
-    });
-    let sorted = order.iter().map(|&e| rows(e)).collect();
-    (order, sorted)
+    order.sort_by_cached_key(|&e| (sorted(rows(e)), e));
+    let rows: Vec<[u32; N]> = order.iter().map(|&e| turn(rows(e))).collect();
+    (order, rows.into())
 }
 
 /// Edges, triangles and quadrilateral faces of the elements of a body.
@@ -212,136 +140,70 @@ pub struct Cells {
     /// Vertex rows of the edges, lower first, sorted: all pairs of vertices that share an element,
     /// diagonals of quadrilaterals and hexahedra included.
     pub edges: Vec<[u32; 2]>,
-    /// Edge rows of the tetrahedra in local edge order.
-    pub tetrahedron_edges: Vec<[u32; 6]>,
-    /// Edge rows of the ten-node tetrahedra in the order of [`TETRAHEDRON10_PAIRS`].
-    pub tetrahedron10_edges: Vec<[u32; 45]>,
-    /// Triangle rows of the ten-node tetrahedra in the order of [`TETRAHEDRON10_FACES`].
-    pub tetrahedron10_triangles: Vec<[u32; 16]>,
+    /// Edge rows of the elements in the order of their local edges or pairs: of [`TETRAHEDRON_EDGES`],
+    /// [`TETRAHEDRON10_PAIRS`], [`TRIANGLE_EDGES`], [`HEXAHEDRON_PAIRS`] and [`QUAD_PAIRS`].
+    ///
+    /// [`TETRAHEDRON_EDGES`]: crate::element::TETRAHEDRON_EDGES
+    /// [`TETRAHEDRON10_PAIRS`]: crate::isoparametric::TETRAHEDRON10_PAIRS
+    /// [`TRIANGLE_EDGES`]: crate::element::TRIANGLE_EDGES
+    /// [`HEXAHEDRON_PAIRS`]: crate::isoparametric::HEXAHEDRON_PAIRS
+    /// [`QUAD_PAIRS`]: crate::isoparametric::QUAD_PAIRS
+    pub edges_of: ByKind<PerElement>,
     /// Vertex rows of the triangles, ascending, sorted.
     pub triangles: Vec<[u32; 3]>,
     /// Edge rows of the triangles, edge `i` opposite vertex `i`.
     pub triangle_edges: Vec<[u32; 3]>,
-    /// Triangle rows of the tetrahedra; face `i` lies opposite vertex `i`.
-    pub tetrahedron_triangles: Vec<[u32; 4]>,
-    /// Edge rows of the membrane triangles, edge `i` opposite vertex `i`.
-    pub membrane_edges: Vec<[u32; 3]>,
-    /// Row of every membrane triangle in `triangles`.
-    pub membrane_triangles: Vec<u32>,
-    /// Edge rows of the hexahedra in the order of [`HEXAHEDRON_PAIRS`].
-    pub hexahedron_edges: Vec<[u32; 28]>,
-    /// Edge rows of the membrane quadrilaterals in the order of [`QUAD_PAIRS`].
-    pub quad_edges: Vec<[u32; 6]>,
+    /// Triangle rows of the tetrahedra, in the order of [`TETRAHEDRON_FACES`](crate::element::TETRAHEDRON_FACES) or
+    /// [`TETRAHEDRON10_FACES`](crate::isoparametric::TETRAHEDRON10_FACES), and that of every membrane triangle.
+    pub triangles_of: ByKind<PerElement>,
     /// Vertex rows of the faces of hexahedra, ascending, sorted.
     pub faces: Vec<[u32; 4]>,
     /// Face rows of the hexahedra in the order of [`HEXAHEDRON_FACES`].
-    pub hexahedron_faces: Vec<[u32; 6]>,
+    pub faces_of: PerElement,
 }
 
 impl Cells {
     /// Of elements given by their vertex rows, below `vertex_count`; those of membrane triangles
     /// ascending.
-    pub fn new(vertex_count: usize, elements: &ElementLists) -> Self {
-        let ElementLists { tetrahedra, tetrahedra10, hexahedra, membrane, quads } = *elements;
-        let mut edges: Vec<[u32; 2]> = elements.pairs().map(|[a, b]| sorted2(a, b)).collect();
+    pub fn new(vertex_count: usize, nodes: &ByKind<PerElement>) -> Self {
+        let mut edges: Vec<[u32; 2]> = all_pairs(nodes).map(|[a, b]| sorted2(a, b)).collect();
         edges.sort_unstable();
         edges.dedup();
-        let mut triangles: Vec<[u32; 3]> = tetrahedra
-            .iter()
-            .flat_map(|t| TETRAHEDRON_FACES.map(|[a, b, c]| sorted3(t[a], t[b], t[c])))
-            .chain(
-                tetrahedra10
-                    .iter()
-                    .flat_map(|t| TETRAHEDRON10_FACES.map(|[a, b, c]| sorted3(t[a], t[b], t[c]))),
-            )
-            .chain(membrane.iter().copied())
-            .collect();
+        let all_triangles = |kind| nodes[kind].at(local_triangles(kind, nodes[kind].width()));
+        let mut triangles: Vec<[u32; 3]> =
+            ElementKind::ALL.into_iter().flat_map(all_triangles).map(sorted).collect();
         triangles.sort_unstable();
         triangles.dedup();
-        let face_rows = |h: &[u32; 8]| {
-            HEXAHEDRON_FACES.map(|face| {
-                let mut rows = face.map(|v| h[v]);
-                rows.sort_unstable();
-                rows
-            })
-        };
-        let mut faces: Vec<[u32; 4]> = hexahedra.iter().flat_map(face_rows).collect();
+        let all_faces = || nodes.hexahedra.at(&HEXAHEDRON_FACES).map(sorted);
+        let mut faces: Vec<[u32; 4]> = all_faces().collect();
         faces.sort_unstable();
         faces.dedup();
 
         let edge_start = starts(vertex_count, edges.iter().map(|e| e[0]));
         let triangle_start = starts(vertex_count, triangles.iter().map(|t| t[0]));
-        let edge_row = |a: u32, b: u32| {
+        let edge_row = |[a, b]: [u32; 2]| {
             let key = sorted2(a, b);
             let (from, to) = (edge_start[key[0] as usize], edge_start[key[0] as usize + 1]);
             from + edges[from as usize..to as usize].binary_search(&key).unwrap_or(0) as u32
         };
-        let triangle_row = |a: u32, b: u32, c: u32| {
-            let key = sorted3(a, b, c);
+        let triangle_row = |triangle: [u32; 3]| {
+            let key = sorted(triangle);
             let (from, to) = (triangle_start[key[0] as usize], triangle_start[key[0] as usize + 1]);
             from + triangles[from as usize..to as usize].binary_search(&key).unwrap_or(0) as u32
         };
-        let opposite =
-            |t: &[u32; 3]| [edge_row(t[1], t[2]), edge_row(t[2], t[0]), edge_row(t[0], t[1])];
-        let face_row = |face: [u32; 4]| faces.binary_search(&face).unwrap_or(0) as u32;
-        Self {
-            tetrahedron_edges: tetrahedra
-                .iter()
-                .map(|t| TETRAHEDRON_EDGES.map(|[a, b]| edge_row(t[a], t[b])))
-                .collect(),
-            tetrahedron10_edges: tetrahedra10
-                .iter()
-                .map(|t| TETRAHEDRON10_PAIRS.map(|[a, b]| edge_row(t[a], t[b])))
-                .collect(),
-            tetrahedron10_triangles: tetrahedra10
-                .iter()
-                .map(|t| TETRAHEDRON10_FACES.map(|[a, b, c]| triangle_row(t[a], t[b], t[c])))
-                .collect(),
-            triangle_edges: triangles.iter().map(opposite).collect(),
-            tetrahedron_triangles: tetrahedra
-                .iter()
-                .map(|t| TETRAHEDRON_FACES.map(|[a, b, c]| triangle_row(t[a], t[b], t[c])))
-                .collect(),
-            membrane_edges: membrane.iter().map(opposite).collect(),
-            membrane_triangles: membrane.iter().map(|&[a, b, c]| triangle_row(a, b, c)).collect(),
-            hexahedron_edges: hexahedra
-                .iter()
-                .map(|h| HEXAHEDRON_PAIRS.map(|[a, b]| edge_row(h[a], h[b])))
-                .collect(),
-            quad_edges: quads
-                .iter()
-                .map(|q| QUAD_PAIRS.map(|[a, b]| edge_row(q[a], q[b])))
-                .collect(),
-            hexahedron_faces: hexahedra.iter().map(|h| face_rows(h).map(face_row)).collect(),
-            edges,
-            triangles,
-            faces,
-        }
-    }
-
-    /// Edges of an element, in the order of its local pairs.
-    #[inline]
-    pub fn edges_of(&self, kind: ElementKind, element: u32) -> &[u32] {
-        let i = element as usize;
-        match kind {
-            ElementKind::Tetrahedron if !self.tetrahedron10_edges.is_empty() => {
-                &self.tetrahedron10_edges[i]
-            }
-            ElementKind::Tetrahedron => &self.tetrahedron_edges[i],
-            ElementKind::Triangle => &self.membrane_edges[i],
-            ElementKind::Hexahedron => &self.hexahedron_edges[i],
-            ElementKind::Quad => &self.quad_edges[i],
-        }
-    }
-
-    /// Triangles on the surface of a tetrahedron of either order.
-    #[inline]
-    pub fn triangles_of(&self, tetrahedron: u32) -> &[u32] {
-        let i = tetrahedron as usize;
-        match self.tetrahedron10_triangles.is_empty() {
-            true => &self.tetrahedron_triangles[i],
-            false => &self.tetrahedron10_triangles[i],
-        }
+        let face_row = |face| faces.binary_search(&face).unwrap_or(0) as u32;
+        let edges_of = ByKind::of(|kind| {
+            let local = pairs(kind, nodes[kind].width());
+            PerElement::filled(local.len(), nodes[kind].at(local).map(edge_row))
+        });
+        let triangles_of = ByKind::of(|kind| {
+            let local = local_triangles(kind, nodes[kind].width());
+            PerElement::filled(local.len(), nodes[kind].at(local).map(triangle_row))
+        });
+        let faces_of = PerElement::filled(6, all_faces().map(face_row));
+        let opposite = |t: &[u32; 3]| TRIANGLE_EDGES.map(|[a, b]| edge_row([t[a], t[b]]));
+        let triangle_edges = triangles.iter().map(opposite).collect();
+        Self { edges_of, triangles_of, faces_of, triangle_edges, edges, triangles, faces }
     }
 }
 
@@ -373,10 +235,9 @@ fn sorted2(a: u32, b: u32) -> [u32; 2] {
     [a.min(b), a.max(b)]
 }
 
-fn sorted3(a: u32, b: u32, c: u32) -> [u32; 3] {
-    let mut t = [a, b, c];
-    t.sort_unstable();
-    t
+fn sorted<const N: usize>(mut rows: [u32; N]) -> [u32; N] {
+    rows.sort_unstable();
+    rows
 }
 
 /// Compressed-row starts for sorted `keys` in `0..n`.
@@ -393,9 +254,13 @@ pub fn starts(n: usize, keys: impl Iterator<Item = u32>) -> Vec<u32> {
 
 /// Reverse Cuthill-McKee order of the vertices that some element uses. Each component starts
 /// from a vertex far from everything (two breadth-first sweeps), which keeps the bandwidth low.
-fn reverse_cuthill_mckee(n: usize, elements: &ElementLists) -> IndexVec<LocalRow, MeshVertex> {
+fn reverse_cuthill_mckee(
+    n: usize,
+    elements: &ByKind<PerElement>,
+) -> IndexVec<LocalRow, MeshVertex> {
     // adjacency in compressed rows, duplicates removed
-    let mut pairs: Vec<[u32; 2]> = elements.pairs().flat_map(|[a, b]| [[a, b], [b, a]]).collect();
+    let mut pairs: Vec<[u32; 2]> =
+        all_pairs(elements).flat_map(|[a, b]| [[a, b], [b, a]]).collect();
     pairs.sort_unstable();
     pairs.dedup();
     let start = starts(n, pairs.iter().map(|p| p[0]));
@@ -455,27 +320,36 @@ fn reverse_cuthill_mckee(n: usize, elements: &ElementLists) -> IndexVec<LocalRow
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::element::{TETRAHEDRON_EDGES, TETRAHEDRON_FACES};
+
+    fn layout(n: usize, tetrahedra: &[[u32; 4]], triangles: &[[u32; 3]]) -> BodyLayout {
+        let (tetrahedra, triangles) = (tetrahedra.into(), triangles.into());
+        BodyLayout::new(n, &ByKind { tetrahedra, triangles, ..ByKind::default() })
+    }
 
     #[test]
     fn two_tetrahedra_share_a_face() {
-        let layout = BodyLayout::new(6, &[[0, 1, 2, 3], [1, 2, 3, 5]]);
+        let layout = layout(6, &[[0, 1, 2, 3], [1, 2, 3, 5]], &[]);
         assert_eq!(layout.vertex_order.len(), 5);
         assert_eq!(layout.row_of_vertex[MeshVertex(4)], None);
         assert_eq!(layout.cells.edges.len(), 9);
         assert_eq!(layout.cells.triangles.len(), 7);
-        for (t, edges) in layout.tetrahedra.iter().zip(&layout.cells.tetrahedron_edges) {
+        for (t, edges) in
+            layout.nodes.tetrahedra.iter().zip(layout.cells.edges_of.tetrahedra.iter())
+        {
             for (local, &e) in edges.iter().enumerate() {
                 let [a, b] = TETRAHEDRON_EDGES[local];
                 assert_eq!(layout.cells.edges[e as usize], sorted2(t[a], t[b]));
             }
         }
-        for (t, faces) in layout.tetrahedra.iter().zip(&layout.cells.tetrahedron_triangles) {
+        let faces_of = layout.cells.triangles_of.tetrahedra.iter();
+        for (t, faces) in layout.nodes.tetrahedra.iter().zip(faces_of) {
             for (local, &f) in faces.iter().enumerate() {
                 let [a, b, c] = TETRAHEDRON_FACES[local];
-                assert_eq!(layout.cells.triangles[f as usize], sorted3(t[a], t[b], t[c]));
+                assert_eq!(layout.cells.triangles[f as usize], sorted([t[a], t[b], t[c]]));
             }
         }
-        for t in &layout.tetrahedra {
+        for t in layout.nodes.tetrahedra.iter() {
             assert!(t[0] < t[1] && t[1] < t[2].min(t[3]));
         }
         for (t, edges) in layout.cells.triangles.iter().zip(&layout.cells.triangle_edges) {
@@ -487,22 +361,25 @@ mod tests {
     #[test]
     fn a_membrane_shares_the_edges_of_the_solid() {
         // a triangle on a face of the tetrahedron, and one that hangs on an edge of it
-        let layout = BodyLayout::with_membrane(6, &[[0, 1, 2, 3]], &[[5, 2, 1], [2, 1, 0]]);
-        assert_eq!(layout.vertex_order.len(), 5);
-        assert_eq!((layout.cells.edges.len(), layout.cells.triangles.len()), (8, 5));
-        for (i, t) in layout.membrane.iter().enumerate() {
+        let mixed = layout(6, &[[0, 1, 2, 3]], &[[5, 2, 1], [2, 1, 0]]);
+        assert_eq!(mixed.vertex_order.len(), 5);
+        assert_eq!((mixed.cells.edges.len(), mixed.cells.triangles.len()), (8, 5));
+        for (i, t) in (0..).zip(mixed.nodes.triangles.each::<3>()) {
             assert!(t[0] < t[1] && t[1] < t[2]);
-            assert_eq!(layout.cells.triangles[layout.cells.membrane_triangles[i] as usize], *t);
-            let edges = layout.cells.membrane_edges[i];
-            assert_eq!(layout.cells.edges[edges[0] as usize], [t[1], t[2]]);
-            assert_eq!(layout.cells.edges[edges[1] as usize], [t[0], t[2]]);
+            assert_eq!(
+                mixed.cells.triangles[mixed.cells.triangles_of.triangles.of(i)[0] as usize],
+                *t
+            );
+            let edges = mixed.cells.edges_of.triangles.of(i);
+            assert_eq!(mixed.cells.edges[edges[0] as usize], [t[1], t[2]]);
+            assert_eq!(mixed.cells.edges[edges[1] as usize], [t[0], t[2]]);
         }
-        let mut order = layout.membrane_order.clone();
+        let mut order = mixed.order.triangles.clone();
         order.sort_unstable();
         assert_eq!(order, [0, 1]);
-        let alone = BodyLayout::with_membrane(3, &[], &[[2, 0, 1]]);
+        let alone = layout(3, &[], &[[2, 0, 1]]);
         assert_eq!(
-            (alone.cells.edges.len(), alone.cells.triangles.len(), alone.tetrahedra.len()),
+            (alone.cells.edges.len(), alone.cells.triangles.len(), alone.nodes.tetrahedra.len()),
             (3, 1, 0)
         );
     }
@@ -534,7 +411,7 @@ mod tests {
             tets.push([v(0), v(1), v(2), v(4)]);
             tets.push([v(1), v(2), v(4), v(5)]);
         }
-        let layout = BodyLayout::new(200, &tets);
+        let layout = layout(200, &tets, &[]);
         let mut seen: Vec<_> = layout.vertex_order.iter().collect();
         seen.sort_unstable();
         seen.dedup();

@@ -19,6 +19,8 @@ pub mod memory;
 pub mod mesh;
 pub mod order;
 pub mod precision;
+pub mod ratios;
+pub mod read;
 pub mod report;
 pub mod row;
 pub mod scalar;

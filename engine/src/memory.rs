@@ -1,6 +1,7 @@
 //! How much memory there is, asked before much of it is taken: a mesh that does not fit is refused with its
 //! size, in place of an abort in the middle of it.
 
+use crate::element_kind::ByKind;
 use std::fs::File;
 use std::io::{self, Read};
 use std::path::Path;
@@ -73,14 +74,13 @@ pub fn fits(what: &str, needed: impl FnOnce() -> u64) -> Result<(), TooLarge> {
     }
 }
 
-/// Memory (bytes) that a body takes while it is built and simulated, by its numbers of tetrahedra, hexahedra,
-/// membrane triangles and quadrilaterals, and how many of the tetrahedra are of second order: measured per element, with
+/// Memory (bytes) that a body takes while it is built and simulated, by its numbers of elements, and how many of the tetrahedra are of second order: measured per element, with
 /// matrices and preconditioner.
-pub fn of_body([tetrahedra, hexahedra, triangles, quads]: [usize; 4], second_order: usize) -> u64 {
+pub fn of_body(counts: &ByKind<usize>, second_order: usize) -> u64 {
     10_000 * second_order as u64
-        + 1500 * tetrahedra as u64
-        + 6000 * hexahedra as u64
-        + 600 * (triangles + 2 * quads) as u64
+        + 1500 * counts.tetrahedra as u64
+        + 6000 * counts.hexahedra as u64
+        + 600 * (counts.triangles + 2 * counts.quads) as u64
 }
 
 /// Reads a file that is one: not a folder, a pipe or a device, and no larger than fits into the memory three times.

@@ -2,6 +2,7 @@
 
 use glam::{DVec2, DVec3};
 use proptest::prelude::*;
+use sinew_engine::element_kind::ByKind;
 use sinew_engine::mesh::generate::{box_hexahedra, box_tets, triangle_grid};
 use sinew_engine::mesh::io::*;
 use sinew_engine::mesh::{CellData, FileLines, Group, Mesh, MeshError};
@@ -53,9 +54,11 @@ fn numbers_of_cells_survive_every_format() {
     let data = |name: &str, integer, value: &dyn Fn(usize) -> f64| CellData {
         name: name.to_owned(),
         integer,
-        tetrahedra: (0..n_tets).map(value).collect(),
-        triangles: (n_tets..n_tets + n_triangles).map(value).collect(),
-        ..CellData::default()
+        values: ByKind {
+            tetrahedra: (0..n_tets).map(value).collect(),
+            triangles: (n_tets..n_tets + n_triangles).map(value).collect(),
+            ..ByKind::default()
+        },
     };
     mesh.cell_data = vec![data("young modulus", false, &stiffness), data("fibre", true, &label)];
     let file = VtuData::of_mesh(&mesh);
@@ -68,10 +71,16 @@ fn numbers_of_cells_survive_every_format() {
         assert_eq!(vtk.cell_data, mesh.cell_data);
     }
     let msh = read_gmsh(encode_gmsh(&mesh).as_bytes(), "").unwrap();
-    assert_eq!(msh.data("young modulus").unwrap().tetrahedra, mesh.cell_data[0].tetrahedra);
+    assert_eq!(
+        msh.data("young modulus").unwrap().values.tetrahedra,
+        mesh.cell_data[0].values.tetrahedra
+    );
     let fibre = msh.data("fibre").unwrap();
     // the format stores reals only
-    assert_eq!((fibre.integer, &fibre.triangles), (false, &mesh.cell_data[1].triangles));
+    assert_eq!(
+        (fibre.integer, &fibre.values.triangles),
+        (false, &mesh.cell_data[1].values.triangles)
+    );
     let short = VtuData { cell_data: &[CellData::default()], ..file };
     assert!(matches!(encode_vtu(&short), Err(MeshError::LengthMismatch { .. })));
 }
@@ -84,11 +93,11 @@ fn gmsh_data_of_elements() {
     };
     let mesh = data(3, "1 7\n4 2.5e3\n3 8\n").unwrap();
     // elements 2 and 3 are the same triangle in two groups
-    assert_eq!(mesh.data("stiffness").unwrap().tetrahedra, [2.5e3]);
-    assert_eq!(mesh.data("stiffness").unwrap().triangles, [8.0]);
+    assert_eq!(mesh.data("stiffness").unwrap().values.tetrahedra, [2.5e3]);
+    assert_eq!(mesh.data("stiffness").unwrap().values.triangles, [8.0]);
     // without a value for the tetrahedron
     let mesh = data(1, "3 8\n").unwrap();
-    assert!(mesh.data("stiffness").unwrap().tetrahedra[0].is_nan());
+    assert!(mesh.data("stiffness").unwrap().values.tetrahedra[0].is_nan());
     assert!(matches!(data(2, "3 8\n"), Err(MeshError::CountMismatch { .. })));
     assert!(matches!(data(1, "3 x\n"), Err(MeshError::InvalidValue { .. })));
 }
@@ -222,13 +231,16 @@ fn binary_4(big: bool) -> Vec<u8> {
 #[test]
 fn gmsh_versions_and_encodings_agree() {
     let text = read_gmsh(MSH_2.as_bytes(), "").unwrap();
-    assert_eq!(text.lines.tetrahedra, [20]);
+    assert_eq!(text.lines.cells.tetrahedra, [20]);
     assert_eq!(text.skipped[0].kind, "point");
     assert_eq!((text.tetrahedra.len(), text.triangles.len()), (1, 1));
     let names: Vec<(u8, &str)> =
         text.groups.iter().map(|g| (g.dimension, g.name.as_str())).collect();
     assert_eq!(names, [(0, "9"), (2, "face"), (2, "4"), (3, "7")]);
-    assert_eq!(text.group("face").unwrap().triangles, text.group("4").unwrap().triangles);
+    assert_eq!(
+        text.group("face").unwrap().cells.triangles,
+        text.group("4").unwrap().cells.triangles
+    );
     assert_eq!(text.group("7").unwrap().vertices, [0, 1, 2, 3]);
     let text = bare(text);
     assert_eq!(bare(read_gmsh(MSH_4.as_bytes(), "").unwrap()), text);
@@ -282,11 +294,11 @@ fn vectors_of_cells_become_three_columns() {
         {
             let data = mesh.data(name).unwrap();
             assert_eq!(
-                (&data.tetrahedra[..], &data.triangles[..]),
+                (&data.values.tetrahedra[..], &data.values.triangles[..]),
                 (&[tetrahedron][..], &[triangle][..])
             );
         }
-        assert_eq!(mesh.data("region").unwrap().tetrahedra, [3.0]);
+        assert_eq!(mesh.data("region").unwrap().values.tetrahedra, [3.0]);
     }
     // one number short
     let short = vtu.replace("4 5</DataArray>", "4</DataArray>");
@@ -296,8 +308,8 @@ fn vectors_of_cells_become_three_columns() {
 #[test]
 fn vtk_formats_agree() {
     let mesh = bare(read_vtk(VTK.as_bytes(), "").unwrap());
-    assert_eq!(mesh.group("region 3").unwrap().tetrahedra, [0]);
-    assert_eq!(mesh.group("region 8").unwrap().triangles, [0]);
+    assert_eq!(mesh.group("region 3").unwrap().cells.tetrahedra, [0]);
+    assert_eq!(mesh.group("region 8").unwrap().cells.triangles, [0]);
     assert_eq!(bare(read_vtk(VTK_5.as_bytes(), "").unwrap()), mesh);
     assert_eq!(bare(read_vtu(VTU.as_bytes(), "").unwrap()), mesh);
     for text in BASE64 {
@@ -314,18 +326,18 @@ fn tetgen_obj_stl_and_gmsh_1() {
     let mesh =
         read_tetgen(NODE.as_bytes(), ELE.as_bytes(), Some(FACE.as_bytes()), "a.ele").unwrap();
     assert_eq!(mesh.group("marker 1").unwrap().vertices, [0, 2]);
-    assert_eq!(mesh.group("region 3").unwrap().tetrahedra, [0]);
-    assert_eq!(mesh.group("marker 5").unwrap().triangles, [0]);
+    assert_eq!(mesh.group("region 3").unwrap().cells.tetrahedra, [0]);
+    assert_eq!(mesh.group("marker 5").unwrap().cells.triangles, [0]);
     let mesh = read_obj(OBJ.as_bytes(), "").unwrap();
     assert_eq!(
         (mesh.triangles.as_slice(), mesh.quads.as_slice()),
         (&[[0, 1, 2]][..], &[[0, 1, 2, 3]][..])
     );
-    assert_eq!((&mesh.lines.quads[..], mesh.skipped.len()), (&[9][..], 0));
+    assert_eq!((&mesh.lines.cells.quads[..], mesh.skipped.len()), (&[9][..], 0));
     assert_eq!(mesh.group("cap").unwrap().vertices, [0, 1, 2, 3]);
     let mesh = read_stl(STL.as_bytes(), "").unwrap();
     assert_eq!(mesh.triangles, [[0, 1, 2], [0, 2, 3]]);
-    assert_eq!(mesh.group("top").unwrap().triangles, [0, 1]);
+    assert_eq!(mesh.group("top").unwrap().cells.triangles, [0, 1]);
     let mut binary = vec![b's'; 80];
     binary.extend(2u32.to_le_bytes());
     for triangle in &mesh.triangles {
@@ -413,8 +425,7 @@ fn samples() -> Vec<Vec<u8>> {
     let mut mesh = box_hexahedra(DVec3::ONE, [2, 1, 1]).unwrap();
     mesh.cell_data.push(CellData {
         name: "f_x".to_owned(),
-        hexahedra: vec![0.5; 2],
-        quads: vec![0.25; 10],
+        values: ByKind { hexahedra: vec![0.5; 2], quads: vec![0.25; 10], ..ByKind::default() },
         ..CellData::default()
     });
     samples.push(encode_vtu(&VtuData::of_mesh(&mesh)).unwrap());

@@ -1,6 +1,7 @@
 //! Meshes of all four kinds of cells through every format, and cells in the order of other programs.
 
 use glam::DVec3;
+use sinew_engine::element_kind::{ByKind, ElementKind};
 use sinew_engine::mesh::io::*;
 use sinew_engine::mesh::{CellData, FileLines, FindingCode, Group, LINEAR, Mesh, MeshError, check};
 
@@ -20,10 +21,12 @@ fn mixed() -> Mesh {
         CellData {
             name: name.to_owned(),
             integer: name == "label",
-            tetrahedra: values(0, 2),
-            hexahedra: values(2, 1),
-            triangles: values(3, 2),
-            quads: values(5, 2),
+            values: ByKind {
+                tetrahedra: values(0, 2),
+                hexahedra: values(2, 1),
+                triangles: values(3, 2),
+                quads: values(5, 2),
+            },
         }
     };
     fn value(array: usize, cell: usize) -> f64 {
@@ -40,24 +43,19 @@ fn mixed() -> Mesh {
                 name: "sheet".to_owned(),
                 dimension: 2,
                 vertices: vec![9, 10, 11, 12, 13],
-                triangles: vec![0],
-                quads: vec![1],
-                ..Group::default()
+                cells: ByKind { triangles: vec![0], quads: vec![1], ..ByKind::default() },
             },
             Group {
                 name: "solid".to_owned(),
                 dimension: 3,
                 vertices: (0..9).collect(),
-                tetrahedra: vec![0, 1],
-                hexahedra: vec![0],
-                ..Group::default()
+                cells: ByKind { tetrahedra: vec![0, 1], hexahedra: vec![0], ..ByKind::default() },
             },
             Group {
                 name: "stiff".to_owned(),
                 dimension: 3,
                 vertices: (0..8).collect(),
-                hexahedra: vec![0],
-                ..Group::default()
+                cells: ByKind { hexahedra: vec![0], ..ByKind::default() },
             },
         ],
         cell_data: names.into_iter().enumerate().map(data).collect(),
@@ -86,7 +84,7 @@ fn mixed_meshes_read_back_the_same() {
     }
     let msh = encode_gmsh(&mesh);
     let read = read_gmsh(msh.as_bytes(), "").unwrap();
-    assert_eq!(read.lines.hexahedra.len() + read.lines.quads.len(), 3);
+    assert_eq!(read.lines.cells.hexahedra.len() + read.lines.cells.quads.len(), 3);
     let mut real = mesh.clone();
     // the format stores reals only
     real.cell_data[9].integer = false;
@@ -118,17 +116,20 @@ fn components_that_are_missing_stay_missing() {
     let mut mesh = mixed();
     mesh.cell_data.drain(..6);
     mesh.cell_data.truncate(3);
-    mesh.cell_data[1].hexahedra[0] = f64::NAN;
-    mesh.cell_data.iter_mut().for_each(|data| data.quads[1] = f64::NAN);
+    mesh.cell_data[1].values.hexahedra[0] = f64::NAN;
+    mesh.cell_data.iter_mut().for_each(|data| data.values.quads[1] = f64::NAN);
     for read in [
         read_gmsh(encode_gmsh(&mesh).as_bytes(), "").unwrap(),
         read_vtu(&encode_vtu(&VtuData::of_mesh(&mesh)).unwrap(), "").unwrap(),
         read_vtk(&encode_vtk(&VtuData::of_mesh(&mesh), false).unwrap(), "").unwrap(),
     ] {
-        assert_eq!(read.data("fibre_x").unwrap().hexahedra, mesh.cell_data[0].hexahedra);
-        assert!(read.data("fibre_y").unwrap().hexahedra[0].is_nan());
+        assert_eq!(
+            read.data("fibre_x").unwrap().values.hexahedra,
+            mesh.cell_data[0].values.hexahedra
+        );
+        assert!(read.data("fibre_y").unwrap().values.hexahedra[0].is_nan());
         for data in &read.cell_data {
-            assert!(data.quads[1].is_nan() && data.quads[0].is_finite());
+            assert!(data.values.quads[1].is_nan() && data.values.quads[0].is_finite());
         }
     }
 }
@@ -146,7 +147,7 @@ fn vectors_of_the_vtk_formats() {
         let mesh = read_vtk(format!("{grid}{array}").as_bytes(), "").unwrap();
         assert_eq!(mesh.cell_data.len(), 3);
         for (name, values) in [("v_x", [1.0, 4.0]), ("v_y", [2.0, 5.0]), ("v_z", [3.0, 6.0])] {
-            assert_eq!(mesh.data(name).unwrap().quads, values);
+            assert_eq!(mesh.data(name).unwrap().values.quads, values);
         }
         // components are no regions
         assert!(mesh.groups.is_empty());
@@ -184,8 +185,8 @@ fn gmsh_4_blocks_of_quads_and_hexahedra() {
     let mesh = read_gmsh(text.as_bytes(), "").unwrap();
     assert_eq!(mesh.quads, [[0, 3, 2, 1]]);
     assert_eq!(mesh.hexahedra, [[0, 1, 2, 3, 4, 5, 6, 7]]);
-    assert_eq!(mesh.group("skin").unwrap().quads, [0]);
-    assert_eq!(mesh.group("flesh").unwrap().hexahedra, [0]);
+    assert_eq!(mesh.group("skin").unwrap().cells.quads, [0]);
+    assert_eq!(mesh.group("flesh").unwrap().cells.hexahedra, [0]);
     assert!(check(&mesh, &Default::default()).unwrap().report.findings.is_empty());
     // version 2 lists a cell once for each of its groups
     let mut twice = mixed();
@@ -199,11 +200,8 @@ fn data_of_the_wrong_length_are_refused() {
     let mesh = mixed();
     for at in 0..4 {
         let mut data = mesh.cell_data.clone();
-        let lists = &mut data[1];
-        let list =
-            [&mut lists.tetrahedra, &mut lists.hexahedra, &mut lists.triangles, &mut lists.quads];
         let name = ["tetrahedra", "hexahedra", "triangles", "quadrilaterals"][at];
-        list.into_iter().nth(at).unwrap().push(0.0);
+        data[1].values[ElementKind::IN_FILES[at]].push(0.0);
         let file = VtuData { cell_data: &data, ..VtuData::of_mesh(&mesh) };
         for error in [encode_vtu(&file).unwrap_err(), encode_vtk(&file, true).unwrap_err()] {
             assert!(matches!(error, MeshError::LengthMismatch { .. }));
@@ -237,12 +235,15 @@ fn second_order_cells_in_the_orders_of_gmsh_and_vtk() {
     assert_eq!(mesh.triangles, [[0, 6, 4], [2, 5, 6], [1, 4, 5], [6, 5, 4]]);
     let base = mesh.group("base").unwrap();
     assert_eq!(
-        (&base.vertices[..], &base.triangles[..]),
+        (&base.vertices[..], &base.cells.triangles[..]),
         (&[0, 1, 2, 4, 5, 6][..], &[0, 1, 2, 3][..])
     );
     assert_eq!(mesh.group("flesh").unwrap().vertices, (0..10).collect::<Vec<u32>>());
     let data = mesh.data("f").unwrap();
-    assert_eq!((&data.triangles[..], &data.tetrahedra[..]), (&[2.5; 4][..], &[3.5][..]));
+    assert_eq!(
+        (&data.values.triangles[..], &data.values.tetrahedra[..]),
+        (&[2.5; 4][..], &[3.5][..])
+    );
     assert!((mesh.total_volume() - 1.0 / 6.0).abs() < 1e-15);
     let report = check(&mesh, &Default::default()).unwrap().report;
     assert!(report.finding(FindingCode::NonConvexCell).is_none(), "{report}");
@@ -260,7 +261,7 @@ fn second_order_cells_in_the_orders_of_gmsh_and_vtk() {
     both.points.extend([DVec3::new(2.0, 1.0, 0.0), DVec3::new(2.0, 0.0, 1.0)]);
     both.tetrahedra.push([10, 11, 12, 13]);
     both.middles.push(LINEAR);
-    both.cell_data[0].tetrahedra.push(4.5);
+    both.cell_data[0].values.tetrahedra.push(4.5);
     for mesh in [&mesh, &both] {
         let formats = [
             read_gmsh(encode_gmsh(mesh).as_bytes(), ""),
@@ -273,7 +274,10 @@ fn second_order_cells_in_the_orders_of_gmsh_and_vtk() {
             assert_eq!((&read.tetrahedra, &read.middles), (&mesh.tetrahedra, &mesh.middles));
             assert_eq!((&read.triangles, &read.points), (&mesh.triangles, &mesh.points));
             assert_eq!(read.group("base").unwrap().vertices, mesh.group("base").unwrap().vertices);
-            assert_eq!(read.data("f").unwrap().tetrahedra, mesh.data("f").unwrap().tetrahedra);
+            assert_eq!(
+                read.data("f").unwrap().values.tetrahedra,
+                mesh.data("f").unwrap().values.tetrahedra
+            );
         }
     }
     let error = check(&both, &Default::default()).unwrap_err().to_string();

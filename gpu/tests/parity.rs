@@ -8,8 +8,8 @@ use crate::common::{
 use glam::DVec3;
 use sinew::engine::law::TangentKind;
 use sinew::engine::mesh::Mesh;
+use sinew::engine::ratios::measure_volume_ratios;
 use sinew::engine::report::VolumeReport;
-use sinew::engine::step::measure_volume_ratios;
 use sinew::models::body::Evaluation;
 use sinew::prelude::*;
 use sinew_gpu::GpuOptions;

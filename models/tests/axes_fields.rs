@@ -37,11 +37,11 @@ fn cell_data_come_back() {
     assert_eq!(found.repaired, 0);
     // lengths are repaired and counted, vectors that are none are not
     for data in &mut mesh.cell_data {
-        data.tetrahedra[7] *= 2.0;
+        data.values.tetrahedra[7] *= 2.0;
     }
     assert_eq!(from_cell_data(&mesh, "fibre").unwrap().repaired, 1);
     for bad in [0.0, f64::NAN] {
-        mesh.cell_data.iter_mut().for_each(|data| data.tetrahedra[4] = bad);
+        mesh.cell_data.iter_mut().for_each(|data| data.values.tetrahedra[4] = bad);
         let error = from_cell_data(&mesh, "fibre").unwrap_err();
         assert!(matches!(error, FibreError::Direction { element: 4, .. }), "{error}");
     }
@@ -199,7 +199,7 @@ fn hexahedra_follow_the_tetrahedra() {
     let given = field::random(&mesh, 3);
     assert_eq!(given.directions.len(), 99);
     let data = to_cell_data("fibre", &given.directions, &mesh);
-    assert_eq!((data[0].tetrahedra.len(), data[0].hexahedra.len()), (54, 45));
+    assert_eq!((data[0].values.tetrahedra.len(), data[0].values.hexahedra.len()), (54, 45));
     mesh.cell_data.extend(data);
     let found = from_cell_data(&mesh, "fibre").unwrap();
     assert!(found.directions.iter().zip(&given.directions).all(|(a, b)| a.distance(*b) < 1e-15));

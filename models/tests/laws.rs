@@ -104,8 +104,8 @@ fn walk<S: Scalar>(body: &BodyDescription, pressed: bool, reached: &mut BTreeSet
     spawn_body(&mut world, body).unwrap_or_else(|e| panic!("{e}"));
     if pressed {
         let rows = &world.resource::<Topology>().bodies[0];
-        let corners = rows.tetrahedra.iter().map(|t| [t[0], t[1], t[2]]);
-        let faces = corners.chain(rows.hexahedra.iter().map(|h| [h[0], h[1], h[2]])).take(1);
+        let corners = rows.tetrahedra().iter().map(|t| [t[0], t[1], t[2]]);
+        let faces = corners.chain(rows.hexahedra().iter().map(|h| [h[0], h[1], h[2]])).take(1);
         let faces = faces.map(|face| face.map(VertexRow)).collect();
         let curve = Curve::Constant;
         world.spawn(Pressure { name: "p".into(), faces, pressure: 10.0, curve });

@@ -4,6 +4,7 @@ use crate::state::NodeState;
 use bevy_ecs::prelude::*;
 use glam::DVec3;
 use sinew_engine::columns::single_table;
+use sinew_engine::element_kind::ElementKind;
 use sinew_engine::layout::UNUSED;
 use sinew_engine::row::LocalRow;
 use sinew_engine::scalar::Scalar;
@@ -145,15 +146,13 @@ impl RigidParts {
                 edge.is_some_and(|edge| topology.uses_edge(edge as usize))
             })
         };
-        let lists = body.elements();
-        let solids = lists.tetrahedra.iter().map(|c| &c[..]);
-        let solids = solids.chain(lists.tetrahedra10.iter().map(|c| &c[..]));
-        let solids = solids.chain(lists.hexahedra.iter().map(|c| &c[..]));
-        let sheets = lists.membrane.iter().map(|c| &c[..]);
-        let sheets = sheets.chain(lists.quads.iter().map(|c| &c[..]));
-        let cells: Vec<(&[u32], usize)> = solids
-            .map(|cell| (cell, 3))
-            .chain(sheets.map(|cell| (cell, 2)))
+        let of = |kind: ElementKind| {
+            let shared = if kind.is_solid() { 3 } else { 2 };
+            body.nodes[kind].iter().map(move |cell| (cell, shared))
+        };
+        let cells: Vec<(&[u32], usize)> = ElementKind::IN_FILES
+            .into_iter()
+            .flat_map(of)
             .filter(|(cell, _)| lives(cell))
             .collect();
         let mut at_vertex = vec![Vec::new(); body.piece.len()];

@@ -243,7 +243,7 @@ fn start<'a>(
                         let [a, b, c, d] = mesh.quads[q as usize];
                         [[a, b, c], [a, c, d]]
                     };
-                    cavity.quads.iter().flat_map(cut).collect()
+                    cavity.cells.quads.iter().flat_map(cut).collect()
                 }
                 None if subject.membrane => mesh.triangles.clone(),
                 None => mesh.surface_triangles(),

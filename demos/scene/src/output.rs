@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use sinew::engine::connectivity::{ByKind, ElementKind};
 use sinew::engine::mesh::LINEAR;
 use sinew::engine::mesh::io::{VtuData, write_pvd, write_vtu};
-use sinew::engine::mesh::{CellData, MeshError};
+use sinew::engine::mesh::{CellData, Mesh, MeshError};
 use sinew::models::axes::field::to_cell_data;
 use std::io::{Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
@@ -44,10 +44,6 @@ pub const CONTACT_COLUMNS: [&str; 6] = [
 
 /// Cell data that every frame has.
 const FRAME_CELL_DATA: [&str; 2] = ["J", "body"];
-
-/// Kinds of cells in the order of VTU files.
-const KINDS: [ElementKind; 4] =
-    [ElementKind::Tetrahedron, ElementKind::Hexahedron, ElementKind::Triangle, ElementKind::Quad];
 
 /// The fibres of a body as cell data: unit vectors at rest, `NAME_x`, `NAME_y` and `NAME_z`.
 fn fibre_data(body: &BuiltBody) -> Vec<CellData> {
@@ -90,16 +86,15 @@ fn joined_cell_data(built: &BuiltScene) -> Vec<CellData> {
         for (body, own) in built.bodies.iter().zip(&of_bodies) {
             let data = own.iter().find(|data| data.name == array.name);
             array.integer &= data.is_some_and(|data| data.integer);
-            let length = array.tetrahedra.len() + body.mesh.tetrahedra.len();
-            array.tetrahedra.extend(data.iter().flat_map(|data| &data.tetrahedra));
-            array.tetrahedra.resize(length, f64::NAN);
-            let length = array.hexahedra.len() + body.mesh.hexahedra.len();
-            array.hexahedra.extend(data.iter().flat_map(|data| &data.hexahedra));
-            array.hexahedra.resize(length, f64::NAN);
-            // membranes have no data of their own
-            let sheets = (body.membrane_triangles().len(), body.membrane_quads().len());
-            array.triangles.resize(array.triangles.len() + sheets.0, f64::NAN);
-            array.quads.resize(array.quads.len() + sheets.1, f64::NAN);
+            for kind in ElementKind::ALL {
+                let values = &mut array.values[kind];
+                let length = values.len() + body.element_count(kind);
+                // membranes have no data of their own
+                if let Some(data) = data.filter(|_| kind.is_solid()) {
+                    values.extend(&data.values[kind]);
+                }
+                values.resize(length, f64::NAN);
+            }
         }
     }
     joined
@@ -116,16 +111,8 @@ pub struct Writer {
     csv_path: PathBuf,
     /// Length of its whole rows (bytes).
     csv_length: u64,
-    points: Vec<DVec3>,
-    tetrahedra: Vec<[u32; 4]>,
-    /// Vertices on the edges of each where some body is of second order.
-    middles: Vec<[u32; 6]>,
-    hexahedra: Vec<[u32; 8]>,
-    /// Those of membranes.
-    triangles: Vec<[u32; 3]>,
-    quads: Vec<[u32; 4]>,
-    /// Cell data of the mesh files; NaN for bodies without it.
-    cell_data: Vec<CellData>,
+    /// All bodies at rest, membranes as its faces, with the cell data of the mesh files; NaN for bodies without it.
+    mesh: Mesh,
     /// Smallest altitude of a cell at rest (m).
     smallest: f64,
     /// First cell of every kind of each body, among those of its kind.
@@ -235,12 +222,12 @@ impl Writer {
         csv: std::fs::File,
         csv_path: PathBuf,
     ) -> Self {
-        let (mut points, mut tetrahedra, mut hexahedra) = (Vec::new(), Vec::new(), Vec::new());
-        let (mut triangles, mut quads, mut start) = (Vec::new(), Vec::new(), Vec::new());
-        let mut middles = Vec::new();
+        let mut mesh = Mesh { cell_data: joined_cell_data(built), ..Mesh::default() };
+        let mut start = Vec::new();
         for b in &built.bodies {
+            start.push(ByKind::of(|kind| mesh.count(kind)));
+            let Mesh { points, tetrahedra, middles, hexahedra, triangles, quads, .. } = &mut mesh;
             let first = points.len() as u32;
-            start.push(ByKind([tetrahedra.len(), triangles.len(), hexahedra.len(), quads.len()]));
             points.extend_from_slice(&b.mesh.points);
             tetrahedra.extend(b.mesh.tetrahedra.iter().map(|t| t.map(|v| v + first)));
             if b.mesh.is_second_order() {
@@ -253,7 +240,6 @@ impl Writer {
             triangles.extend(b.membrane_triangles().iter().map(|t| t.map(|v| v + first)));
             quads.extend(b.membrane_quads().iter().map(|q| q.map(|v| v + first)));
         }
-        let cell_data = joined_cell_data(built);
         let smallest = built.bodies.iter().map(|b| b.report.statistics.smallest_altitude);
         let smallest = smallest.fold(f64::INFINITY, f64::min);
         Self {
@@ -264,13 +250,7 @@ impl Writer {
             csv,
             csv_path,
             csv_length: 0,
-            points,
-            tetrahedra,
-            middles,
-            hexahedra,
-            triangles,
-            quads,
-            cell_data,
+            mesh,
             smallest,
             start,
         }
@@ -306,7 +286,7 @@ impl Writer {
         let time = simulation.time();
         let (mut u, mut v) = (Vec::new(), Vec::new());
         let mut ratios = Vec::new();
-        let mut held = vec![0.0; self.points.len()];
+        let mut held = vec![0.0; self.mesh.points.len()];
         for (i, body) in built.bodies.iter().enumerate() {
             let first = u.len();
             u.extend(simulation.displacements(body.handle));
@@ -316,16 +296,16 @@ impl Writer {
             let mut sheet = simulation.area_ratios(body.handle);
             let hexahedra = solid.split_off(body.element_count(ElementKind::Tetrahedron));
             let quads = sheet.split_off(body.element_count(ElementKind::Triangle));
-            ratios.push(ByKind([solid, sheet, hexahedra, quads]));
+            ratios.push(ByKind { tetrahedra: solid, triangles: sheet, hexahedra, quads });
             for c in built.constraints.iter().filter(|c| c.body == i && c.acts(time)) {
                 c.vertices.iter().for_each(|&vertex| held[first + vertex as usize] = 1.0);
             }
         }
-        let points: Vec<DVec3> = self.points.iter().zip(&u).map(|(x, u)| x + u).collect();
+        let points: Vec<DVec3> = self.mesh.points.iter().zip(&u).map(|(x, u)| x + u).collect();
         // only what is left
         let mut left = ByKind::<Vec<usize>>::default();
         let (mut j, mut of_body, mut index) = (Vec::new(), Vec::new(), Vec::new());
-        for kind in KINDS {
+        for kind in ElementKind::IN_FILES {
             for (i, body) in built.bodies.iter().enumerate() {
                 for e in simulation.remaining(body.handle, kind) {
                     left[kind].push(self.start[i][kind] + e as usize);
@@ -335,39 +315,15 @@ impl Writer {
                 }
             }
         }
-        let tetrahedra = picked(&self.tetrahedra, &left[ElementKind::Tetrahedron]);
-        let middles = match self.middles.is_empty() {
-            true => Vec::new(),
-            false => picked(&self.middles, &left[ElementKind::Tetrahedron]),
-        };
-        let hexahedra = picked(&self.hexahedra, &left[ElementKind::Hexahedron]);
-        let triangles = picked(&self.triangles, &left[ElementKind::Triangle]);
-        let quads = picked(&self.quads, &left[ElementKind::Quad]);
-        let cell_data: Vec<CellData> = self
-            .cell_data
-            .iter()
-            .map(|data| CellData {
-                tetrahedra: picked(&data.tetrahedra, &left[ElementKind::Tetrahedron]),
-                hexahedra: picked(&data.hexahedra, &left[ElementKind::Hexahedron]),
-                triangles: picked(&data.triangles, &left[ElementKind::Triangle]),
-                quads: picked(&data.quads, &left[ElementKind::Quad]),
-                ..data.clone()
-            })
-            .collect();
+        let mesh = self.mesh.only(&left);
         let name = format!("frames/{}_{:05}.vtu", self.stem, self.frames.len());
         let data = VtuData {
             points: &points,
-            tetrahedra: &tetrahedra,
-            middles: &middles,
-            hexahedra: &hexahedra,
-            triangles: &triangles,
-            quads: &quads,
             point_vectors: &[("displacement", &u), ("velocity", &v)],
             point_scalars: &[("held", &held)],
             cell_scalars: &[("J", &j), ("body", &of_body), ("index", &index)],
-            cell_data: &cell_data,
             single_precision: fit_in_f32(&points, self.smallest) && fit_in_f32(&v, f64::INFINITY),
-            ..VtuData::default()
+            ..VtuData::of_mesh(&mesh)
         };
         self.appear(&name, |path| write_vtu(path, &data))?;
         self.frames.push((time, name));
@@ -465,10 +421,6 @@ pub fn csv_heading(text: &str) -> String {
     let text = no_formula(text);
     let plain = !text.contains([',', '"', '\n', '\r']);
     if plain { text } else { format!("\"{}\"", text.replace('"', "\"\"")) }
-}
-
-fn picked<T: Copy>(from: &[T], which: &[usize]) -> Vec<T> {
-    which.iter().map(|&i| from[i]).collect()
 }
 
 /// A number of the CSV file, with nine digits.

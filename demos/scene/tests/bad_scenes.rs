@@ -2,6 +2,7 @@
 
 use crate::common::says;
 use glam::DVec3;
+use sinew::engine::connectivity::ByKind;
 use sinew::engine::mesh::CellData;
 use sinew::engine::mesh::generate::box_tets;
 use sinew::models::axes::field::to_cell_data;
@@ -490,10 +491,11 @@ fn azimuth_and_elevation_are_read_from_the_mesh_file() {
     let map = |name: &str, of: &dyn Fn(&DVec3) -> f64| CellData {
         name: name.to_string(),
         integer: false,
-        tetrahedra: centres.iter().map(of).collect(),
-        hexahedra: Vec::new(),
-        triangles: vec![f64::NAN; mesh.triangles.len()],
-        quads: Vec::new(),
+        values: ByKind {
+            tetrahedra: centres.iter().map(of).collect(),
+            triangles: vec![f64::NAN; mesh.triangles.len()],
+            ..ByKind::default()
+        },
     };
     let maps = [map("azimuth", &|x| 900.0 * x.x), map("elevation", &|x| 30.0 - 2e3 * x.z)];
     mesh.cell_data.extend(maps);

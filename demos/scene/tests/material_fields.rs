@@ -2,6 +2,7 @@
 
 use crate::common::says;
 use glam::DVec3;
+use sinew::engine::connectivity::ByKind;
 use sinew::engine::mesh::generate::box_tets;
 use sinew::engine::mesh::io::{VtuData, write_gmsh, write_vtk, write_vtu};
 use sinew::engine::mesh::{CellData, Mesh};
@@ -17,9 +18,7 @@ fn mesh() -> Mesh {
     let data = |name: &str, integer, tetrahedra| CellData {
         name: name.into(),
         integer,
-        tetrahedra,
-        triangles: vec![0.0; n_triangles],
-        ..CellData::default()
+        values: ByKind { tetrahedra, triangles: vec![0.0; n_triangles], ..ByKind::default() },
     };
     let halves = |low: f64, high: f64| -> Vec<f64> {
         let x = |t: &[u32; 4]| t.iter().map(|&v| mesh.points[v as usize].x).sum::<f64>() / 4.0;
@@ -78,7 +77,11 @@ fn fields_of_every_format_reach_the_body_and_the_frames() {
         let frame = folder.join(format!("out-{file}/frames/bar_00000.vtu"));
         let frame = Mesh::read(&frame).unwrap();
         let fibre = frame.data("fibre").unwrap();
-        assert_eq!(fibre.tetrahedra, mesh.data("fibre").unwrap().tetrahedra, "{file}");
+        assert_eq!(
+            fibre.values.tetrahedra,
+            mesh.data("fibre").unwrap().values.tetrahedra,
+            "{file}"
+        );
         assert_eq!(fibre.integer, file != "a.msh", "{file}");
         assert!(frame.data("J").is_some());
     }

@@ -418,8 +418,8 @@ fn a_bar_with_slanted_fibres_moves_sideways_under_its_weight() {
     let half = 0.5_f64.sqrt();
     for (axis, value) in [("x", half), ("y", 0.0), ("z", half)] {
         let data = mesh.data(&format!("fibre_{axis}")).unwrap();
-        assert_eq!(data.hexahedra.len(), 256);
-        assert!(data.hexahedra.iter().all(|x| (x - value).abs() < 1e-6));
+        assert_eq!(data.values.hexahedra.len(), 256);
+        assert!(data.values.hexahedra.iter().all(|x| (x - value).abs() < 1e-6));
     }
 }
 

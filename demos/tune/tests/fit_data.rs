@@ -1,6 +1,7 @@
 //! Parameters from data: round trips, derivatives, and data that do not say enough.
 
 use glam::DVec3;
+use sinew::engine::connectivity::ByKind;
 use sinew::engine::mesh::CellData;
 use sinew::engine::mesh::generate::box_tets;
 use sinew::engine::mesh::io::{VtuData, write_vtu};
@@ -26,9 +27,11 @@ fn folder(name: &str) -> PathBuf {
     let data = |name: &str, integer, tetrahedra| CellData {
         name: name.into(),
         integer,
-        tetrahedra,
-        triangles: vec![0.0; mesh.triangles.len()],
-        ..CellData::default()
+        values: ByKind {
+            tetrahedra,
+            triangles: vec![0.0; mesh.triangles.len()],
+            ..ByKind::default()
+        },
     };
     let data = vec![
         data("tissue", true, half(1.0, 2.0)),

@@ -181,6 +181,7 @@ pub fn sync_meshes(
             _ => 1.0,
         };
         let is_new = drawn.revision != surface.revision
+            || drawn.positions.len() != body.mesh_vertices()
             || drawn.smooth != sync.smooth_normals
             || mesh.is_changed();
         let moved = state.is_changed() || transform.is_changed() || drawn.fraction != fraction;

@@ -2,6 +2,7 @@
 
 use crate::error::{EmbedError, InputError, Result};
 use glam::DVec3;
+use sinew::engine::connectivity::ByKind;
 use sinew::engine::mesh::{Group, Mesh};
 use sinew::touch::field::DistanceField;
 use sinew_scene::assemble::generate;
@@ -64,25 +65,18 @@ pub fn mesh_from_arrays(arrays: &MeshArrays) -> Result<Mesh> {
         let mut held = vec![false; count];
         vertices.iter().for_each(|&v| held[v as usize] = true);
         let inside = |cell: &[u32]| cell.iter().all(|&v| held[v as usize]);
-        fn those<const N: usize>(cells: &[[u32; N]], inside: impl Fn(&[u32]) -> bool) -> Vec<u32> {
-            (0..).zip(cells).filter(|(_, cell)| inside(*cell)).map(|(i, _)| i).collect()
-        }
+        let those = |kind| {
+            let cells = (0..).zip(mesh.cells(kind));
+            cells.filter(|(_, cell)| inside(cell)).map(|(i, _)| i).collect::<Vec<u32>>()
+        };
         let mut vertices = vertices.to_vec();
         vertices.sort_unstable();
         vertices.dedup();
-        let mut group = Group {
-            name: name.into(),
-            dimension: 0,
-            vertices,
-            tetrahedra: those(&mesh.tetrahedra, inside),
-            hexahedra: those(&mesh.hexahedra, inside),
-            triangles: those(&mesh.triangles, inside),
-            quads: those(&mesh.quads, inside),
-        };
-        let solid = !(group.tetrahedra.is_empty() && group.hexahedra.is_empty());
-        let faces = !(group.triangles.is_empty() && group.quads.is_empty());
-        group.dimension = if solid { 3 } else { 2 * u8::from(faces) };
-        mesh.groups.push(group);
+        let cells = ByKind::of(those);
+        let solid = !(cells.tetrahedra.is_empty() && cells.hexahedra.is_empty());
+        let faces = !(cells.triangles.is_empty() && cells.quads.is_empty());
+        let dimension = if solid { 3 } else { 2 * u8::from(faces) };
+        mesh.groups.push(Group { name: name.into(), dimension, vertices, cells });
     }
     Ok(mesh)
 }
@@ -125,8 +119,8 @@ pub fn membrane_cells(mesh: &Mesh, which: MembraneCells) -> Result<(Vec<[u32; 3]
         MembraneCells::Group(name) => {
             let group = group(mesh, name)?;
             (
-                group.triangles.iter().map(|&i| mesh.triangles[i as usize]).collect(),
-                group.quads.iter().map(|&i| mesh.quads[i as usize]).collect(),
+                group.cells.triangles.iter().map(|&i| mesh.triangles[i as usize]).collect(),
+                group.cells.quads.iter().map(|&i| mesh.quads[i as usize]).collect(),
             )
         }
     };

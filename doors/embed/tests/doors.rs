@@ -64,7 +64,7 @@ fn pressure_pushes_along_normals() {
     let mesh = slab();
     let group = mesh.group("z1").unwrap();
     let triangles: Vec<u32> =
-        group.triangles.iter().flat_map(|&t| mesh.triangles[t as usize]).collect();
+        group.cells.triangles.iter().flat_map(|&t| mesh.triangles[t as usize]).collect();
     // outward triangles: a positive pressure on them pulls
     sim.add_pressure(body, "suction", &triangles, 20.0, Curve::Constant).unwrap();
     sim.step(1).unwrap();
@@ -160,7 +160,7 @@ fn tools_press_grip_and_report_their_parts() {
     let top: Vec<u32> = {
         let mesh = sim.mesh(body).unwrap();
         let of = mesh.group("z1").unwrap();
-        of.triangles.iter().flat_map(|&t| mesh.triangles[t as usize]).collect()
+        of.cells.triangles.iter().flat_map(|&t| mesh.triangles[t as usize]).collect()
     };
     for (name, shape) in [
         ("capsule", Shape::Capsule { half_length: 0.01, radius: 0.01 }),

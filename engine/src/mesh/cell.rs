@@ -1,16 +1,39 @@
 //! Vertices, edges, faces and volumes of single cells, and cells that share all their vertices.
 
-use crate::isoparametric::TETRAHEDRON10_FACES;
+use crate::element_kind::ElementKind;
+use crate::isoparametric::{HEXAHEDRON_FACES, MIDDLES};
 use glam::DVec3;
+use std::ops::{Deref, DerefMut};
 
-/// Faces of a tetrahedron, outward when its signed volume is positive.
-pub(crate) fn tetrahedron_faces([a, b, c, d]: [u32; 4]) -> [[u32; 3]; 4] {
-    [[b, c, d], [a, d, c], [a, b, d], [a, c, b]]
+/// Vertices of a cell of any kind.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct CellVertices {
+    list: [u32; 10],
+    count: usize,
 }
 
-/// Corners of the faces of a hexahedron, outward when its signed volume is positive.
-pub(crate) const HEXAHEDRON_FACES: [[usize; 4]; 6] =
-    [[0, 3, 2, 1], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]];
+impl CellVertices {
+    /// The first ten of some vertices.
+    pub(crate) fn of(vertices: &[u32]) -> Self {
+        let mut list = [0; 10];
+        let count = vertices.len().min(10);
+        list[..count].copy_from_slice(&vertices[..count]);
+        Self { list, count }
+    }
+}
+
+impl Deref for CellVertices {
+    type Target = [u32];
+    fn deref(&self) -> &[u32] {
+        &self.list[..self.count]
+    }
+}
+
+impl DerefMut for CellVertices {
+    fn deref_mut(&mut self) -> &mut [u32] {
+        &mut self.list[..self.count]
+    }
+}
 
 /// Edges of a hexahedron along the three axes of its cube, four for each; the first end of each lies
 /// at the smaller coordinate. Edge `[0]` to `[3]` of an axis have the other two coordinates (in the
@@ -30,20 +53,28 @@ pub(crate) fn hexahedron_faces(hexahedron: [u32; 8]) -> [[u32; 4]; 6] {
     HEXAHEDRON_FACES.map(|face| face.map(|corner| hexahedron[corner]))
 }
 
-/// Calls `visit` with both ends of every edge of a tetrahedron, of both halves of an edge that has a vertex in
-/// its middle.
-pub(crate) fn tetrahedron_edges(
-    [a, b, c, d]: [u32; 4],
-    middles: Option<&[u32; 6]>,
-    mut visit: impl FnMut(u32, u32),
-) {
-    let edges = [[a, b], [b, c], [a, c], [a, d], [b, d], [c, d]];
-    for (k, [i, j]) in edges.into_iter().enumerate() {
-        match middles {
-            None => visit(i, j),
-            Some(middles) => {
-                visit(i, middles[k]);
-                visit(middles[k], j);
+/// Calls `visit` with both ends of every edge of a cell, of both halves of an edge that has a vertex in its middle;
+/// edges of faces in their direction.
+pub(crate) fn edges(kind: ElementKind, cell: &[u32], mut visit: impl FnMut(u32, u32)) {
+    match kind {
+        ElementKind::Tetrahedron => {
+            for (k, [i, j]) in MIDDLES.into_iter().enumerate() {
+                match cell.get(4 + k) {
+                    None => visit(cell[i], cell[j]),
+                    Some(&middle) => {
+                        visit(cell[i], middle);
+                        visit(middle, cell[j]);
+                    }
+                }
+            }
+        }
+        ElementKind::Hexahedron => {
+            let edges = HEXAHEDRON_EDGES.as_flattened();
+            edges.iter().for_each(|&[i, j]| visit(cell[i], cell[j]));
+        }
+        ElementKind::Triangle | ElementKind::Quad => {
+            for (k, &vertex) in cell.iter().enumerate() {
+                visit(vertex, cell[(k + 1) % cell.len()]);
             }
         }
     }
@@ -54,11 +85,6 @@ pub(crate) fn ten([a, b, c, d]: [u32; 4], [e, f, g, h, i, j]: [u32; 6]) -> [u32;
     [a, b, c, d, e, f, g, h, i, j]
 }
 
-/// Faces of a tetrahedron of second order, four triangles each, outward when its signed volume is positive.
-pub(crate) fn second_order_faces(cell: [u32; 10]) -> [[u32; 3]; 16] {
-    TETRAHEDRON10_FACES.map(|face| face.map(|corner| cell[corner]))
-}
-
 /// A triangle of second order in four parts: vertices are its corners, then those on the edges 01, 12 and 20.
 pub(crate) fn second_order_triangles([a, b, c, ab, bc, ca]: [u32; 6]) -> [[u32; 3]; 4] {
     [[a, ab, ca], [b, bc, ab], [c, ca, bc], [ab, bc, ca]]
@@ -67,19 +93,6 @@ pub(crate) fn second_order_triangles([a, b, c, ab, bc, ca]: [u32; 6]) -> [[u32; 
 /// Vertices on the edges of a tetrahedron whose last two corners change places.
 pub(crate) fn mirrored_middles([ab, bc, ac, ad, bd, cd]: [u32; 6]) -> [u32; 6] {
     [ab, bd, ad, ac, bc, cd]
-}
-
-/// Calls `visit` with both ends of every edge of a hexahedron.
-pub(crate) fn hexahedron_edges(hexahedron: &[u32; 8], mut visit: impl FnMut(u32, u32)) {
-    let edges = HEXAHEDRON_EDGES.as_flattened();
-    edges.iter().for_each(|&[i, j]| visit(hexahedron[i], hexahedron[j]));
-}
-
-/// Calls `visit` with both ends of every edge of a triangle or quadrilateral, in its direction.
-pub(crate) fn face_edges(face: &[u32], mut visit: impl FnMut(u32, u32)) {
-    for (k, &vertex) in face.iter().enumerate() {
-        visit(vertex, face[(k + 1) % face.len()]);
-    }
 }
 
 /// A hexahedron and its mirror image have the same faces; bottom and top change places.

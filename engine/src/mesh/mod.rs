@@ -40,6 +40,7 @@ pub use second_order::PutOnSurface;
 mod split;
 mod surface;
 
+use crate::element_kind::{ByKind, ElementKind};
 use crate::memory;
 use glam::{DQuat, DVec3};
 use std::path::Path;
@@ -51,6 +52,7 @@ pub use check::{
 pub use error::{MeshError, Place};
 pub use surface::{Surface, enclosed_volume};
 
+pub use cell::CellVertices;
 pub(crate) use cell::{for_equal_cells, sorted};
 
 /// Vertices, cells and named groups of a body, as found in a file or made by a generator.
@@ -93,14 +95,8 @@ pub struct Group {
     pub dimension: u8,
     /// Indices of the vertices of all cells, also of skipped ones; sorted, each once.
     pub vertices: Vec<u32>,
-    /// Indices of the tetrahedra.
-    pub tetrahedra: Vec<u32>,
-    /// Indices of the hexahedra.
-    pub hexahedra: Vec<u32>,
-    /// Indices of the triangles.
-    pub triangles: Vec<u32>,
-    /// Indices of the quadrilaterals.
-    pub quads: Vec<u32>,
+    /// Indices of the cells.
+    pub cells: ByKind<Vec<u32>>,
 }
 
 /// A named number for every cell; NaN where the file has none.
@@ -113,14 +109,8 @@ pub struct CellData {
     pub name: String,
     /// Whether the file holds whole numbers; writers keep them so.
     pub integer: bool,
-    /// One value for each tetrahedron.
-    pub tetrahedra: Vec<f64>,
-    /// One value for each hexahedron.
-    pub hexahedra: Vec<f64>,
-    /// One value for each triangle.
-    pub triangles: Vec<f64>,
-    /// One value for each quadrilateral.
-    pub quads: Vec<f64>,
+    /// One value for each cell.
+    pub values: ByKind<Vec<f64>>,
 }
 
 /// How many cells of one kind were left out.
@@ -137,14 +127,8 @@ pub struct SkippedCells {
 pub struct FileLines {
     /// Line of each point.
     pub points: Vec<u32>,
-    /// Line of each tetrahedron.
-    pub tetrahedra: Vec<u32>,
-    /// Line of each hexahedron.
-    pub hexahedra: Vec<u32>,
-    /// Line of each triangle.
-    pub triangles: Vec<u32>,
-    /// Line of each quadrilateral.
-    pub quads: Vec<u32>,
+    /// Line of each cell.
+    pub cells: ByKind<Vec<u32>>,
 }
 
 impl Mesh {
@@ -166,14 +150,10 @@ impl Mesh {
     ///
     /// [`MeshError::TooLarge`] with the estimate.
     pub fn fits_into_memory(&self) -> Result<(), MeshError> {
-        let counts = [self.tetrahedra.len(), self.hexahedra.len()];
-        let second_order = self.middles.len();
-        let sheets =
-            if self.is_solid() { [0; 2] } else { [self.triangles.len(), self.quads.len()] };
-        let what =
-            format!("{} ({} cells)", self.source, counts.iter().chain(&sheets).sum::<usize>());
-        let [t, h] = counts;
-        Ok(memory::fits(&what, || memory::of_body([t, h, sheets[0], sheets[1]], second_order))?)
+        let mut counts = ByKind::default();
+        self.matter().into_iter().for_each(|kind| counts[kind] = self.count(kind));
+        let what = format!("{} ({} cells)", self.source, counts.iter().sum::<usize>());
+        Ok(memory::fits(&what, || memory::of_body(&counts, self.middles.len()))?)
     }
 
     /// Reads a mesh as [`Mesh::read`] does, from files that `open` gives in place of the file system: an
@@ -210,6 +190,42 @@ impl Mesh {
     /// ```
     pub fn from_bytes(name: &str, bytes: &[u8]) -> Result<Mesh, MeshError> {
         io::from_bytes(Path::new(name), bytes)
+    }
+
+    /// Number of cells of a kind.
+    pub fn count(&self, kind: ElementKind) -> usize {
+        match kind {
+            ElementKind::Tetrahedron => self.tetrahedra.len(),
+            ElementKind::Triangle => self.triangles.len(),
+            ElementKind::Hexahedron => self.hexahedra.len(),
+            ElementKind::Quad => self.quads.len(),
+        }
+    }
+
+    /// Vertices of a cell, of a tetrahedron of second order all ten; `None` when there is no such cell.
+    pub fn cell(&self, kind: ElementKind, index: usize) -> Option<CellVertices> {
+        Some(match kind {
+            ElementKind::Tetrahedron => match self.second_order(index) {
+                Some(ten) => CellVertices::of(&ten),
+                None => CellVertices::of(self.tetrahedra.get(index)?),
+            },
+            ElementKind::Triangle => CellVertices::of(self.triangles.get(index)?),
+            ElementKind::Hexahedron => CellVertices::of(self.hexahedra.get(index)?),
+            ElementKind::Quad => CellVertices::of(self.quads.get(index)?),
+        })
+    }
+
+    /// Vertices of every cell of a kind, as [`Mesh::cell`] gives them.
+    pub fn cells(&self, kind: ElementKind) -> impl Iterator<Item = CellVertices> {
+        (0..self.count(kind)).filter_map(move |index| self.cell(kind, index))
+    }
+
+    /// The kinds of cells that make a body: those with a volume, or the faces of a mesh without.
+    pub fn matter(&self) -> [ElementKind; 2] {
+        match self.is_solid() {
+            true => [ElementKind::Tetrahedron, ElementKind::Hexahedron],
+            false => [ElementKind::Triangle, ElementKind::Quad],
+        }
     }
 
     /// The first group of that name, in order of dimension.
@@ -277,16 +293,37 @@ impl Mesh {
     pub fn edges(&self) -> Vec<[u32; 2]> {
         let mut edges = Vec::new();
         let mut push = |i: u32, j: u32| edges.push([i.min(j), i.max(j)]);
-        if self.is_solid() {
-            for (i, &tet) in self.tetrahedra.iter().enumerate() {
-                cell::tetrahedron_edges(tet, self.middles.get(i), &mut push);
-            }
-            self.hexahedra.iter().for_each(|hex| cell::hexahedron_edges(hex, &mut push));
-        } else {
-            self.triangles.iter().for_each(|face| cell::face_edges(face, &mut push));
-            self.quads.iter().for_each(|face| cell::face_edges(face, &mut push));
+        for kind in self.matter() {
+            self.cells(kind).for_each(|own| cell::edges(kind, &own, &mut push));
         }
         edges
+    }
+
+    /// The points with some of the cells and their data; groups and lines are left out.
+    ///
+    /// # Panics
+    /// When there is no such cell.
+    pub fn only(&self, kept: &ByKind<Vec<usize>>) -> Mesh {
+        fn picked<T: Copy>(from: &[T], which: &[usize]) -> Vec<T> {
+            which.iter().map(|&i| from[i]).collect()
+        }
+        let middles = if self.is_second_order() { &kept.tetrahedra[..] } else { &[] };
+        let data = |data: &CellData| CellData {
+            name: data.name.clone(),
+            integer: data.integer,
+            values: ByKind::of(|kind| picked(&data.values[kind], &kept[kind])),
+        };
+        Mesh {
+            source: self.source.clone(),
+            points: self.points.clone(),
+            tetrahedra: picked(&self.tetrahedra, &kept.tetrahedra),
+            middles: picked(&self.middles, middles),
+            hexahedra: picked(&self.hexahedra, &kept.hexahedra),
+            triangles: picked(&self.triangles, &kept.triangles),
+            quads: picked(&self.quads, &kept.quads),
+            cell_data: self.cell_data.iter().map(data).collect(),
+            ..Mesh::default()
+        }
     }
 
     /// The mesh with every point scaled, then rotated, then moved by `translation` (m).

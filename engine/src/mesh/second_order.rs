@@ -1,7 +1,8 @@
 //! Meshes whose tetrahedra have a vertex on every edge.
 
 use super::cell::{second_order_triangles, ten};
-use super::{CellData, Group, LINEAR, Mesh};
+use super::{Group, LINEAR, Mesh};
+use crate::element_kind::ByKind;
 use crate::isoparametric::{
     MIDDLES, TETRAHEDRON_POINTS, folded_tetrahedron, tetrahedron10_derivatives,
 };
@@ -101,7 +102,8 @@ impl Mesh {
         mesh.triangles = self.triangles.iter().flat_map(|t| parts(t, &mut middle)).collect();
         let surface = self.surface_triangles();
         for group in &mut mesh.groups {
-            let Group { dimension, vertices, tetrahedra, triangles, .. } = group;
+            let Group { dimension, vertices, cells, .. } = group;
+            let ByKind { tetrahedra, triangles, .. } = cells;
             let corners = std::mem::take(vertices);
             vertices.clone_from(&corners);
             let has = |v: &u32| corners.binary_search(v).is_ok();
@@ -123,12 +125,12 @@ impl Mesh {
             let cut = std::mem::take(triangles);
             triangles.extend(cut.into_iter().flat_map(|t| (0..4).map(move |i| 4 * t + i)));
         }
-        for CellData { triangles, .. } in &mut mesh.cell_data {
-            let values = std::mem::take(triangles);
-            triangles.extend(values.into_iter().flat_map(|value| [value; 4]));
+        for data in &mut mesh.cell_data {
+            let values = std::mem::take(&mut data.values.triangles);
+            data.values.triangles = values.into_iter().flat_map(|value| [value; 4]).collect();
         }
-        let lines = std::mem::take(&mut mesh.lines.triangles);
-        mesh.lines.triangles.extend(lines.into_iter().flat_map(|line| [line; 4]));
+        let lines = std::mem::take(&mut mesh.lines.cells.triangles);
+        mesh.lines.cells.triangles = lines.into_iter().flat_map(|line| [line; 4]).collect();
         // the new vertices stand on no line
         mesh.lines.points.clear();
         mesh
@@ -221,9 +223,9 @@ mod tests {
         assert_eq!(surface.len(), 4 * 20);
         assert!((enclosed_volume(&mesh.points, &surface) - 2.0).abs() < 1e-14);
         let end = mesh.group("x1").unwrap();
-        assert_eq!((end.vertices.len(), end.triangles.len()), (9, 8));
+        assert_eq!((end.vertices.len(), end.cells.triangles.len()), (9, 8));
         assert!(end.vertices.iter().all(|&v| mesh.points[v as usize].x == 2.0));
-        for &t in &end.triangles {
+        for &t in &end.cells.triangles {
             let corners = mesh.triangles[t as usize];
             assert!(corners.iter().all(|v| end.vertices.binary_search(v).is_ok()));
         }

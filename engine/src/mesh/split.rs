@@ -1,7 +1,9 @@
 //! Hexahedra as tetrahedra and quadrilaterals as triangles.
 
-use super::cell::{HEXAHEDRON_FACES, quad_triangles};
-use super::{CellData, Group, Mesh};
+use super::Mesh;
+use super::cell::quad_triangles;
+use crate::element_kind::ByKind;
+use crate::isoparametric::HEXAHEDRON_FACES;
 
 /// A hexahedron as six tetrahedra: its faces are cut along the diagonals from their first vertices in
 /// `priority` (smaller first), and the triangles of the three faces that lack the very first vertex
@@ -30,6 +32,18 @@ pub(crate) fn pulled_tetrahedra<K: Ord>(
     tetrahedra
 }
 
+/// Gives what hexahedra and quadrilaterals have to their parts, where these are to have it.
+fn pass_on<T: Copy>(values: &mut ByKind<Vec<T>>, wanted: [bool; 2]) {
+    let ByKind { tetrahedra, hexahedra, triangles, quads } = values;
+    let (hexahedra, quads) = (std::mem::take(hexahedra), std::mem::take(quads));
+    if wanted[0] {
+        tetrahedra.extend(hexahedra.into_iter().flat_map(|value| [value; 6]));
+    }
+    if wanted[1] {
+        triangles.extend(quads.into_iter().flat_map(|value| [value; 2]));
+    }
+}
+
 impl Mesh {
     /// The mesh with six tetrahedra for each hexahedron and two triangles for each quadrilateral,
     /// behind those that it has.
@@ -56,30 +70,20 @@ impl Mesh {
             mesh.tetrahedra.extend(pulled_tetrahedra(hexahedron, |_| ()));
         }
         mesh.triangles.extend(quads.into_iter().flat_map(quad_triangles));
-        for Group { tetrahedra, hexahedra, triangles, quads, .. } in &mut mesh.groups {
+        for group in &mut mesh.groups {
             let parts =
                 |cell: u32, n: u32, first: usize| (0..n).map(move |i| first as u32 + n * cell + i);
-            let hexahedra = std::mem::take(hexahedra);
-            tetrahedra.extend(hexahedra.into_iter().flat_map(|cell| parts(cell, 6, n_tets)));
-            let quads = std::mem::take(quads);
-            triangles.extend(quads.into_iter().flat_map(|cell| parts(cell, 2, n_triangles)));
+            let ByKind { tetrahedra, hexahedra, triangles, quads } = &mut group.cells;
+            tetrahedra.extend(hexahedra.drain(..).flat_map(|cell| parts(cell, 6, n_tets)));
+            triangles.extend(quads.drain(..).flat_map(|cell| parts(cell, 2, n_triangles)));
         }
-        for CellData { tetrahedra, hexahedra, triangles, quads, .. } in &mut mesh.cell_data {
-            let hexahedra = std::mem::take(hexahedra);
-            tetrahedra.extend(hexahedra.into_iter().flat_map(|value| [value; 6]));
-            let quads = std::mem::take(quads);
-            triangles.extend(quads.into_iter().flat_map(|value| [value; 2]));
+        for data in &mut mesh.cell_data {
+            pass_on(&mut data.values, [true; 2]);
         }
-        let lines = &mut mesh.lines;
-        let hexahedra = std::mem::take(&mut lines.hexahedra);
-        let quads = std::mem::take(&mut lines.quads);
         // Lists that do not know every line would name wrong ones.
-        if lines.tetrahedra.len() == n_tets {
-            lines.tetrahedra.extend(hexahedra.into_iter().flat_map(|line| [line; 6]));
-        }
-        if lines.triangles.len() == n_triangles {
-            lines.triangles.extend(quads.into_iter().flat_map(|line| [line; 2]));
-        }
+        let lines = &mut mesh.lines.cells;
+        let known = [lines.tetrahedra.len() == n_tets, lines.triangles.len() == n_triangles];
+        pass_on(lines, known);
         mesh
     }
 }
@@ -87,6 +91,7 @@ impl Mesh {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::mesh::CellData;
     use crate::mesh::generate::box_hexahedra;
     use glam::DVec3;
 
@@ -107,8 +112,11 @@ mod tests {
         let mut mesh = box_hexahedra(DVec3::new(2.0, 1.0, 1.0), [2, 1, 1]).unwrap();
         mesh.cell_data.push(CellData {
             name: "label".to_owned(),
-            hexahedra: vec![3.0, 4.0],
-            quads: (0..10).map(f64::from).collect(),
+            values: ByKind {
+                hexahedra: vec![3.0, 4.0],
+                quads: (0..10).map(f64::from).collect(),
+                ..ByKind::default()
+            },
             ..CellData::default()
         });
         let split = mesh.split_into_simplices();
@@ -116,11 +124,12 @@ mod tests {
         assert_eq!(split.triangles.len(), 20);
         assert_eq!(split.surface_triangles().len(), 20);
         let x1 = |mesh: &Mesh| mesh.group("x1").unwrap().clone();
-        let parts = x1(&mesh).quads.iter().flat_map(|&q| [2 * q, 2 * q + 1]).collect::<Vec<_>>();
-        assert_eq!(x1(&split).triangles, parts);
+        let parts =
+            x1(&mesh).cells.quads.iter().flat_map(|&q| [2 * q, 2 * q + 1]).collect::<Vec<_>>();
+        assert_eq!(x1(&split).cells.triangles, parts);
         assert_eq!(x1(&split).vertices, x1(&mesh).vertices);
-        assert_eq!(split.group("body").unwrap().tetrahedra, (0..12).collect::<Vec<u32>>());
-        let data = &split.cell_data[0];
+        assert_eq!(split.group("body").unwrap().cells.tetrahedra, (0..12).collect::<Vec<u32>>());
+        let data = &split.cell_data[0].values;
         assert_eq!((data.tetrahedra[5], data.tetrahedra[6], data.triangles[19]), (3.0, 4.0, 9.0));
         assert!(data.hexahedra.is_empty() && data.quads.is_empty());
     }

@@ -1,10 +1,8 @@
 //! Faces that bound the volume cells of a mesh.
 
 use super::Mesh;
-use super::cell::{
-    for_equal_cells, hexahedron_faces, quad_triangles, second_order_faces, sorted,
-    tetrahedron_faces,
-};
+use super::cell::{for_equal_cells, hexahedron_faces, quad_triangles, sorted};
+use crate::element_kind::{ElementKind, local_triangles};
 use glam::DVec3;
 
 /// Faces that bound the volume cells, turned outward.
@@ -48,8 +46,7 @@ impl Mesh {
         let n = self.points.len() as u64;
         let inside = |cell: &[u32]| cell.iter().all(|&v| u64::from(v) < n);
         let tets: Vec<usize> = (0..self.tetrahedra.len())
-            .filter(|&i| inside(&self.tetrahedra[i]))
-            .filter(|&i| self.second_order(i).is_none_or(|ten| inside(&ten)))
+            .filter(|&i| self.cell(ElementKind::Tetrahedron, i).is_some_and(|cell| inside(&cell)))
             .collect();
         let hexes: Vec<[u32; 8]> =
             self.hexahedra.iter().copied().filter(|cell| inside(cell)).collect();
@@ -74,13 +71,11 @@ impl Mesh {
         let n_points = self.points.len();
         let mut triangles = Vec::with_capacity(tets.len().saturating_mul(4));
         for &i in tets {
-            let tet = self.tetrahedra[i];
-            let inverted = self.signed_volume(tet).is_some_and(|volume| volume < 0.0);
-            let mut add =
-                |[a, b, c]: [u32; 3]| triangles.push(if inverted { [a, c, b] } else { [a, b, c] });
-            match self.second_order(i) {
-                Some(ten) => second_order_faces(ten).into_iter().for_each(&mut add),
-                None => tetrahedron_faces(tet).into_iter().for_each(&mut add),
+            let inverted = self.signed_volume(self.tetrahedra[i]).is_some_and(|v| v < 0.0);
+            let Some(cell) = self.cell(ElementKind::Tetrahedron, i) else { continue };
+            for face in local_triangles(ElementKind::Tetrahedron, cell.len()) {
+                let [a, b, c] = face.map(|corner| cell[corner]);
+                triangles.push(if inverted { [a, c, b] } else { [a, b, c] });
             }
         }
         let mut quads = Vec::with_capacity(hexes.len().saturating_mul(6));
@@ -254,7 +249,7 @@ mod tests {
         // without its top, which is flat, the same
         let top = mesh.group("z1").unwrap();
         let open: Vec<[u32; 3]> = (0..mesh.triangles.len())
-            .filter(|i| !top.triangles.contains(&(*i as u32)))
+            .filter(|i| !top.cells.triangles.contains(&(*i as u32)))
             .map(|i| mesh.triangles[i])
             .collect();
         let open = enclosed_volume(&moved, &open);
@@ -264,6 +259,7 @@ mod tests {
         let inner: Vec<[u32; 3]> = cup
             .group("inner")
             .unwrap()
+            .cells
             .triangles
             .iter()
             .map(|&t| cup.triangles[t as usize])

@@ -7,6 +7,7 @@
 //! direction for all elements.
 
 use glam::DVec3;
+use sinew_engine::element_kind::ByKind;
 use sinew_engine::mesh::{CellData, Mesh};
 
 use super::formula::Formula;
@@ -149,6 +150,7 @@ pub fn from_cell_data(mesh: &Mesh, name: &str) -> Result<FibreField, FibreError>
     let join = |x: &[f64], y: &[f64], z: &[f64]| -> Vec<DVec3> {
         x.iter().zip(y).zip(z).map(|((&x, &y), &z)| DVec3::new(x, y, z)).collect()
     };
+    let [x, y, z] = [&x.values, &y.values, &z.values];
     let mut vectors = join(&x.tetrahedra, &y.tetrahedra, &z.tetrahedra);
     vectors.extend(join(&x.hexahedra, &y.hexahedra, &z.hexahedra));
     normalised(&format!("cell data `{name}`"), vectors, true)
@@ -160,10 +162,12 @@ pub fn to_cell_data(name: &str, directions: &[DVec3], mesh: &Mesh) -> [CellData;
     [("x", 0), ("y", 1), ("z", 2)].map(|(axis, k)| CellData {
         name: format!("{name}_{axis}"),
         integer: false,
-        tetrahedra: tetrahedra.iter().map(|d| d[k]).collect(),
-        hexahedra: hexahedra.iter().map(|d| d[k]).collect(),
-        triangles: vec![f64::NAN; mesh.triangles.len()],
-        quads: vec![f64::NAN; mesh.quads.len()],
+        values: ByKind {
+            tetrahedra: tetrahedra.iter().map(|d| d[k]).collect(),
+            hexahedra: hexahedra.iter().map(|d| d[k]).collect(),
+            triangles: vec![f64::NAN; mesh.triangles.len()],
+            quads: vec![f64::NAN; mesh.quads.len()],
+        },
     })
 }
 

@@ -57,9 +57,9 @@ type FibreShapes<S> = (FibreShape<S, 1>, FibreShape<S, 2>, FibreShape<S, 3>);
 pub(super) fn tetrahedron_place(part: &SolidPart, row: usize) -> Place {
     let SolidPart { layout, at, .. } = part;
     (
-        AxisVertices(at.vertices(&layout.tetrahedra[row])),
-        AxisBlocks(at.blocks(&layout.cells.tetrahedron_edges[row])),
-        AxisTetrahedron(layout.tetrahedron_order[row]),
+        AxisVertices(at.vertices(&layout.tetrahedra()[row])),
+        AxisBlocks(at.blocks(&layout.cells.edges_of.tetrahedra.each::<6>()[row])),
+        AxisTetrahedron(layout.order.tetrahedra[row]),
         at.body,
     )
 }
@@ -68,9 +68,9 @@ pub(super) fn tetrahedron_place(part: &SolidPart, row: usize) -> Place {
 pub(super) fn hexahedron_rows(part: &SolidPart, row: usize) -> HexahedronRows {
     let SolidPart { layout, at, .. } = part;
     (
-        AxisHexahedronVertices(at.vertices(&layout.hexahedra[row])),
-        AxisHexahedronBlocks(at.blocks(&layout.cells.hexahedron_edges[row])),
-        AxisHexahedron(layout.hexahedron_order[row]),
+        AxisHexahedronVertices(at.vertices(&layout.hexahedra()[row])),
+        AxisHexahedronBlocks(at.blocks(&layout.cells.edges_of.hexahedra.each::<28>()[row])),
+        AxisHexahedron(layout.order.hexahedra[row]),
         at.body,
     )
 }
@@ -79,9 +79,9 @@ pub(super) fn hexahedron_rows(part: &SolidPart, row: usize) -> HexahedronRows {
 fn tetrahedron10_rows(part: &SolidPart, row: usize) -> Tetrahedron10Rows {
     let SolidPart { layout, at, .. } = part;
     (
-        AxisTetrahedron10Vertices(at.vertices(&layout.tetrahedra10[row])),
-        AxisTetrahedron10Blocks(at.blocks(&layout.cells.tetrahedron10_edges[row])),
-        AxisTetrahedron(layout.tetrahedron_order[row]),
+        AxisTetrahedron10Vertices(at.vertices(&layout.tetrahedra10()[row])),
+        AxisTetrahedron10Blocks(at.blocks(&layout.cells.edges_of.tetrahedra.each::<45>()[row])),
+        AxisTetrahedron(layout.order.tetrahedra[row]),
         at.body,
     )
 }
@@ -97,7 +97,7 @@ pub(crate) fn spawn_axes<S: Scalar>(world: &mut World, axes: &AxesDescription, p
     let mut dampers: Vec<(Place, AxialDamper<4>)> = Vec::new();
     for (row, shape) in part.rest.tetrahedra.iter().enumerate() {
         let place = tetrahedron_place(part, row);
-        let t = part.layout.tetrahedron_order[row] as usize;
+        let t = part.layout.order.tetrahedra[row] as usize;
         for (axis, viscosity) in viscous(axes, t, shape.volume) {
             let shape = shape.gradients.map(|d| DVec3::from_array(d).dot(axis));
             dampers.push((place, AxialDamper::new(axis.to_array(), shape, viscosity)));
@@ -133,7 +133,7 @@ pub(crate) fn spawn_axes<S: Scalar>(world: &mut World, axes: &AxesDescription, p
         rows: |row| hexahedron_rows(part, row),
         // directions of hexahedra follow those of tetrahedra
         element: |row| {
-            part.layout.tetrahedron_order.len() + part.layout.hexahedron_order[row] as usize
+            part.layout.order.tetrahedra.len() + part.layout.order.hexahedra[row] as usize
         },
         laws: [&points::TRIADS, &points::FIBRES, &points::VOLUMES, &damper::IN_HEXAHEDRA],
     };
@@ -141,7 +141,7 @@ pub(crate) fn spawn_axes<S: Scalar>(world: &mut World, axes: &AxesDescription, p
     let in_tetrahedra10 = AtPoints {
         rest: &part.rest.tetrahedra10,
         rows: |row| tetrahedron10_rows(part, row),
-        element: |row| part.layout.tetrahedron_order[row] as usize,
+        element: |row| part.layout.order.tetrahedra[row] as usize,
         laws: [&points::TRIADS10, &points::FIBRES10, &points::VOLUMES10, &damper::IN_TETRAHEDRA10],
     };
     spawn_at_points::<S, TenNodes, _, 10, 45, 4>(

@@ -59,7 +59,7 @@ fn change<S: Scalar>(
     field: &MaterialField,
 ) -> Result<(), FieldError> {
     let rows = world.resource::<Topology>().bodies[body].clone();
-    let lame = field.lame(rows.tetrahedron_order.len(), rows.hexahedra.len())?;
+    let lame = field.lame(rows.order.tetrahedra.len(), rows.hexahedra().len())?;
     let mut query = world.query::<(Entity, &SoftBody)>();
     let found = query.iter(world).find(|(_, soft)| soft.index == body);
     let Some((entity, mut soft)) = found.map(|(entity, soft)| (entity, soft.clone())) else {
@@ -81,7 +81,7 @@ fn change<S: Scalar>(
     let mut masses = matter.masses(Items::All(rest.len()), &left);
     soft.masses.apply(&mut masses);
     before_edit::<S>(world);
-    set_moduli::<S>(world, body, soft.model, (&lame, rows.tetrahedron_order.len()));
+    set_moduli::<S>(world, body, soft.model, (&lame, rows.order.tetrahedra.len()));
     if matter.is_pooled() || !springs.is_empty() {
         set_springs::<S>(world, body, (&matter, &springs), (&left, &lame));
     }
@@ -136,7 +136,7 @@ fn set_springs<S: Scalar>(
         Some(connectivity) => Cow::Borrowed(&connectivity.cells),
         None => {
             let ordered = matter.ordered;
-            Cow::Owned(Cells::new(ordered.vertex_order.len(), &ordered.elements()))
+            Cow::Owned(Cells::new(ordered.vertex_order.len(), &ordered.nodes))
         }
     };
     let (edges, triangles) = (Items::All(cells.edges.len()), Items::All(cells.triangles.len()));

@@ -144,15 +144,15 @@ pub fn scene_hash<S: Scalar>(world: &mut World) -> u64 {
             sum.numbers(&vertices);
             sum.numbers(&rows);
             for kind in ElementKind::ALL {
-                sum.numbers(body.order(kind));
+                sum.numbers(&body.order[kind]);
             }
-            sum.numbers(body.tetrahedra.as_flattened());
-            if !body.tetrahedra10.is_empty() {
-                sum.numbers(body.tetrahedra10.as_flattened());
+            sum.numbers(body.tetrahedra().as_flattened());
+            if !body.tetrahedra10().is_empty() {
+                sum.numbers(body.tetrahedra10().as_flattened());
             }
-            sum.numbers(body.hexahedra.as_flattened());
-            sum.numbers(body.membrane.as_flattened());
-            sum.numbers(body.quads.as_flattened());
+            sum.numbers(body.nodes.hexahedra.flat());
+            sum.numbers(body.nodes.triangles.flat());
+            sum.numbers(body.nodes.quads.flat());
             sums.push(sum);
         }
         for (id, x) in rest.iter(world) {

@@ -98,18 +98,14 @@ pub(crate) type Chosen = ByKind<Vec<u32>>;
 
 /// Elements of a body for which `is_left` says yes.
 pub(crate) fn chosen(ordered: &BodyElements, is_left: impl Fn(ElementKind, u32) -> bool) -> Chosen {
-    ByKind(
-        ElementKind::ALL.map(|kind| {
-            (0..ordered.order(kind).len() as u32).filter(|&e| is_left(kind, e)).collect()
-        }),
-    )
+    ByKind::of(|kind| (0..ordered.order[kind].len() as u32).filter(|&e| is_left(kind, e)).collect())
 }
 
 /// The rest shape of an element: it was found usable when the body was built.
 macro_rules! rest_shapes {
     ($($name:ident, $list:ident, $shape:ident;)+) => {$(
         pub fn $name(&self, element: u32) -> $shape {
-            let nodes = self.ordered.$list[element as usize];
+            let nodes = self.ordered.$list()[element as usize];
             let points = nodes.map(|v| (self.rest_of)(v).to_array());
             $shape::new(points).expect("the body was built with it")
         }
@@ -121,15 +117,15 @@ impl Matter<'_> {
         tetrahedron, tetrahedra, RestTetrahedron;
         tetrahedron10, tetrahedra10, RestTetrahedron10;
         hexahedron, hexahedra, RestHexahedron;
-        triangle, membrane, RestTriangle;
+        triangle, triangles, RestTriangle;
         quad, quads, RestQuad;
     }
 
     /// Place of a solid element in the arrays of the material: hexahedra follow tetrahedra.
     pub fn place(&self, kind: ElementKind, element: u32) -> usize {
-        let user = self.ordered.order(kind)[element as usize] as usize;
+        let user = self.ordered.order[kind][element as usize] as usize;
         let hexahedron = kind == ElementKind::Hexahedron;
-        user + if hexahedron { self.ordered.tetrahedron_order.len() } else { 0 }
+        user + if hexahedron { self.ordered.order.tetrahedra.len() } else { 0 }
     }
 
     /// Material of a solid element.
@@ -182,20 +178,20 @@ impl Matter<'_> {
             }
         };
         let density = |kind, e| self.material(kind, e).density;
-        let tens = !self.ordered.tetrahedra10.is_empty();
+        let tens = !self.ordered.tetrahedra10().is_empty();
         for &t in elements[ElementKind::Tetrahedron].iter().filter(|_| tens) {
             let density = density(ElementKind::Tetrahedron, t);
             let volumes = self.tetrahedron10(t).vertex_volumes();
-            let nodes = self.ordered.tetrahedra10[t as usize];
+            let nodes = self.ordered.tetrahedra10()[t as usize];
             add(&nodes, &volumes.map(|volume| density * volume));
         }
         for &t in elements[ElementKind::Tetrahedron].iter().filter(|_| !tens) {
             let share = density(ElementKind::Tetrahedron, t) * self.tetrahedron(t).volume / 4.0;
-            add(&self.ordered.tetrahedra[t as usize], &[share; 4]);
+            add(&self.ordered.tetrahedra()[t as usize], &[share; 4]);
         }
         for &h in &elements[ElementKind::Hexahedron] {
             let density = density(ElementKind::Hexahedron, h);
-            let nodes = self.ordered.hexahedra[h as usize];
+            let nodes = self.ordered.hexahedra()[h as usize];
             let volumes = self.nodal_shares(nodes);
             let volumes = volumes.unwrap_or_else(|| self.hexahedron(h).vertex_volumes());
             add(&nodes, &volumes.map(|volume| density * volume));
@@ -204,10 +200,10 @@ impl Matter<'_> {
         let (_, density) = sheet.surface();
         for &t in &elements[ElementKind::Triangle] {
             let share = density * self.triangle(t).area / 3.0;
-            add(&self.ordered.membrane[t as usize], &[share; 3]);
+            add(&self.ordered.triangles()[t as usize], &[share; 3]);
         }
         for &q in &elements[ElementKind::Quad] {
-            let nodes = self.ordered.quads[q as usize];
+            let nodes = self.ordered.quads()[q as usize];
             let areas = self.nodal_shares(nodes).unwrap_or_else(|| self.quad(q).vertex_areas());
             add(&nodes, &areas.map(|area| density * area));
         }
@@ -235,7 +231,7 @@ impl Matter<'_> {
                 shared.resize(edges.count(), 0.0);
             }
             for &e in &elements[kind] {
-                for (&edge, &k) in cells.edges_of(kind, e).iter().zip(springs.of(kind, e)) {
+                for (&edge, &k) in cells.edges_of[kind].of(e).iter().zip(springs.of(kind, e)) {
                     match edges.place(edge) {
                         Some(at) if springs.is_uniform(kind) => shared[at] = k.max(shared[at]),
                         Some(at) => sums[at] += k,
@@ -269,13 +265,13 @@ impl Matter<'_> {
         if self.evaluation == Evaluation::Pooled {
             for (&t, &lame) in elements[ElementKind::Tetrahedron].iter().zip(lame) {
                 let constants = SpringConstants::new(&self.tetrahedron(t), lame);
-                sums.add_tetrahedron(t as usize, self.ordered.tetrahedra[t as usize], &constants);
+                sums.add_tetrahedron(t, self.ordered.tetrahedra()[t as usize], &constants);
             }
         }
         if let Some((moduli, _)) = self.pooled_sheet().map(|sheet| sheet.surface()) {
             for &t in &elements[ElementKind::Triangle] {
                 let constants = membrane::SpringConstants::new(&self.triangle(t), moduli);
-                sums.add_triangle(t as usize, &constants);
+                sums.add_triangle(t, &constants);
             }
         }
         sums
@@ -302,14 +298,14 @@ impl PooledSprings<'_> {
         }
     }
 
-    fn add_tetrahedron(&mut self, t: usize, nodes: [u32; 4], constants: &SpringConstants) {
+    fn add_tetrahedron(&mut self, t: u32, nodes: [u32; 4], constants: &SpringConstants) {
         let cells = self.cells;
-        self.add_tensile(&cells.tetrahedron_edges[t], &constants.tensile);
+        self.add_tensile(cells.edges_of.tetrahedra.of(t), &constants.tensile);
         for (c, [apex, j, k]) in constants.angular.iter().zip(ADJACENT_PAIRS) {
             // the face through the pair lies opposite the one vertex that it does not use
             let face = (0..4).find(|v| ![apex, j, k].contains(v)).unwrap_or(0);
             debug_assert!(TETRAHEDRON_FACES[face].contains(&apex));
-            let triangle = cells.tetrahedron_triangles[t][face];
+            let triangle = cells.triangles_of.tetrahedra.of(t)[face];
             if let Some(at) = self.triangles.place(triangle) {
                 let corners = cells.triangles[triangle as usize];
                 let m = corners.iter().position(|&v| v == nodes[apex]).unwrap_or(0);
@@ -318,10 +314,10 @@ impl PooledSprings<'_> {
         }
     }
 
-    fn add_triangle(&mut self, t: usize, constants: &membrane::SpringConstants) {
+    fn add_triangle(&mut self, t: u32, constants: &membrane::SpringConstants) {
         let cells = self.cells;
-        self.add_tensile(&cells.membrane_edges[t], &constants.tensile);
-        if let Some(at) = self.triangles.place(cells.membrane_triangles[t]) {
+        self.add_tensile(cells.edges_of.triangles.of(t), &constants.tensile);
+        if let Some(at) = self.triangles.place(cells.triangles_of.triangles.of(t)[0]) {
             let own = self.angular[at].get_or_insert_default();
             for m in 0..3 {
                 own[m] += constants.angular[m];
@@ -334,23 +330,23 @@ impl Matter<'_> {
     /// Spring constants of all elements that are springs.
     pub(crate) fn element_springs(&self) -> Result<ElementSprings, SpringsError> {
         let mut springs = ElementSprings::default();
-        let (lists, none) = (self.ordered.elements(), Elements::default());
+        let (lists, none) = (self.ordered, Elements::default());
         for kind in ElementKind::ALL {
             let (cells, of_sheet, usual) = match kind {
                 ElementKind::Tetrahedron => {
-                    let cells = Elements { tetrahedra: lists.tetrahedra, ..none };
+                    let cells = Elements { tetrahedra: lists.tetrahedra(), ..none };
                     (cells, false, ElementMethod::PaperA)
                 }
                 ElementKind::Triangle => {
-                    (Elements { triangles: lists.membrane, ..none }, true, ElementMethod::PaperA)
+                    (Elements { triangles: lists.triangles(), ..none }, true, ElementMethod::PaperA)
                 }
                 ElementKind::Hexahedron => (
-                    Elements { hexahedra: lists.hexahedra, ..none },
+                    Elements { hexahedra: lists.hexahedra(), ..none },
                     false,
                     ElementMethod::Frobenius,
                 ),
                 ElementKind::Quad => {
-                    (Elements { quads: lists.quads, ..none }, true, ElementMethod::Frobenius)
+                    (Elements { quads: lists.quads(), ..none }, true, ElementMethod::Frobenius)
                 }
             };
             let sheet = self.mass_spring_sheet();
@@ -387,7 +383,7 @@ impl Matter<'_> {
             };
             springs.constants[kind] =
                 self.fitted(&cells, &materials, &section, method).map_err(|(e, source)| {
-                    let index = self.ordered.order(kind)[e] as usize;
+                    let index = self.ordered.order[kind][e] as usize;
                     SpringsError { kind, index, method, source: Box::new(source) }
                 })?;
         }

@@ -90,7 +90,7 @@ impl Resection {
             let cells = &own.connectivity.cells;
             let none = |count: usize| vec![Entity::PLACEHOLDER; count];
             own.rows = Entities {
-                elements: ByKind(ElementKind::ALL.map(|kind| none(own.element_of[kind].len()))),
+                elements: ByKind::of(|kind| none(own.element_of[kind].len())),
                 edges: [none(cells.edges.len()), none(cells.edges.len())],
                 triangles: none(cells.triangles.len()),
                 axes: ByKind::default(),
@@ -127,7 +127,7 @@ impl Resection {
         find_elements!(HexahedronIndex, AxisHexahedron, ElementKind::Hexahedron);
         find_elements!(QuadIndex, ElementKind::Quad);
         for own in self.bodies.iter_mut().flatten() {
-            own.rows.axes.0.iter_mut().for_each(|axes| axes.sort_unstable());
+            own.rows.axes.iter_mut().for_each(|axes| axes.sort_unstable());
         }
         find!((&EdgeVertices, Has<MassSpring>), |own, entity, edge, first| {
             if let Some(at) = own.edge(edge.0.0.map(|v| v - first)) {

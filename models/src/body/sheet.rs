@@ -10,8 +10,8 @@ use sinew_engine::isoparametric::{
     QUAD_PAIRS, QuadBlocks, QuadIndex, QuadVertices, RestQuad, RestShapeError,
 };
 use sinew_engine::layout::BodyLayout;
+use sinew_engine::ratios::report_areas;
 use sinew_engine::scalar::Scalar;
-use sinew_engine::step::report_areas;
 use thiserror::Error;
 
 use crate::body::lumped::SpringRule;
@@ -347,12 +347,12 @@ impl Sheet {
         layout: &BodyLayout,
         rest_of: impl Fn(u32) -> DVec3,
     ) -> Result<Self, MembraneError> {
-        for (t, order) in layout.membrane.windows(2).zip(layout.membrane_order.windows(2)) {
+        for (t, order) in layout.triangles().windows(2).zip(layout.order.triangles.windows(2)) {
             if t[0] == t[1] {
                 return Err(MembraneError::Duplicate { first: order[0], second: order[1] });
             }
         }
-        let rest = layout.membrane.iter().zip(&layout.membrane_order).map(|(t, &original)| {
+        let rest = layout.triangles().iter().zip(&layout.order.triangles).map(|(t, &original)| {
             let points = t.map(|row| rest_of(row).to_array());
             let triangle = original as usize;
             RestTriangle::new(points).map_err(|source| MembraneError::Triangle { triangle, source })
@@ -363,12 +363,12 @@ impl Sheet {
             q.sort_unstable();
             q
         };
-        for (q, order) in layout.quads.windows(2).zip(layout.quad_order.windows(2)) {
+        for (q, order) in layout.quads().windows(2).zip(layout.order.quads.windows(2)) {
             if sorted(&q[0]) == sorted(&q[1]) {
                 return Err(MembraneError::DuplicateQuad { first: order[0], second: order[1] });
             }
         }
-        let quads = layout.quads.iter().zip(&layout.quad_order).map(|(q, &original)| {
+        let quads = layout.quads().iter().zip(&layout.order.quads).map(|(q, &original)| {
             let points = q.map(|row| rest_of(row).to_array());
             let quad = original as usize;
             RestQuad::new(points).map_err(|source| MembraneError::Quad { quad, source })
@@ -387,10 +387,10 @@ impl Sheet {
             MembraneCompressionModulus(S::from_f64(self.settings.compression())),
         );
         let triangles = layout
-            .membrane
+            .triangles()
             .iter()
-            .zip(&layout.cells.membrane_edges)
-            .zip(&layout.membrane_order)
+            .zip(layout.cells.edges_of.triangles.each::<3>())
+            .zip(&layout.order.triangles)
             .zip(&self.rest)
             .map(|(((t, e), &original), rest)| {
                 (
@@ -403,10 +403,10 @@ impl Sheet {
                 )
             });
         let quads = layout
-            .quads
+            .quads()
             .iter()
-            .zip(&layout.cells.quad_edges)
-            .zip(&layout.quad_order)
+            .zip(layout.cells.edges_of.quads.each::<6>())
+            .zip(&layout.order.quads)
             .zip(&self.quads)
             .map(|(((q, e), &original), rest)| {
                 (

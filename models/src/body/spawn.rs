@@ -4,14 +4,14 @@ use bevy_ecs::bundle::NoBundleEffect;
 use bevy_ecs::prelude::*;
 use glam::DVec3;
 use sinew_engine::by_precision;
-use sinew_engine::connectivity::ElementKind;
+use sinew_engine::connectivity::{ByKind, ElementKind, PerElement};
 use sinew_engine::element::{
     EdgeBlock, EdgeChange, EdgeTension, EdgeVertices, TetrahedronEdges, TriangleEdges,
     rest_edge_bundle,
 };
 use sinew_engine::isoparametric::{HEXAHEDRON_PAIRS, RestHexahedron, RestTetrahedron10};
 use sinew_engine::law::{BodiesWithoutRecovery, partition_laws};
-use sinew_engine::layout::{BodyLayout, ElementLists};
+use sinew_engine::layout::BodyLayout;
 use sinew_engine::memory;
 use sinew_engine::precision::Precision;
 use sinew_engine::row::LocalRow;
@@ -58,8 +58,12 @@ use crate::resection;
 pub fn spawn_body(world: &mut World, body: &BodyDescription) -> Result<Entity, BodyError> {
     let (triangles, quads) =
         body.membrane.as_ref().map_or((0, 0), |m| (m.triangles.len(), m.quads.len()));
-    let counts = [body.tetrahedra.len(), body.hexahedra.len(), triangles, quads];
-    memory::fits(&format!("body `{}`", body.name), || memory::of_body(counts, body.middles.len()))?;
+    let (tetrahedra, hexahedra) = (body.tetrahedra.len(), body.hexahedra.len());
+    let needed = || {
+        let counts = ByKind { tetrahedra, triangles, hexahedra, quads };
+        memory::of_body(&counts, body.middles.len())
+    };
+    memory::fits(&format!("body `{}`", body.name), needed)?;
     match world.get_resource::<Precision>() {
         Some(&precision) => {
             world.insert_resource(SurfaceReader(read_surface));
@@ -75,14 +79,13 @@ fn spawn<S: Scalar>(world: &mut World, body: &BodyDescription) -> Result<Entity,
     let (membrane, user_lame) = check(world, body)?;
     let tens = body.tetrahedra.iter().zip(body.middles);
     let tens: Vec<[u32; 10]> = tens.map(|(corners, middles)| ten(corners, middles)).collect();
-    let lists = ElementLists {
-        tetrahedra: if tens.is_empty() { body.tetrahedra } else { &[] },
-        tetrahedra10: &tens,
-        hexahedra: body.hexahedra,
-        membrane: membrane.map_or(&[][..], |m| m.triangles),
-        quads: membrane.map_or(&[][..], |m| m.quads),
+    let nodes = ByKind {
+        tetrahedra: if tens.is_empty() { body.tetrahedra.into() } else { tens.into() },
+        triangles: membrane.map_or_else(PerElement::default, |m| m.triangles.into()),
+        hexahedra: body.hexahedra.into(),
+        quads: membrane.map_or_else(PerElement::default, |m| m.quads.into()),
     };
-    let layout = BodyLayout::of(body.points.len(), &lists);
+    let layout = BodyLayout::new(body.points.len(), &nodes);
     let rest_of = |row: u32| body.points[layout.vertex_order[LocalRow(row)].index()];
     let rest = RestShapes::new(body.name, &layout, &rest_of)?;
     let sheet = match &membrane {
@@ -124,11 +127,11 @@ fn spawn<S: Scalar>(world: &mut World, body: &BodyDescription) -> Result<Entity,
     let clusters = match (body.volume, body.clusters) {
         (VolumeRule::Elements, _) => Vec::new(),
         (_, Some(given)) => {
-            let own = layout.tetrahedron_order.iter().map(|&t| given[t as usize]);
+            let own = layout.order.tetrahedra.iter().map(|&t| given[t as usize]);
             clusters::number(&own.collect::<Vec<_>>())
         }
-        (_, None) if layout.tetrahedra.is_empty() => Vec::new(),
-        (_, None) => clusters::grow(layout.vertex_order.len(), &layout.tetrahedra, &lame[0]),
+        (_, None) if layout.tetrahedra().is_empty() => Vec::new(),
+        (_, None) => clusters::grow(layout.vertex_order.len(), layout.tetrahedra(), &lame[0]),
     };
     let compression = model.has_compression();
     let (layout, rest_of, rest) = (&layout, &rest_of, &rest);
@@ -367,21 +370,21 @@ impl RestShapes {
         layout: &BodyLayout,
         rest_of: &dyn Fn(u32) -> DVec3,
     ) -> Result<Self, BodyError> {
-        let tetrahedra = layout.tetrahedra.iter().zip(&layout.tetrahedron_order);
+        let tetrahedra = layout.tetrahedra().iter().zip(&layout.order.tetrahedra);
         let tetrahedra = tetrahedra.map(|(t, &original)| {
             let tetrahedron = original as usize;
             RestTetrahedron::new(t.map(|row| rest_of(row).to_array())).map_err(|source| {
                 BodyError::Tetrahedron { body: name.to_string(), tetrahedron, source }
             })
         });
-        let tens = layout.tetrahedra10.iter().zip(&layout.tetrahedron_order);
+        let tens = layout.tetrahedra10().iter().zip(&layout.order.tetrahedra);
         let tens = tens.map(|(t, &original)| {
             let tetrahedron = original as usize;
             RestTetrahedron10::new(t.map(|row| rest_of(row).to_array())).map_err(|source| {
                 BodyError::Tetrahedron10 { body: name.to_string(), tetrahedron, source }
             })
         });
-        let hexahedra = layout.hexahedra.iter().zip(&layout.hexahedron_order);
+        let hexahedra = layout.hexahedra().iter().zip(&layout.order.hexahedra);
         let hexahedra = hexahedra.map(|(h, &original)| {
             let hexahedron = original as usize;
             RestHexahedron::new(h.map(|row| rest_of(row).to_array())).map_err(|source| {
@@ -466,7 +469,7 @@ impl SolidPart<'_> {
     fn spawn_pooled<S: Scalar>(&self, world: &mut World, edge_rows: &[u32]) {
         let constants = self.rest.tetrahedra.iter().zip(&self.lame[0]);
         let constants = constants.map(|(rest, &lame)| volumetric_bundle::<S>(rest, lame));
-        let edges = &self.layout.cells.tetrahedron_edges;
+        let edges = self.layout.cells.edges_of.tetrahedra.each::<6>();
         let elements = self.tetrahedra::<S>().zip(edges).zip(constants);
         let elements = elements.map(|((tetrahedron, e), constants)| {
             (tetrahedron, TetrahedronEdges(e.map(|e| edge_rows[e as usize])), constants)

@@ -29,7 +29,7 @@ pub(super) fn read_surface(world: &mut World, body: usize) -> BodySurface {
     let (mut sum, mut count) = (vec![0.0; n], vec![0.0; n]);
     for kind in [ElementKind::Tetrahedron, ElementKind::Hexahedron] {
         for e in connectivity.all_left(kind) {
-            for &v in rows.nodes(kind, e) {
+            for &v in rows.nodes[kind].of(e) {
                 sum[v as usize] += matter.material(kind, e).young_modulus;
                 count[v as usize] += 1.0;
             }
@@ -38,10 +38,10 @@ pub(super) fn read_surface(world: &mut World, body: usize) -> BodySurface {
     let triangles: Vec<[u32; 3]> = connectivity.surface().map(|(t, _, _)| t).collect();
     let mut sheets = Vec::new();
     for t in connectivity.all_left(ElementKind::Triangle) {
-        sheets.push(rows.membrane[t as usize]);
+        sheets.push(rows.triangles()[t as usize]);
     }
     for q in connectivity.all_left(ElementKind::Quad) {
-        let [a, b, c, d] = rows.quads[q as usize];
+        let [a, b, c, d] = rows.quads()[q as usize];
         sheets.extend([[a, b, c], [a, c, d]]);
     }
     if let Some(membrane) = soft.membrane {

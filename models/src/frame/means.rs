@@ -19,12 +19,13 @@ use bytemuck::TransparentWrapper;
 use sinew_engine::columns::single_table;
 use sinew_engine::law::{EvaluationRequest, LawBuffer, LawBuffers, RecoveringBodies};
 use sinew_engine::matrix::{LowRank, LowRankPattern, PredictedValues};
+use sinew_engine::ratios::measure_volume_ratios;
 use sinew_engine::report::VolumeReport;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::schedule::{
     ForceSystems, StepSchedule, StepSystems, activate_systems, declare_inputs,
 };
-use sinew_engine::step::{StepFailure, measure_volume_ratios};
+use sinew_engine::step::StepFailure;
 use sinew_engine::vertex::{BodyId, Displacement};
 use sinew_engine::workers::Workers;
 

@@ -83,8 +83,8 @@ impl SolidPart<'_> {
     ) -> impl Iterator<Item = impl Bundle<Effect: NoBundleEffect>> {
         let Self { layout, rest, lame, .. } = self;
         self.elements::<S, _, _, 4, 6>(
-            (&layout.tetrahedra, &layout.cells.tetrahedron_edges),
-            &layout.tetrahedron_order,
+            (layout.tetrahedra(), layout.cells.edges_of.tetrahedra.each::<6>()),
+            &layout.order.tetrahedra,
             (&rest.tetrahedra, &lame[0]),
             |nodes, edges, original, rest| {
                 let d = [rest.gradients[1], rest.gradients[2], rest.gradients[3]];
@@ -101,8 +101,8 @@ impl SolidPart<'_> {
     fn hexahedra<S: Scalar>(&self) -> impl Iterator<Item = impl Bundle<Effect: NoBundleEffect>> {
         let Self { layout, rest, lame, .. } = self;
         self.elements::<S, _, _, 8, 28>(
-            (&layout.hexahedra, &layout.cells.hexahedron_edges),
-            &layout.hexahedron_order,
+            (layout.hexahedra(), layout.cells.edges_of.hexahedra.each::<28>()),
+            &layout.order.hexahedra,
             (&rest.hexahedra, &lame[1]),
             |nodes, edges, original, rest| {
                 let own = (HexahedronVertices(nodes), HexahedronBlocks(edges));
@@ -114,8 +114,8 @@ impl SolidPart<'_> {
     fn tetrahedra10<S: Scalar>(&self) -> impl Iterator<Item = impl Bundle<Effect: NoBundleEffect>> {
         let Self { layout, rest, lame, .. } = self;
         self.elements::<S, _, _, 10, 45>(
-            (&layout.tetrahedra10, &layout.cells.tetrahedron10_edges),
-            &layout.tetrahedron_order,
+            (layout.tetrahedra10(), layout.cells.edges_of.tetrahedra.each::<45>()),
+            &layout.order.tetrahedra,
             (&rest.tetrahedra10, &lame[0]),
             |nodes, edges, original, rest| {
                 let own = (Tetrahedron10Vertices(nodes), Tetrahedron10Blocks(edges));

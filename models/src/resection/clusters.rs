@@ -105,7 +105,7 @@ impl BodyResection {
             let elements: Vec<u32> = own.iter().map(|m| m.1).collect();
             let nodes: Vec<[u32; 4]> = elements
                 .iter()
-                .map(|&e| self.connectivity.ordered.tetrahedra[e as usize])
+                .map(|&e| self.connectivity.ordered.tetrahedra()[e as usize])
                 .collect();
             let places: Vec<u32> = (0..elements.len() as u32).collect();
             let piece = pieces(&places, &neighbours(&nodes), |_, _| true);
@@ -146,7 +146,7 @@ impl BodyResection {
         let connectivity = &self.connectivity;
         let mut near = BTreeSet::new();
         for &e in &parts[part].1 {
-            let nodes = connectivity.ordered.tetrahedra[e as usize];
+            let nodes = connectivity.ordered.tetrahedra()[e as usize];
             for opposite in 0..4 {
                 let mut face = [1, 2, 3].map(|k| nodes[(opposite + k) % 4]);
                 face.sort_unstable();

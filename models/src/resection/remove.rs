@@ -58,7 +58,7 @@ pub fn prepare_removals(world: &mut World, body: usize) -> Result<(), RemovalErr
         let rows = &world.resource::<Topology>().bodies[body];
         resection.bodies[body] = Some(BodyResection {
             connectivity: Connectivity::new(rows),
-            element_of: ByKind(ElementKind::ALL.map(|kind| rows.rows_of(kind))),
+            element_of: ByKind::of(|kind| rows.rows_of(kind)),
             rows: Entities::default(),
             dead: ByKind::default(),
             pieces: rows.piece_count(),
@@ -138,7 +138,7 @@ impl Resection {
         let mut chosen = Chosen::default();
         for region in regions {
             match own.choose::<S>(world, &soft, region, &chosen) {
-                Ok(found) => add(&mut chosen, found),
+                Ok(found) => add(&mut chosen, &found),
                 Err(error) => results.push(Err(error)),
             }
         }
@@ -147,10 +147,10 @@ impl Resection {
         }
         let rows = &world.resource::<Topology>().bodies[body];
         let user = |kind: ElementKind| {
-            let order = rows.order(kind);
+            let order = &rows.order[kind];
             chosen[kind].iter().map(|&e| order[e as usize]).collect::<Vec<u32>>()
         };
-        let elements = ByKind(ElementKind::ALL.map(user));
+        let elements = ByKind::of(user);
         if ElementKind::ALL.iter().any(|&kind| !elements[kind].is_empty()) {
             log_edit(world, Edit::Removal { body, elements, mass });
         }
@@ -192,9 +192,10 @@ impl Resection {
 }
 
 /// Adds to `chosen` what is not in it.
-fn add(chosen: &mut Chosen, other: Chosen) {
-    for (own, more) in chosen.0.iter_mut().zip(other.0) {
-        own.extend(more);
+fn add(chosen: &mut Chosen, other: &Chosen) {
+    for kind in ElementKind::ALL {
+        let own = &mut chosen[kind];
+        own.extend(&other[kind]);
         own.sort_unstable();
         own.dedup();
     }

@@ -66,7 +66,7 @@ impl RemovalReport {
             user.sort_unstable();
             user
         };
-        let removed = ElementKind::ALL.map(|kind| sorted(&chosen[kind], rows.order(kind)));
+        let removed = ElementKind::ALL.map(|kind| sorted(&chosen[kind], &rows.order[kind]));
         [self.tetrahedra, self.triangles, self.hexahedra, self.quads] = removed;
         let left = ElementKind::ALL.map(|kind| own.connectivity.remaining(kind));
         [

@@ -162,27 +162,27 @@ impl<'a, S: Scalar> State<'a, S> {
             points.iter().for_each(|(e, u)| with(Point::Solid(e, u)));
         };
         match kind {
-            ElementKind::Tetrahedron if !elements.tetrahedra10.is_empty() => {
+            ElementKind::Tetrahedron if !elements.tetrahedra10().is_empty() => {
                 let (rest, moduli) = self.tens.get_manual(self.world, entity).expect(has_row);
-                let u = self.vertices.displacements(elements.tetrahedra10[e]);
+                let u = self.vertices.displacements(elements.tetrahedra10()[e]);
                 let (derivatives, moduli) = (Derivatives::tetrahedron10(), numbers(moduli));
                 let points = &mut hexahedra::tetrahedra(&derivatives, &rest.in_f64(), moduli, &u);
                 at_points(points, &mut with);
             }
             ElementKind::Tetrahedron => {
                 let columns = self.tetrahedra.get_manual(self.world, entity).expect(has_row);
-                let u = self.vertices.displacements(elements.tetrahedra[e]);
+                let u = self.vertices.displacements(elements.tetrahedra()[e]);
                 with(Point::Solid(&tetrahedron(columns), &u));
             }
             ElementKind::Hexahedron => {
                 let (rest, moduli) = self.hexahedra.get_manual(self.world, entity).expect(has_row);
-                let u = self.vertices.displacements(elements.hexahedra[e]);
+                let u = self.vertices.displacements(elements.hexahedra()[e]);
                 let (derivatives, moduli) = (Derivatives::hexahedron(), numbers(moduli));
                 let points = &mut hexahedra::tetrahedra(&derivatives, &rest.in_f64(), moduli, &u);
                 at_points(points, &mut with);
             }
             ElementKind::Triangle => {
-                let u = self.vertices.displacements(elements.membrane[e]);
+                let u = self.vertices.displacements(elements.triangles()[e]);
                 if let Some(e) = triangle(&matter, element) {
                     with(Point::Sheet(&e, &u, 1.0));
                 }
@@ -192,7 +192,7 @@ impl<'a, S: Scalar> State<'a, S> {
                 let LameParameters { lambda, mu } = settings.surface().0;
                 let moduli = [lambda, mu, settings.compression()];
                 let rest = matter.quad(element).component();
-                let u = self.vertices.displacements(elements.quads[e]);
+                let u = self.vertices.displacements(elements.quads()[e]);
                 for (e, u) in quads::triangles(&rest, moduli, &u) {
                     with(Point::Sheet(&e, &u, 2.0));
                 }
@@ -207,7 +207,7 @@ impl<'a, S: Scalar> State<'a, S> {
         for kind in IN_SUMS {
             let elements = match kind {
                 ElementKind::Hexahedron => Elements::Hexahedra,
-                _ if !own.connectivity.ordered.tetrahedra10.is_empty() => Elements::Tetrahedra10,
+                _ if !own.connectivity.ordered.tetrahedra10().is_empty() => Elements::Tetrahedra10,
                 _ => Elements::Tetrahedra,
             };
             let law = soft.law.and_then(|law| law.in_elements(elements, soft.volume)?.energy);
@@ -244,15 +244,15 @@ impl<'a, S: Scalar> State<'a, S> {
 
     fn axes_energy(&self, kind: ElementKind, e: u32, axes: Entity) -> f64 {
         let elements = &self.own.connectivity.ordered;
-        if kind == ElementKind::Tetrahedron && !elements.tetrahedra10.is_empty() {
-            let u = self.vertices.displacements(elements.tetrahedra10[e as usize]);
+        if kind == ElementKind::Tetrahedron && !elements.tetrahedra10().is_empty() {
+            let u = self.vertices.displacements(elements.tetrahedra10()[e as usize]);
             return axes::removal::energy_at::<S, TenNodes, 10, 45, 4>(self.world, axes, &u);
         }
         if kind == ElementKind::Tetrahedron {
-            let u = self.vertices.displacements(elements.tetrahedra[e as usize]);
+            let u = self.vertices.displacements(elements.tetrahedra()[e as usize]);
             return axes::removal::energy::<S>(self.world, axes, &u);
         }
-        let u = self.vertices.displacements(elements.hexahedra[e as usize]);
+        let u = self.vertices.displacements(elements.hexahedra()[e as usize]);
         axes::removal::energy_at::<S, Brick, 8, 28, 8>(self.world, axes, &u)
     }
 }

@@ -21,13 +21,13 @@ use crate::material::LameParameters;
 impl BodyResection {
     /// Elements of every kind that are left round some items.
     fn round(&self, items: &[u32], round: &ByKind<Incidence>) -> Chosen {
-        ByKind(ElementKind::ALL.map(|kind| {
+        ByKind::of(|kind| {
             let of = |&item: &u32| self.connectivity.left(kind, round[kind].of(item));
             let mut elements: Vec<u32> = items.iter().flat_map(of).collect();
             elements.sort_unstable();
             elements.dedup();
             elements
-        }))
+        })
     }
 
     /// Sums the constants of the springs at the touched edges and triangles again, and books the energy of springs

@@ -120,30 +120,30 @@ fn what_is_left(world: &World, body: usize, rows: &BodyRows) -> (Mesh, Vec<usize
     let connectivity = resection.and_then(|r| r.connectivity(body));
     let left = |kind: ElementKind| {
         let is_left = move |e: &usize| connectivity.is_none_or(|c| c.is_present(kind, *e as u32));
-        (0..rows.order(kind).len()).filter(is_left)
+        (0..rows.order[kind].len()).filter(is_left)
     };
     let user = |v: u32| rows.vertex_order[LocalRow(v)].0;
     let (tetrahedra, hexahedra) = (left(ElementKind::Tetrahedron), left(ElementKind::Hexahedron));
-    let first = rows.tetrahedron_order.len();
-    let index = tetrahedra.clone().map(|t| rows.tetrahedron_order[t] as usize);
+    let first = rows.order.tetrahedra.len();
+    let index = tetrahedra.clone().map(|t| rows.order.tetrahedra[t] as usize);
     let index =
-        index.chain(hexahedra.clone().map(|h| first + rows.hexahedron_order[h] as usize)).collect();
-    let corners = |t: usize| match rows.tetrahedra10.get(t) {
+        index.chain(hexahedra.clone().map(|h| first + rows.order.hexahedra[h] as usize)).collect();
+    let corners = |t: usize| match rows.tetrahedra10().get(t) {
         Some(&[a, b, c, d, ..]) => [a, b, c, d],
-        None => rows.tetrahedra[t],
+        None => rows.tetrahedra()[t],
     };
     let mesh = Mesh {
         points: vec![DVec3::ZERO; rows.mesh_vertices()],
         tetrahedra: tetrahedra.clone().map(|t| corners(t).map(user)).collect(),
-        middles: match rows.tetrahedra10.is_empty() {
+        middles: match rows.tetrahedra10().is_empty() {
             true => Vec::new(),
             false => tetrahedra
-                .map(|t| [4, 5, 6, 7, 8, 9].map(|i| user(rows.tetrahedra10[t][i])))
+                .map(|t| [4, 5, 6, 7, 8, 9].map(|i| user(rows.tetrahedra10()[t][i])))
                 .collect(),
         },
-        hexahedra: hexahedra.map(|h| rows.hexahedra[h].map(user)).collect(),
-        triangles: left(ElementKind::Triangle).map(|t| rows.membrane[t].map(user)).collect(),
-        quads: left(ElementKind::Quad).map(|q| rows.quads[q].map(user)).collect(),
+        hexahedra: hexahedra.map(|h| rows.hexahedra()[h].map(user)).collect(),
+        triangles: left(ElementKind::Triangle).map(|t| rows.triangles()[t].map(user)).collect(),
+        quads: left(ElementKind::Quad).map(|q| rows.quads()[q].map(user)).collect(),
         ..Mesh::default()
     };
     (mesh, index)

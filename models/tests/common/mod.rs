@@ -9,6 +9,7 @@ use glam::DVec3;
 use proptest::prelude::ProptestConfig;
 use proptest::test_runner::RngSeed;
 use sinew_engine::element::{TETRAHEDRON_EDGES, TetrahedronShapes};
+use sinew_engine::element_kind::ByKind;
 use sinew_engine::lanes::InstructionSet;
 use sinew_engine::law::{EvaluationRequest, LawBuffer};
 use sinew_engine::layout::BodyElements;
@@ -196,7 +197,7 @@ impl<S: Scalar> Columns<S> {
         let ordered = BodyElements {
             vertex_order: (0..displacement.len() as u32).map(MeshVertex).collect(),
             row_of_vertex: (0..displacement.len() as u32).map(|v| Some(LocalRow(v))).collect(),
-            tetrahedra: nodes.clone(),
+            nodes: ByKind { tetrahedra: nodes.clone().into(), ..ByKind::default() },
             ..BodyElements::default()
         };
         let mut topology = Topology::default();

@@ -9,9 +9,10 @@ use super::step::{Rejected, Step, StepMode, Weights, noise};
 use super::touch::At;
 use crate::state::write_displacement;
 use sinew_contact::limits::Limits;
+use sinew_engine::ratios::measure_volume_ratios;
 use sinew_engine::report::VolumeReport;
 use sinew_engine::scalar::Scalar;
-use sinew_engine::step::{StepError, measure_volume_ratios};
+use sinew_engine::step::StepError;
 
 /// Safe steps that follow one at which linearised BDF2 failed its tests.
 pub const WAIT: u32 = 2;

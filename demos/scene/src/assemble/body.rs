@@ -1,7 +1,7 @@
 //! A body of a scene, built.
 
 use glam::DVec3;
-use sinew::engine::connectivity::ElementKind;
+use sinew::engine::connectivity::{ByKind, ElementKind};
 use sinew::engine::mesh::{CheckReport, Mesh};
 use sinew::models::axes::description::AxesDescription;
 use sinew::models::body::lumped::SpringRule;
@@ -106,10 +106,8 @@ impl BuiltBody {
     pub fn volume(&self, simulation: &mut Simulation) -> f64 {
         let points = self.deformed(simulation);
         let left = |kind| simulation.remaining(self.handle, kind).into_iter().map(|e| e as usize);
-        let tetrahedra = left(ElementKind::Tetrahedron).map(|e| self.mesh.tetrahedra[e]).collect();
-        let middles = left(ElementKind::Tetrahedron);
-        let middles = middles.filter_map(|e| self.mesh.middles.get(e).copied()).collect();
-        let hexahedra = left(ElementKind::Hexahedron).map(|e| self.mesh.hexahedra[e]).collect();
-        Mesh { points, tetrahedra, middles, hexahedra, ..Mesh::default() }.total_volume()
+        let solid =
+            |kind: ElementKind| if kind.is_solid() { left(kind).collect() } else { Vec::new() };
+        Mesh { points, ..self.mesh.only(&ByKind::of(solid)) }.total_volume()
     }
 }

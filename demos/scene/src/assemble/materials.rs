@@ -67,7 +67,7 @@ pub(super) fn cell_data(
 ) -> Result<Option<Vec<f64>>, SceneError> {
     let Some(name) = name else { return Ok(None) };
     match mesh.data(name) {
-        Some(data) => Ok(Some([&data.tetrahedra[..], &data.hexahedra[..]].concat())),
+        Some(data) => Ok(Some([&data.values.tetrahedra[..], &data.values.hexahedra[..]].concat())),
         None if mesh.cell_data.is_empty() => Err(key.value(
             format!("there is no cell data `{name}` in {}", mesh.source),
             "use a mesh file with cell data (VTU, VTK or Gmsh's $ElementData)",

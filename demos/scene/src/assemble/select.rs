@@ -135,12 +135,12 @@ pub(super) fn group_cells(
     let key = key.at("group");
     let (mut triangles, mut quads) = (Vec::new(), Vec::new());
     for group in groups(&key, name, mesh)? {
-        triangles.extend(group.triangles.iter().map(|&t| mesh.triangles[t as usize]));
-        quads.extend(group.quads.iter().map(|&q| mesh.quads[q as usize]));
+        triangles.extend(group.cells.triangles.iter().map(|&t| mesh.triangles[t as usize]));
+        quads.extend(group.cells.quads.iter().map(|&q| mesh.quads[q as usize]));
     }
     if triangles.is_empty() && quads.is_empty() {
         let found = format!("group `{name}` has no triangles and no quadrilaterals");
-        let has = |g: &&Group| !g.triangles.is_empty() || !g.quads.is_empty();
+        let has = |g: &&Group| !g.cells.triangles.is_empty() || !g.cells.quads.is_empty();
         let with: Vec<&str> = mesh.groups.iter().filter(has).map(|g| g.name.as_str()).collect();
         return Err(key.value(found, format!("groups with such cells: {}", with.join(", "))));
     }

@@ -189,7 +189,7 @@ impl<'a> Recorder<'a> {
             let entry = &self.scene.scene.bodies[i].material;
             let field = |name: &Option<String>| {
                 let data = body.mesh.data(name.as_ref()?)?;
-                Some(data.tetrahedra.iter().chain(&data.hexahedra).copied().collect())
+                Some(data.values.tetrahedra.iter().chain(&data.values.hexahedra).copied().collect())
             };
             let moduli = ModuliFields {
                 young_modulus: field(&entry.young_modulus_field),

@@ -278,8 +278,12 @@ fn read_pressure(root: &CaseEntry, mesh: &Mesh) -> Result<Option<(Vec<[u32; 3]>,
                     t.sort_unstable();
                     t
                 };
-                let chosen: BTreeSet<[u32; 3]> =
-                    group.triangles.iter().map(|&t| sorted(mesh.triangles[t as usize])).collect();
+                let chosen: BTreeSet<[u32; 3]> = group
+                    .cells
+                    .triangles
+                    .iter()
+                    .map(|&t| sorted(mesh.triangles[t as usize]))
+                    .collect();
                 let outward = mesh.surface_triangles().into_iter();
                 let faces = outward.filter(|&t| chosen.contains(&sorted(t)));
                 let inward: Vec<[u32; 3]> = faces.map(|[a, b, c]| [a, c, b]).collect();

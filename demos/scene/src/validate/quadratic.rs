@@ -40,7 +40,7 @@ impl<'a> SecondOrder<'a> {
             let [a, b, c] = *self.linear.triangles.get(t as usize)?;
             Some(([a, b, c], [middle(a, b)?, middle(b, c)?, middle(c, a)?]))
         };
-        group.triangles.iter().filter_map(face).collect()
+        group.cells.triangles.iter().filter_map(face).collect()
     }
 
     /// Prescribed displacements: those of the case, and in the middles of the edges of faces of a group that is held as a

@@ -318,8 +318,8 @@ fn elements_of(
     let mesh = &body.mesh;
     let tetrahedra = mesh.tetrahedra.len() as u32;
     if let Some(group) = mesh.group_of_dimension(region, 3) {
-        let mut elements = group.tetrahedra.clone();
-        elements.extend(group.hexahedra.iter().map(|h| tetrahedra + h));
+        let mut elements = group.cells.tetrahedra.clone();
+        elements.extend(group.cells.hexahedra.iter().map(|h| tetrahedra + h));
         elements.sort_unstable();
         elements.dedup();
         if elements.is_empty() {
@@ -335,7 +335,7 @@ fn elements_of(
             format!("{} has neither a group of cells nor cell data `{region}`", mesh.source);
         return Err((found, hint("region", region, known)));
     };
-    let values = [&data.tetrahedra[..], &data.hexahedra[..]].concat();
+    let values = [&data.values.tetrahedra[..], &data.values.hexahedra[..]].concat();
     let mut distinct = values.clone();
     distinct.sort_by(f64::total_cmp);
     distinct.dedup();

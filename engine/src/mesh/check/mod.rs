@@ -7,8 +7,9 @@ mod places;
 mod shape;
 mod topology;
 
-use super::cell::{face_edges, hexahedron_edges, ten, tetrahedron_edges};
-use super::{LINEAR, Mesh, sorted};
+use super::cell::{edges, ten};
+use super::{CellVertices, LINEAR, Mesh};
+use crate::element_kind::{ByKind, ElementKind};
 use serde::Serialize;
 use std::fmt;
 
@@ -52,79 +53,64 @@ impl fmt::Display for Severity {
     }
 }
 
-/// Kind of a finding; its text form (such as `zero-volume`) stays the same between versions.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize)]
-#[serde(rename_all = "kebab-case")]
-#[non_exhaustive]
-pub enum FindingCode {
+macro_rules! codes {
+    ($($(#[$doc:meta])* $name:ident = $text:literal,)+) => {
+        /// Kind of a finding; its text form (such as `zero-volume`) stays the same between versions.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize)]
+        #[non_exhaustive]
+        pub enum FindingCode {
+            $($(#[$doc])* #[serde(rename = $text)] $name,)+
+        }
+
+        impl fmt::Display for FindingCode {
+            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str(match self { $(Self::$name => $text,)+ })
+            }
+        }
+    };
+}
+codes! {
     /// A coordinate is NaN or infinite.
-    NonFiniteCoordinate,
+    NonFiniteCoordinate = "non-finite-coordinate",
     /// A cell uses a vertex that does not exist.
-    IndexOutOfRange,
+    IndexOutOfRange = "index-out-of-range",
     /// A cell uses a vertex twice.
-    RepeatedVertexInCell,
+    RepeatedVertexInCell = "repeated-vertex-in-cell",
     /// Two used vertices lie at one place.
-    DuplicateCoordinates,
+    DuplicateCoordinates = "duplicate-coordinates",
     /// A volume cell without volume, or a face cell without area.
-    ZeroVolume,
+    ZeroVolume = "zero-volume",
     /// A cell that is nearly flat.
-    Sliver,
+    Sliver = "sliver",
     /// A tetrahedron or hexahedron of negative volume.
-    InvertedWinding,
+    InvertedWinding = "inverted-winding",
     /// A hexahedron, quadrilateral or curved tetrahedron that is folded somewhere: its Jacobian determinant is not
     /// positive at a vertex or at a Gauss point.
-    NonConvexCell,
+    NonConvexCell = "non-convex-cell",
     /// A quadrilateral far from flat.
-    WarpedCell,
+    WarpedCell = "warped-cell",
     /// Two cells with the same vertices.
-    DuplicateCell,
+    DuplicateCell = "duplicate-cell",
     /// A face of more than two volume cells.
-    NonManifoldFace,
+    NonManifoldFace = "non-manifold-face",
     /// A quadrilateral face of a hexahedron against triangular faces of tetrahedra.
-    NonConformingFace,
+    NonConformingFace = "non-conforming-face",
     /// An edge of more than two surface triangles or quadrilaterals.
-    NonManifoldEdge,
+    NonManifoldEdge = "non-manifold-edge",
     /// A vertex that no cell uses.
-    UnusedVertices,
+    UnusedVertices = "unused-vertices",
     /// Parts that share no vertex.
-    SeveralComponents,
+    SeveralComponents = "several-components",
     /// Nothing to simulate.
-    NoCells,
+    NoCells = "no-cells",
     /// A cell of low quality.
-    PoorQuality,
+    PoorQuality = "poor-quality",
     /// An extent that suggests a wrong unit.
-    ImplausibleSize,
+    ImplausibleSize = "implausible-size",
     /// Cells of kinds that the engine cannot use.
-    SkippedCells,
+    SkippedCells = "skipped-cells",
     /// Tetrahedra of four and of ten vertices in one mesh, or hexahedra beside the latter.
-    MixedOrder,
-}
-
-impl fmt::Display for FindingCode {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            FindingCode::NonFiniteCoordinate => "non-finite-coordinate",
-            FindingCode::IndexOutOfRange => "index-out-of-range",
-            FindingCode::RepeatedVertexInCell => "repeated-vertex-in-cell",
-            FindingCode::DuplicateCoordinates => "duplicate-coordinates",
-            FindingCode::ZeroVolume => "zero-volume",
-            FindingCode::Sliver => "sliver",
-            FindingCode::InvertedWinding => "inverted-winding",
-            FindingCode::NonConvexCell => "non-convex-cell",
-            FindingCode::WarpedCell => "warped-cell",
-            FindingCode::DuplicateCell => "duplicate-cell",
-            FindingCode::NonManifoldFace => "non-manifold-face",
-            FindingCode::NonConformingFace => "non-conforming-face",
-            FindingCode::NonManifoldEdge => "non-manifold-edge",
-            FindingCode::UnusedVertices => "unused-vertices",
-            FindingCode::SeveralComponents => "several-components",
-            FindingCode::NoCells => "no-cells",
-            FindingCode::PoorQuality => "poor-quality",
-            FindingCode::ImplausibleSize => "implausible-size",
-            FindingCode::SkippedCells => "skipped-cells",
-            FindingCode::MixedOrder => "mixed-order",
-        })
-    }
+    MixedOrder = "mixed-order",
 }
 
 /// Something that the check found, once for all entities that have it.
@@ -314,10 +300,24 @@ impl Findings {
     }
 }
 
-fn cell_name(kind: &str, index: usize, vertices: &[u32], lines: &[u32]) -> String {
+/// Name of a kind of cells in findings.
+fn kind_name(kind: ElementKind) -> &'static str {
+    match kind {
+        ElementKind::Triangle => "triangle",
+        ElementKind::Quad => "quadrilateral",
+        solid => solid.name(),
+    }
+}
+
+fn cell_name(mesh: &Mesh, kind: ElementKind, index: usize, vertices: &[u32]) -> String {
+    let line = mesh.lines.cells[kind].get(index);
+    let line = line.map_or(String::new(), |line| format!("; line {line}"));
+    format!("{} {index} (vertices {}{line})", kind_name(kind), vertex_list(vertices))
+}
+
+fn vertex_list(vertices: &[u32]) -> String {
     let list: Vec<String> = vertices.iter().map(u32::to_string).collect();
-    let line = lines.get(index).map_or(String::new(), |line| format!("; line {line}"));
-    format!("{kind} {index} (vertices {}{line})", list.join(" "))
+    list.join(" ")
 }
 
 fn vertex_name(index: u32, mesh: &Mesh) -> String {
@@ -328,72 +328,47 @@ fn vertex_name(index: u32, mesh: &Mesh) -> String {
 /// Which cells have different vertices that all exist.
 ///
 /// Everything but the check of the indices looks only at these.
-struct Sound {
-    tetrahedra: Vec<bool>,
-    hexahedra: Vec<bool>,
-    triangles: Vec<bool>,
-    quads: Vec<bool>,
-}
+struct Sound(ByKind<Vec<bool>>);
 
 impl Sound {
     fn of(mesh: &Mesh, found: &mut Findings) -> Sound {
-        let lines = &mesh.lines;
-        Sound {
-            tetrahedra: match mesh.middles.len() == mesh.tetrahedra.len() {
-                true => {
-                    let cells = mesh.tetrahedra.iter().zip(&mesh.middles);
-                    let cells: Vec<[u32; 10]> =
-                        cells.map(|(&t, &middles)| ten(t, middles)).collect();
-                    indices(mesh, &cells, "tetrahedron", &lines.tetrahedra, found)
-                }
-                false => indices(mesh, &mesh.tetrahedra, "tetrahedron", &lines.tetrahedra, found),
-            },
-            hexahedra: indices(mesh, &mesh.hexahedra, "hexahedron", &lines.hexahedra, found),
-            triangles: indices(mesh, &mesh.triangles, "triangle", &lines.triangles, found),
-            quads: indices(mesh, &mesh.quads, "quadrilateral", &lines.quads, found),
+        let mut sound = ByKind::default();
+        for kind in ElementKind::IN_FILES {
+            sound[kind] = indices(mesh, kind, found);
         }
+        Sound(sound)
     }
 
     fn tetrahedra<'a>(&'a self, mesh: &'a Mesh) -> impl Iterator<Item = (usize, &'a [u32; 4])> {
-        sound(&mesh.tetrahedra, &self.tetrahedra)
+        sound(&mesh.tetrahedra, &self.0.tetrahedra)
     }
 
     fn hexahedra<'a>(&'a self, mesh: &'a Mesh) -> impl Iterator<Item = (usize, &'a [u32; 8])> {
-        sound(&mesh.hexahedra, &self.hexahedra)
+        sound(&mesh.hexahedra, &self.0.hexahedra)
     }
 
     fn triangles<'a>(&'a self, mesh: &'a Mesh) -> impl Iterator<Item = (usize, &'a [u32; 3])> {
-        sound(&mesh.triangles, &self.triangles)
+        sound(&mesh.triangles, &self.0.triangles)
     }
 
     fn quads<'a>(&'a self, mesh: &'a Mesh) -> impl Iterator<Item = (usize, &'a [u32; 4])> {
-        sound(&mesh.quads, &self.quads)
+        sound(&mesh.quads, &self.0.quads)
     }
 
-    /// Calls `visit` with the vertices of every cell that counts: volumes, or faces without volumes.
-    fn for_cells(&self, mesh: &Mesh, mut visit: impl FnMut(&[u32])) {
-        if mesh.is_solid() {
-            self.tetrahedra(mesh).for_each(|(i, cell)| match mesh.second_order(i) {
-                Some(ten) => visit(&ten),
-                None => visit(cell),
-            });
-            self.hexahedra(mesh).for_each(|(_, cell)| visit(cell));
-        } else {
-            self.triangles(mesh).for_each(|(_, cell)| visit(cell));
-            self.quads(mesh).for_each(|(_, cell)| visit(cell));
-        }
+    /// The cells that make the body.
+    fn matter<'a>(
+        &'a self,
+        mesh: &'a Mesh,
+    ) -> impl Iterator<Item = (ElementKind, usize, CellVertices)> {
+        mesh.matter().into_iter().flat_map(move |kind| {
+            let cells = mesh.cells(kind).enumerate().zip(&self.0[kind]);
+            cells.filter(|(_, ok)| **ok).map(move |((i, cell), _)| (kind, i, cell))
+        })
     }
 
     /// Calls `visit` with both ends of every edge of these cells, more than once where cells share it.
     fn for_edges(&self, mesh: &Mesh, mut visit: impl FnMut(u32, u32)) {
-        if mesh.is_solid() {
-            self.tetrahedra(mesh)
-                .for_each(|(i, &tet)| tetrahedron_edges(tet, mesh.middles.get(i), &mut visit));
-            self.hexahedra(mesh).for_each(|(_, hex)| hexahedron_edges(hex, &mut visit));
-        } else {
-            self.triangles(mesh).for_each(|(_, face)| face_edges(face, &mut visit));
-            self.quads(mesh).for_each(|(_, face)| face_edges(face, &mut visit));
-        }
+        self.matter(mesh).for_each(|(kind, _, cell)| edges(kind, &cell, &mut visit));
     }
 }
 
@@ -420,7 +395,7 @@ pub fn check(mesh: &Mesh, options: &CheckOptions) -> Result<CheckedMesh, CheckEr
 
     let n = mesh.points.len();
     let mut used = vec![false; n];
-    cells.for_cells(&mesh, |cell| cell.iter().for_each(|&v| used[v as usize] = true));
+    cells.matter(&mesh).for_each(|(_, _, cell)| cell.iter().for_each(|&v| used[v as usize] = true));
     let used_vertices: Vec<u32> = (0..n as u32).filter(|&v| used[v as usize]).collect();
     statistics.used_vertices = used_vertices.len();
 
@@ -506,7 +481,7 @@ fn mixed_order(mesh: &mut Mesh, found: &mut Findings) {
 }
 
 fn no_cells(mesh: &Mesh, found: &mut Findings) {
-    if !mesh.is_solid() && mesh.triangles.is_empty() && mesh.quads.is_empty() {
+    if ElementKind::ALL.iter().all(|&kind| mesh.count(kind) == 0) {
         let kinds: Vec<&str> = mesh.skipped.iter().map(|s| s.kind.as_str()).collect();
         let tally = Tally { count: 1, named: Vec::new() };
         found.push(
@@ -525,23 +500,19 @@ fn no_cells(mesh: &Mesh, found: &mut Findings) {
 }
 
 /// Which cells have different vertices that all exist.
-fn indices<const N: usize>(
-    mesh: &Mesh,
-    cells: &[[u32; N]],
-    kind: &str,
-    lines: &[u32],
-    found: &mut Findings,
-) -> Vec<bool> {
+fn indices(mesh: &Mesh, kind: ElementKind, found: &mut Findings) -> Vec<bool> {
     let n = mesh.points.len();
     let (mut outside, mut repeated) = (Tally::default(), Tally::default());
-    let mut ok = Vec::with_capacity(cells.len());
-    for (i, cell) in cells.iter().enumerate() {
-        let inside = cell.iter().all(|&v| (v as usize) < n);
-        let distinct = sorted(*cell).windows(2).all(|pair| pair[0] != pair[1]);
+    let mut ok = Vec::with_capacity(mesh.count(kind));
+    for (i, cell) in mesh.cells(kind).enumerate() {
+        let mut sorted = cell;
+        sorted.sort_unstable();
+        let inside = sorted.last().is_none_or(|&v| (v as usize) < n);
+        let distinct = sorted.windows(2).all(|pair| pair[0] != pair[1]);
         if !inside {
-            outside.add(|| cell_name(kind, i, cell, lines));
+            outside.add(|| cell_name(mesh, kind, i, &cell));
         } else if !distinct {
-            repeated.add(|| cell_name(kind, i, cell, lines));
+            repeated.add(|| cell_name(mesh, kind, i, &cell));
         }
         ok.push(inside && distinct);
     }

@@ -50,7 +50,7 @@ pub(super) fn duplicate_coordinates(
     };
     let mut joined = std::collections::HashSet::new();
     // All pairs of a cell: opposite corners of a face are no edge, but may coincide as well.
-    cells.for_cells(mesh, |cell| {
+    for (.., cell) in cells.matter(mesh) {
         for (k, &i) in cell.iter().enumerate() {
             for &j in &cell[k + 1..] {
                 if near(i, j) && joined.insert((i.min(j), i.max(j))) {
@@ -58,7 +58,7 @@ pub(super) fn duplicate_coordinates(
                 }
             }
         }
-    });
+    }
     // Vertices in different cells: the nearest other vertex within reach, by a tree of boxes.
     let mut order: Vec<u32> = used.iter().copied().filter(|&v| p(v).is_finite()).collect();
     let mut axes = vec![0u8; order.len()];

@@ -3,11 +3,12 @@
 use super::{
     CheckOptions, FindingCode, Findings, MeshStatistics, Severity, Sound, Tally, cell_name,
 };
-use crate::isoparametric::folded_tetrahedron;
+use crate::element_kind::ElementKind;
+use crate::isoparametric::{HEXAHEDRON_FACES, folded_tetrahedron};
 use crate::mesh::Mesh;
 use crate::mesh::cell::{
-    HEXAHEDRON_EDGES, HEXAHEDRON_FACES, corner_jacobian, determinant, gauss_determinants,
-    mirrored_hexahedron, mirrored_middles,
+    HEXAHEDRON_EDGES, corner_jacobian, determinant, gauss_determinants, mirrored_hexahedron,
+    mirrored_middles,
 };
 use glam::DVec3;
 
@@ -238,7 +239,7 @@ fn judge_cells(mesh: &Mesh, cells: &Sound) -> Judged {
                         format!("Jacobian {ratio:.1e} times that of its corners at {place}")
                     });
             }
-            let name = || cell_name("tetrahedron", i, tet, &mesh.lines.tetrahedra);
+            let name = || cell_name(mesh, ElementKind::Tetrahedron, i, tet);
             judge.add(&shape, &name);
             if shape.relative <= -ZERO {
                 inverted.add(name);
@@ -247,7 +248,7 @@ fn judge_cells(mesh: &Mesh, cells: &Sound) -> Judged {
         }
         for (i, hex) in cells.hexahedra(mesh) {
             let shape = hexahedron_shape(hex.map(p));
-            let name = || cell_name("hexahedron", i, hex, &mesh.lines.hexahedra);
+            let name = || cell_name(mesh, ElementKind::Hexahedron, i, hex);
             judge.add(&shape, &name);
             if shape.relative <= -ZERO {
                 inverted.add(name);
@@ -257,11 +258,11 @@ fn judge_cells(mesh: &Mesh, cells: &Sound) -> Judged {
     } else {
         for (i, triangle) in cells.triangles(mesh) {
             let shape = triangle_shape(triangle.map(p));
-            judge.add(&shape, &|| cell_name("triangle", i, triangle, &mesh.lines.triangles));
+            judge.add(&shape, &|| cell_name(mesh, ElementKind::Triangle, i, triangle));
         }
         for (i, quad) in cells.quads(mesh) {
             let shape = quad_shape(quad.map(p));
-            judge.add(&shape, &|| cell_name("quadrilateral", i, quad, &mesh.lines.quads));
+            judge.add(&shape, &|| cell_name(mesh, ElementKind::Quad, i, quad));
         }
     }
     Judged { judge, inverted, turn_tets, turn_hexes }

@@ -1,6 +1,9 @@
 //! How cells hang together: repeated cells, faces and edges of too many cells, parts.
 
-use super::{FindingCode, Findings, MeshStatistics, Severity, Sound, Tally, cell_name};
+use super::{
+    FindingCode, Findings, MeshStatistics, Severity, Sound, Tally, kind_name, vertex_list,
+};
+use crate::element_kind::ElementKind;
 use crate::mesh::{Mesh, Surface, for_equal_cells};
 use crate::sets::DisjointSets;
 
@@ -8,7 +11,7 @@ pub(super) fn duplicate_cells(mesh: &Mesh, cells: &Sound, found: &mut Findings) 
     fn repeats<'a, const N: usize>(
         mesh: &Mesh,
         cells: impl Iterator<Item = (usize, &'a [u32; N])>,
-        kind: &str,
+        kind: ElementKind,
     ) -> Tally {
         let (at, list): (Vec<usize>, Vec<[u32; N]>) = cells.map(|(i, cell)| (i, *cell)).unzip();
         let mut tally = Tally::default();
@@ -16,8 +19,9 @@ pub(super) fn duplicate_cells(mesh: &Mesh, cells: &Sound, found: &mut Findings) 
             if let [first, others @ ..] = equal {
                 for other in others {
                     tally.add(|| {
-                        let name = cell_name(kind, at[other.1 as usize], &other.0, &[]);
-                        format!("{name} repeats {kind} {}", at[first.1 as usize])
+                        let (kind, list) = (kind_name(kind), vertex_list(&other.0));
+                        let [first, other] = [first, other].map(|cell| at[cell.1 as usize]);
+                        format!("{kind} {other} (vertices {list}) repeats {kind} {first}")
                     });
                 }
             }
@@ -27,10 +31,10 @@ pub(super) fn duplicate_cells(mesh: &Mesh, cells: &Sound, found: &mut Findings) 
     // Beside volumes, faces only mark the surface, and a repeated one does no harm.
     let faces = if mesh.is_solid() { Severity::Warning } else { Severity::Error };
     for (severity, tally) in [
-        (Severity::Error, repeats(mesh, cells.tetrahedra(mesh), "tetrahedron")),
-        (Severity::Error, repeats(mesh, cells.hexahedra(mesh), "hexahedron")),
-        (faces, repeats(mesh, cells.triangles(mesh), "triangle")),
-        (faces, repeats(mesh, cells.quads(mesh), "quadrilateral")),
+        (Severity::Error, repeats(mesh, cells.tetrahedra(mesh), ElementKind::Tetrahedron)),
+        (Severity::Error, repeats(mesh, cells.hexahedra(mesh), ElementKind::Hexahedron)),
+        (faces, repeats(mesh, cells.triangles(mesh), ElementKind::Triangle)),
+        (faces, repeats(mesh, cells.quads(mesh), ElementKind::Quad)),
     ] {
         found.push(
             FindingCode::DuplicateCell,
@@ -44,8 +48,7 @@ pub(super) fn duplicate_cells(mesh: &Mesh, cells: &Sound, found: &mut Findings) 
 
 /// A face in a message, which has no number of its own.
 fn face_name(vertices: &[u32]) -> String {
-    let list: Vec<String> = vertices.iter().map(u32::to_string).collect();
-    format!("face (vertices {})", list.join(" "))
+    format!("face (vertices {})", vertex_list(vertices))
 }
 
 pub(super) fn manifold(mesh: &Mesh, cells: &Sound, found: &mut Findings) {

@@ -85,7 +85,7 @@ mod tests {
         let sides = [("inner", 96, 0.02, 0.05), ("outer", 96, 0.028, 0.058)];
         for (name, quads, radius, depth) in sides {
             let group = mesh.group(name).unwrap();
-            assert_eq!(group.quads.len(), quads);
+            assert_eq!(group.cells.quads.len(), quads);
             for &v in &group.vertices {
                 let p = mesh.points[v as usize];
                 let on = (p.x * p.x + p.y * p.y) / (radius * radius) + p.z * p.z / (depth * depth);
@@ -93,7 +93,7 @@ mod tests {
             }
         }
         let base = mesh.group("base").unwrap();
-        assert_eq!(base.quads.len(), 2 * 16);
+        assert_eq!(base.cells.quads.len(), 2 * 16);
         assert!(base.vertices.iter().all(|&v| mesh.points[v as usize].z == 0.0));
         assert!(cup_hexahedra([0.02, -0.05], 0.008, 4, 5, 2).is_err());
         assert!(cup_hexahedra([0.02, 0.05], 0.008, 4, 0, 2).is_err());

@@ -16,6 +16,7 @@ pub use specimen::{specimen_hexahedra, specimen_quads, specimen_tets, specimen_t
 
 use super::error::MeshError;
 use super::{Group, Mesh};
+use crate::element_kind::{ByKind, ElementKind};
 use crate::memory;
 use glam::DVec3;
 
@@ -81,12 +82,12 @@ fn name_sides(mesh: &mut Mesh, names: &[&str], side: impl Fn(&Mesh, &[u32]) -> u
         .collect();
     for (i, triangle) in mesh.triangles.iter().enumerate() {
         let group = &mut groups[side(mesh, triangle)];
-        group.triangles.push(i as u32);
+        group.cells.triangles.push(i as u32);
         group.vertices.extend(triangle);
     }
     for (i, quad) in mesh.quads.iter().enumerate() {
         let group = &mut groups[side(mesh, quad)];
-        group.quads.push(i as u32);
+        group.cells.quads.push(i as u32);
         group.vertices.extend(quad);
     }
     for group in &mut groups {
@@ -97,9 +98,7 @@ fn name_sides(mesh: &mut Mesh, names: &[&str], side: impl Fn(&Mesh, &[u32]) -> u
         name: "body".to_owned(),
         dimension: 3,
         vertices: (0..mesh.points.len() as u32).collect(),
-        tetrahedra: (0..mesh.tetrahedra.len() as u32).collect(),
-        hexahedra: (0..mesh.hexahedra.len() as u32).collect(),
-        ..Group::default()
+        cells: all(mesh, ElementKind::is_solid),
     });
     mesh.groups = groups;
 }
@@ -110,10 +109,13 @@ fn whole(mesh: &Mesh) -> Group {
         name: "body".to_owned(),
         dimension: 2,
         vertices: (0..mesh.points.len() as u32).collect(),
-        triangles: (0..mesh.triangles.len() as u32).collect(),
-        quads: (0..mesh.quads.len() as u32).collect(),
-        ..Group::default()
+        cells: all(mesh, |kind| !kind.is_solid()),
     }
+}
+
+/// All cells of some kinds.
+fn all(mesh: &Mesh, kinds: impl Fn(ElementKind) -> bool) -> ByKind<Vec<u32>> {
+    ByKind::of(|kind| (0..if kinds(kind) { mesh.count(kind) as u32 } else { 0 }).collect())
 }
 
 /// The hexahedra of a grid of `n` cells whose vertex `(i, j, k)` has the index

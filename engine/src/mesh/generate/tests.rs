@@ -1,6 +1,7 @@
 //! Counts, volumes, winding, conformity and groups of what the generators make.
 
 use super::*;
+use crate::element::TETRAHEDRON_FACES;
 use crate::mesh::cell::quad_triangles;
 use crate::mesh::{CheckOptions, check};
 use glam::DVec2;
@@ -48,7 +49,7 @@ fn sound(mesh: &Mesh) -> f64 {
     mesh.tetrahedra.iter().flatten().for_each(|&v| used[v as usize] = true);
     assert!(used.iter().all(|&used| used));
     let body = mesh.group("body").unwrap();
-    assert_eq!((body.dimension, body.tetrahedra.len()), (3, mesh.tetrahedra.len()));
+    assert_eq!((body.dimension, body.cells.tetrahedra.len()), (3, mesh.tetrahedra.len()));
     total
 }
 
@@ -71,7 +72,7 @@ fn box_is_exact_and_ordered() {
         let on: Vec<u32> =
             (0..60).filter(|&i| mesh.points[i as usize].to_array()[axis] == value).collect();
         assert_eq!((group.dimension, &group.vertices), (2, &on), "{name}");
-        let triangles = group.triangles.iter().map(|&i| mesh.triangles[i as usize]);
+        let triangles = group.cells.triangles.iter().map(|&i| mesh.triangles[i as usize]);
         assert!(triangles.flatten().all(|v| on.contains(&v)));
     }
 }
@@ -85,9 +86,9 @@ fn cylinder_fills_its_polygon() {
         assert!((sound(&mesh) - 2.0 * polygon).abs() < 1e-13);
         assert_eq!(mesh.tetrahedra.len(), 18 * rings * rings * layers);
         for name in ["x0", "x1"] {
-            assert_eq!(mesh.group(name).unwrap().triangles.len(), 6 * rings * rings);
+            assert_eq!(mesh.group(name).unwrap().cells.triangles.len(), 6 * rings * rings);
         }
-        assert_eq!(mesh.group("side").unwrap().triangles.len(), 12 * rings * layers);
+        assert_eq!(mesh.group("side").unwrap().cells.triangles.len(), 12 * rings * layers);
     }
 }
 
@@ -103,7 +104,7 @@ fn ball_approaches_its_volume() {
         // The inscribed polyhedron misses a share that falls with n^2; 0.395 for the icosahedron.
         assert!(defect > 0.0 && defect < 0.4 / (n * n) as f64 * 1.6, "{n} {defect}");
         let surface = mesh.group("surface").unwrap();
-        assert_eq!(surface.triangles.len(), 20 * n * n);
+        assert_eq!(surface.cells.triangles.len(), 20 * n * n);
         assert!(
             surface
                 .vertices
@@ -122,7 +123,7 @@ fn grid_faces_up() {
     assert!((area - 2.0).abs() < 1e-14);
     assert_eq!(mesh.group("x0").unwrap().vertices, [0, 1, 2, 3]);
     assert_eq!(mesh.group("y1").unwrap().vertices, [3, 7, 11, 15, 19]);
-    assert_eq!(mesh.group("body").unwrap().triangles.len(), 24);
+    assert_eq!(mesh.group("body").unwrap().cells.triangles.len(), 24);
 }
 
 #[test]
@@ -185,11 +186,11 @@ fn sound_solid(mesh: &Mesh, sides: &[&str]) -> f64 {
         let group = mesh.group(side).unwrap();
         assert_eq!(group.dimension, 2);
         let mut vertices: Vec<u32> = Vec::new();
-        for &quad in &group.quads {
+        for &quad in &group.cells.quads {
             covered[quad as usize] += 1;
             vertices.extend(mesh.quads[quad as usize]);
         }
-        for &triangle in &group.triangles {
+        for &triangle in &group.cells.triangles {
             covered[mesh.quads.len() + triangle as usize] += 1;
             vertices.extend(mesh.triangles[triangle as usize]);
         }
@@ -200,8 +201,8 @@ fn sound_solid(mesh: &Mesh, sides: &[&str]) -> f64 {
     assert!(covered.iter().all(|&n| n == 1), "{}", mesh.source);
     let body = mesh.group("body").unwrap();
     assert_eq!((body.dimension, body.vertices.len()), (3, mesh.points.len()));
-    assert_eq!(body.hexahedra.len(), mesh.hexahedra.len());
-    assert_eq!(body.tetrahedra.len(), mesh.tetrahedra.len());
+    assert_eq!(body.cells.hexahedra.len(), mesh.hexahedra.len());
+    assert_eq!(body.cells.tetrahedra.len(), mesh.tetrahedra.len());
     total
 }
 
@@ -230,7 +231,7 @@ fn box_of_hexahedra_has_the_vertices_and_groups_of_the_box_of_tetrahedra() {
     for name in SIX {
         let (of_hexes, of_tets) = (mesh.group(name).unwrap(), tets.group(name).unwrap());
         assert_eq!(of_hexes.vertices, of_tets.vertices);
-        assert_eq!(2 * of_hexes.quads.len(), of_tets.triangles.len());
+        assert_eq!(2 * of_hexes.cells.quads.len(), of_tets.cells.triangles.len());
     }
     let split = mesh.split_into_simplices();
     assert!((sound_solid(&split, &SIX) - 1.5).abs() < 1e-14);
@@ -248,9 +249,9 @@ fn cylinder_of_hexahedra_fills_its_polygon() {
         let per_layer = core * core + 4 * core * rings;
         assert_eq!(mesh.hexahedra.len(), per_layer * layers);
         assert_eq!(mesh.points.len(), ((core + 1).pow(2) + 4 * core * rings) * (layers + 1));
-        assert_eq!(mesh.group("x0").unwrap().quads.len(), per_layer);
+        assert_eq!(mesh.group("x0").unwrap().cells.quads.len(), per_layer);
         let side = mesh.group("side").unwrap();
-        assert_eq!(side.quads.len(), 4 * core * layers);
+        assert_eq!(side.cells.quads.len(), 4 * core * layers);
         let radius = |&v: &u32| mesh.points[v as usize].truncate_x().length();
         assert!(side.vertices.iter().map(radius).all(|r| (r - 0.5).abs() < 1e-15));
         let split = mesh.split_into_simplices();
@@ -277,7 +278,7 @@ fn sheets_of_quadrilaterals() {
     assert!((sound_sheet(&mesh) - 2.0).abs() < 1e-14);
     assert_eq!((mesh.quads.len(), &mesh.points), (12, &cut.points));
     assert_eq!(mesh.groups[..4], cut.groups[..4]);
-    assert_eq!(mesh.group("body").unwrap().quads.len(), 12);
+    assert_eq!(mesh.group("body").unwrap().cells.quads.len(), 12);
     assert_eq!(mesh.split_into_simplices().triangles, cut.triangles);
 
     let disc = disc_quads(2.0, 6, 3).unwrap();
@@ -299,8 +300,11 @@ fn irregular_boxes_have_no_preferred_diagonal() {
     // diagonals of the faces normal to x, of either direction
     let mut up = [0usize; 2];
     let edges = |&[a, b, c]: &[u32; 3]| [[a, b], [b, c], [c, a]];
-    let faces: Vec<[u32; 3]> =
-        mesh.tetrahedra.iter().flat_map(|&t| crate::mesh::cell::tetrahedron_faces(t)).collect();
+    let faces: Vec<[u32; 3]> = mesh
+        .tetrahedra
+        .iter()
+        .flat_map(|t| TETRAHEDRON_FACES.map(|face| face.map(|v| t[v])))
+        .collect();
     for [a, b] in faces.iter().flat_map(edges) {
         let d = mesh.points[b as usize] - mesh.points[a as usize];
         if d.x.abs() < 1e-9 && d.y.abs() > 0.5 && d.z.abs() > 0.5 {

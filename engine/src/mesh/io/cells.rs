@@ -1,83 +1,15 @@
 //! Collects the cells and groups that a reader finds.
 
 use super::scan::Cursor;
+use crate::element_kind::{ByKind, ElementKind};
 use crate::mesh::cell::second_order_triangles;
 use crate::mesh::error::MeshError;
 use crate::mesh::{CellData, Group, LINEAR, Mesh, SkippedCells};
-use std::ops::{Deref, Range};
-
-/// What a cell of a file becomes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum CellUse {
-    Tetrahedron,
-    Hexahedron,
-    Triangle,
-    Quad,
-    Skipped,
-}
-
-impl CellUse {
-    /// The kinds that are kept, in the order in which writers list them.
-    pub const KEPT: [CellUse; 4] =
-        [CellUse::Tetrahedron, CellUse::Hexahedron, CellUse::Triangle, CellUse::Quad];
-
-    /// How many cells of this kind the mesh has.
-    pub fn count(self, mesh: &Mesh) -> usize {
-        match self {
-            CellUse::Tetrahedron => mesh.tetrahedra.len(),
-            CellUse::Hexahedron => mesh.hexahedra.len(),
-            CellUse::Triangle => mesh.triangles.len(),
-            CellUse::Quad => mesh.quads.len(),
-            CellUse::Skipped => 0,
-        }
-    }
-
-    /// The list of a group that holds cells of this kind.
-    pub fn members(self, group: &Group) -> &[u32] {
-        match self {
-            CellUse::Tetrahedron => &group.tetrahedra,
-            CellUse::Hexahedron => &group.hexahedra,
-            CellUse::Triangle => &group.triangles,
-            CellUse::Quad => &group.quads,
-            CellUse::Skipped => &[],
-        }
-    }
-
-    fn members_mut(self, group: &mut Group) -> Option<&mut Vec<u32>> {
-        match self {
-            CellUse::Tetrahedron => Some(&mut group.tetrahedra),
-            CellUse::Hexahedron => Some(&mut group.hexahedra),
-            CellUse::Triangle => Some(&mut group.triangles),
-            CellUse::Quad => Some(&mut group.quads),
-            CellUse::Skipped => None,
-        }
-    }
-
-    /// The values for cells of this kind.
-    pub fn values(self, data: &CellData) -> &[f64] {
-        match self {
-            CellUse::Tetrahedron => &data.tetrahedra,
-            CellUse::Hexahedron => &data.hexahedra,
-            CellUse::Triangle => &data.triangles,
-            CellUse::Quad => &data.quads,
-            CellUse::Skipped => &[],
-        }
-    }
-
-    pub fn values_mut(self, data: &mut CellData) -> Option<&mut Vec<f64>> {
-        match self {
-            CellUse::Tetrahedron => Some(&mut data.tetrahedra),
-            CellUse::Hexahedron => Some(&mut data.hexahedra),
-            CellUse::Triangle => Some(&mut data.triangles),
-            CellUse::Quad => Some(&mut data.quads),
-            CellUse::Skipped => None,
-        }
-    }
-}
+use std::ops::Range;
 
 /// The values of all cells in the order of the writers.
 pub(crate) fn all_values(data: &CellData) -> impl Iterator<Item = f64> {
-    CellUse::KEPT.into_iter().flat_map(|cell| cell.values(data).iter().copied())
+    data.values.in_files().into_iter().flatten().copied()
 }
 
 /// Names of the three numbers that a vector is kept as.
@@ -143,53 +75,21 @@ impl CellKind {
     /// Kept as four triangles.
     pub const TRIANGLE6: CellKind = CellKind::new("6-node triangle", 2, 6);
 
-    pub fn used_as(self) -> CellUse {
+    /// What a cell of the file becomes; nothing when it is skipped.
+    pub fn used_as(self) -> Option<ElementKind> {
         match (self.dimension, self.vertices) {
-            _ if self == Self::TETRAHEDRON10 => CellUse::Tetrahedron,
-            (2, 6) => CellUse::Triangle,
-            (3, 4) => CellUse::Tetrahedron,
-            (3, 8) => CellUse::Hexahedron,
-            (2, 3) => CellUse::Triangle,
-            (2, 4) => CellUse::Quad,
-            _ => CellUse::Skipped,
+            _ if self == Self::TETRAHEDRON10 => Some(ElementKind::Tetrahedron),
+            (3, 4) => Some(ElementKind::Tetrahedron),
+            (3, 8) => Some(ElementKind::Hexahedron),
+            (2, 3 | 6) => Some(ElementKind::Triangle),
+            (2, 4) => Some(ElementKind::Quad),
+            _ => None,
         }
     }
 
     /// Number of cells that one of the file becomes.
     pub fn parts(self) -> usize {
         if self == Self::TRIANGLE6 { 4 } else { 1 }
-    }
-}
-
-/// Vertices of a cell that a writer lists.
-pub(crate) struct CellVertices {
-    list: [u32; 10],
-    count: usize,
-}
-
-impl CellVertices {
-    pub fn of(vertices: &[u32]) -> Self {
-        let mut list = [0; 10];
-        let count = vertices.len().min(10);
-        list[..count].copy_from_slice(&vertices[..count]);
-        Self { list, count }
-    }
-
-    /// Of a tetrahedron, with the vertices on its edges if it has them.
-    pub fn of_tetrahedron(corners: &[u32; 4], middles: Option<&[u32; 6]>) -> Self {
-        let mut own = Self::of(corners);
-        if let Some(middles) = middles.filter(|middles| **middles != LINEAR) {
-            own.list[4..].copy_from_slice(middles);
-            own.count = 10;
-        }
-        own
-    }
-}
-
-impl Deref for CellVertices {
-    type Target = [u32];
-    fn deref(&self) -> &[u32] {
-        &self.list[..self.count]
     }
 }
 
@@ -227,41 +127,34 @@ impl Builder {
 
     /// Adds a cell to the mesh and to the groups; `line` is 0 when unknown.
     pub fn cell(&mut self, kind: CellKind, vertices: &[u32], groups: &[usize], line: usize) {
-        fn push<const N: usize>(
-            cells: &mut Vec<[u32; N]>,
-            lines: &mut Vec<u32>,
-            vertices: &[u32],
-            line: usize,
-        ) -> bool {
+        fn push<const N: usize>(cells: &mut Vec<[u32; N]>, vertices: &[u32]) -> bool {
             let Ok(cell) = vertices.try_into() else { return false };
             cells.push(cell);
-            push_line(lines, line);
             true
         }
         let mesh = &mut self.mesh;
-        let mut cell = kind.used_as();
-        let index = cell.count(mesh);
-        let lines = &mut mesh.lines;
-        let kept = match cell {
-            CellUse::Tetrahedron => {
+        let used_as = kind.used_as();
+        let index = used_as.map_or(0, |cell| mesh.count(cell));
+        let kept = used_as.filter(|cell| match cell {
+            ElementKind::Tetrahedron => {
                 let (corners, middles) = vertices.split_at(vertices.len().min(4));
                 if let Ok(middles) = middles.try_into() {
                     mesh.middles.resize(mesh.tetrahedra.len(), LINEAR);
                     mesh.middles.push(middles);
                 }
-                push(&mut mesh.tetrahedra, &mut lines.tetrahedra, corners, line)
+                push(&mut mesh.tetrahedra, corners)
             }
-            CellUse::Triangle if kind == CellKind::TRIANGLE6 => {
+            ElementKind::Triangle if kind == CellKind::TRIANGLE6 => {
                 let parts = vertices.try_into().map_or([[0; 3]; 4], second_order_triangles);
-                parts.iter().all(|t| push(&mut mesh.triangles, &mut lines.triangles, t, line))
+                parts.iter().all(|t| push(&mut mesh.triangles, t))
             }
-            CellUse::Hexahedron => push(&mut mesh.hexahedra, &mut lines.hexahedra, vertices, line),
-            CellUse::Triangle => push(&mut mesh.triangles, &mut lines.triangles, vertices, line),
-            CellUse::Quad => push(&mut mesh.quads, &mut lines.quads, vertices, line),
-            CellUse::Skipped => false,
-        };
-        if !kept {
-            cell = CellUse::Skipped;
+            ElementKind::Triangle => push(&mut mesh.triangles, vertices),
+            ElementKind::Hexahedron => push(&mut mesh.hexahedra, vertices),
+            ElementKind::Quad => push(&mut mesh.quads, vertices),
+        });
+        if let Some(cell) = kept {
+            (0..kind.parts()).for_each(|_| push_line(&mut mesh.lines.cells[cell], line));
+        } else {
             match mesh.skipped.iter_mut().find(|s| s.kind == kind.name) {
                 Some(skipped) => skipped.count += 1,
                 None => {
@@ -269,16 +162,22 @@ impl Builder {
                 }
             }
         }
-        self.join(cell, index..index + kind.parts(), vertices, groups);
+        self.join(kept, index..index + kind.parts(), vertices, groups);
     }
 
     /// Makes existing cells members of more groups.
-    pub fn join(&mut self, cell: CellUse, cells: Range<usize>, vertices: &[u32], groups: &[usize]) {
+    pub fn join(
+        &mut self,
+        kind: Option<ElementKind>,
+        cells: Range<usize>,
+        vertices: &[u32],
+        groups: &[usize],
+    ) {
         for &slot in groups {
             let group = &mut self.mesh.groups[slot];
             group.vertices.extend_from_slice(vertices);
-            if let Some(members) = cell.members_mut(group) {
-                members.extend(cells.clone().map(|index| index as u32));
+            if let Some(kind) = kind {
+                group.cells[kind].extend(cells.clone().map(|index| index as u32));
             }
         }
     }
@@ -290,9 +189,9 @@ impl Builder {
             mesh.cell_data.push(CellData { name: name.to_owned(), integer, ..CellData::default() });
             mesh.cell_data.len() - 1
         });
-        let counts = CellUse::KEPT.map(|cell| cell.count(mesh));
+        let counts = ByKind::of(|kind| mesh.count(kind));
         let data = &mut mesh.cell_data[at];
-        fill(data, counts);
+        fill(data, &counts);
         data.integer &= integer;
         data
     }
@@ -301,18 +200,14 @@ impl Builder {
         if !self.mesh.middles.is_empty() {
             self.mesh.middles.resize(self.mesh.tetrahedra.len(), LINEAR);
         }
-        let counts = CellUse::KEPT.map(|cell| cell.count(&self.mesh));
+        let counts = ByKind::of(|kind| self.mesh.count(kind));
         for data in &mut self.mesh.cell_data {
-            fill(data, counts);
+            fill(data, &counts);
         }
         for group in &mut self.mesh.groups {
-            group.vertices.sort_unstable();
-            group.vertices.dedup();
-            for members in CellUse::KEPT {
-                if let Some(list) = members.members_mut(group) {
-                    list.sort_unstable();
-                    list.dedup();
-                }
+            for list in group.cells.iter_mut().chain([&mut group.vertices]) {
+                list.sort_unstable();
+                list.dedup();
             }
         }
         self.mesh
@@ -320,12 +215,10 @@ impl Builder {
 }
 
 /// A number that is missing is no whole number.
-fn fill(data: &mut CellData, counts: [usize; 4]) {
-    for (cell, count) in CellUse::KEPT.into_iter().zip(counts) {
-        data.integer &= cell.values(data).len() == count;
-        if let Some(values) = cell.values_mut(data) {
-            values.resize(count, f64::NAN);
-        }
+fn fill(data: &mut CellData, counts: &ByKind<usize>) {
+    for (values, &count) in data.values.iter_mut().zip(counts.iter()) {
+        data.integer &= values.len() == count;
+        values.resize(count, f64::NAN);
     }
 }
 

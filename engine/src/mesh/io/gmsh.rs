@@ -8,8 +8,9 @@ mod write;
 
 pub use write::{encode_gmsh, write_gmsh};
 
-use super::cells::{Builder, CellKind, CellUse, component_names, too_many};
+use super::cells::{Builder, CellKind, component_names, too_many};
 use super::scan::{Cursor, Numbering, parse, words};
+use crate::element_kind::ElementKind;
 use crate::mesh::Mesh;
 use crate::mesh::error::{MeshError, shown};
 use glam::DVec3;
@@ -95,7 +96,7 @@ struct Reader<'a> {
     seen: HashMap<([u32; 10], i64), (usize, i64)>,
     vertices: Vec<u32>,
     /// Used cells by element number.
-    elements: HashMap<i64, (CellUse, Range<usize>)>,
+    elements: HashMap<i64, (ElementKind, Range<usize>)>,
     has_nodes: bool,
     has_elements: bool,
 }
@@ -400,20 +401,20 @@ impl<'a> Reader<'a> {
         };
         let groups = slot.as_slice();
         let cell = kind.used_as();
-        let next = cell.count(&self.builder.mesh);
+        let next = cell.map_or(0, |cell| self.builder.mesh.count(cell));
         if next >= u32::MAX as usize {
             return Err(too_many(self.cursor.file, "cells", next as u64 + 1));
         }
         // An element in several groups stands in the file once for each of them.
         let mut known = None;
-        if cell != CellUse::Skipped && physical != 0 && self.version == Version::Two {
+        if cell.is_some() && physical != 0 && self.version == Version::Two {
             let mut key = [u32::MAX; 10];
             key[..vertices.len()].copy_from_slice(&vertices);
             let &mut (index, first) =
                 self.seen.entry((key, elementary)).or_insert((next, physical));
             known = (first != physical).then_some(index);
         }
-        if cell != CellUse::Skipped {
+        if let Some(cell) = cell {
             let first = known.unwrap_or(next);
             self.elements.insert(number, (cell, first..first + kind.parts()));
         }
@@ -579,7 +580,7 @@ impl<'a> Reader<'a> {
             let Some((cell, cells)) = self.elements.get(&number).cloned() else { continue };
             for (place, &value) in places.iter().zip(&values) {
                 let data = place.and_then(|place| self.builder.mesh.cell_data.get_mut(place));
-                let slots = data.and_then(|data| cell.values_mut(data)?.get_mut(cells.clone()));
+                let slots = data.and_then(|data| data.values[cell].get_mut(cells.clone()));
                 if let Some(slots) = slots {
                     slots.fill(value);
                 }

@@ -5,8 +5,9 @@
 //! each value, named `<array> <value>`. Every array of one number for each cell is kept as it is too, and
 //! one of three as three arrays of reals.
 
-use super::cells::{Builder, CellKind, CellUse, component_names};
+use super::cells::{Builder, CellKind, component_names};
 use super::scan::Cursor;
+use crate::element_kind::{ByKind, ElementKind};
 use crate::mesh::error::{MeshError, Place};
 use crate::mesh::{Group, Mesh};
 use glam::DVec3;
@@ -255,7 +256,7 @@ impl Piece {
             }
         }
         let place = self.connectivity.place;
-        if kind.used_as() != CellUse::Skipped && cell.len() != kind.vertices {
+        if kind.used_as().is_some() && cell.len() != kind.vertices {
             let what = format!("the number of vertices of cell {number} ({})", kind.name);
             return Err(mismatch(file, place, &what, [kind.vertices, cell.len()]));
         }
@@ -324,7 +325,7 @@ impl Assembly {
             self.builder.data(name, array.integers().is_some());
         }
         // Where the cells that are kept stand in the file, by kind.
-        let mut numbers = CellUse::KEPT.map(|cell| (cell, Vec::new()));
+        let mut numbers = ByKind::<Vec<usize>>::default();
         let mut start = 0usize;
         let mut vertices = Vec::new();
         let mut groups = Vec::new();
@@ -342,10 +343,10 @@ impl Assembly {
                 }
             }
             let cell = kind.used_as();
-            let index = cell.count(&self.builder.mesh);
+            let index = cell.map_or(0, |cell| self.builder.mesh.count(cell));
             self.builder.cell(kind, &vertices, &groups, 0);
-            if let Some((_, list)) = numbers.iter_mut().find(|(kept, _)| *kept == cell) {
-                list.extend(std::iter::repeat_n(number, kind.parts()));
+            if let Some(cell) = cell {
+                numbers[cell].extend(std::iter::repeat_n(number, kind.parts()));
             }
             // The vertices of a written group come from its point array.
             self.builder.join(cell, index..index + kind.parts(), &[], &exact);
@@ -353,10 +354,8 @@ impl Assembly {
         for (name, array) in self.data_arrays(piece) {
             let found = self.builder.mesh.cell_data.iter_mut().find(|data| data.name == *name);
             let Some(data) = found else { continue };
-            for (cell, list) in &numbers {
-                if let Some(values) = cell.values_mut(data) {
-                    values.extend(list.iter().map(|&number| array.value(number)));
-                }
+            for (values, list) in data.values.iter_mut().zip(numbers.iter()) {
+                values.extend(list.iter().map(|&number| array.value(number)));
             }
         }
         self.add_point_groups(piece, base);
@@ -443,12 +442,9 @@ pub(crate) fn mask(n: usize, members: impl Iterator<Item = usize>) -> Vec<u8> {
 }
 
 /// The cells of a group as a mask over all cells in the order of the writers.
-pub(crate) fn cell_mask(group: &Group, counts: [usize; 4]) -> Vec<u8> {
-    let mut masks = Vec::with_capacity(counts.iter().sum());
-    for (cell, count) in CellUse::KEPT.into_iter().zip(counts) {
-        masks.extend(mask(count, cell.members(group).iter().map(|&i| i as usize)));
-    }
-    masks
+pub(crate) fn cell_mask(group: &Group, mesh: &Mesh) -> Vec<u8> {
+    let of = |kind| mask(mesh.count(kind), group.cells[kind].iter().map(|&i| i as usize));
+    ElementKind::IN_FILES.into_iter().flat_map(of).collect()
 }
 
 /// Adds an array of `components` numbers for each entity: one as it is, three under three names,

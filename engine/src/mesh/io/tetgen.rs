@@ -1,6 +1,6 @@
 //! TetGen meshes: `.node`, `.ele` and optionally `.face` files.
 
-use super::cells::{Builder, CellKind, CellUse};
+use super::cells::{Builder, CellKind};
 use super::scan::{Cursor, Numbering, words};
 use crate::mesh::Mesh;
 use crate::mesh::error::MeshError;
@@ -90,7 +90,7 @@ fn nodes(
                 .integer(field(&fields, attributes.saturating_add(4)), "a boundary marker")?;
             if marker != 0 {
                 let slot = group(builder, groups, 0, format!("marker {marker}"));
-                builder.join(CellUse::Skipped, 0..0, &[(numbering.len() - 1) as u32], &[slot]);
+                builder.join(None, 0..0, &[(numbering.len() - 1) as u32], &[slot]);
             }
         }
     }

@@ -419,7 +419,6 @@ pub fn encode_vtk(data: &VtuData<'_>, binary: bool) -> Result<Vec<u8>, MeshError
     let real = if data.single_precision { "float" } else { "double" };
     out.text(&format!("POINTS {} {real}\n", data.points.len()));
     out.reals(data.points.iter().flat_map(|p| p.to_array()));
-    let counts = data.counts();
     let n_cells = data.n_cells();
     let size = n_cells + data.n_corners();
     out.text(&format!("CELLS {n_cells} {size}\n"));
@@ -481,7 +480,7 @@ pub fn encode_vtk(data: &VtuData<'_>, binary: bool) -> Result<Vec<u8>, MeshError
             }
         }
         for group in data.groups {
-            out.mask(&array_name(group), &cell_mask(group, counts));
+            out.mask(&array_name(group), &cell_mask(group, data.mesh));
         }
     }
     Ok(out.bytes)

@@ -1,6 +1,6 @@
 //! Sections of version 4.1, which list nodes and elements by geometric entity.
 
-use super::super::cells::{CellUse, too_many};
+use super::super::cells::too_many;
 use super::super::scan::words;
 use super::{CellKind, Reader, SAVE_AGAIN, UNKNOWN_KIND, cell_kind, in_order_of_vtk};
 use crate::mesh::error::MeshError;
@@ -212,9 +212,8 @@ impl<'a> Reader<'a> {
             }
             for i in 0..count {
                 let number = self.element_of_block(kind, total, read + i)?;
-                let cell = kind.used_as();
-                let index = cell.count(&self.builder.mesh);
-                if cell != CellUse::Skipped {
+                if let Some(cell) = kind.used_as() {
+                    let index = self.builder.mesh.count(cell);
                     self.elements.insert(number, (cell, index..index + kind.parts()));
                 }
                 let mut vertices = std::mem::take(&mut self.vertices);

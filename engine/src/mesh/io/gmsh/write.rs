@@ -1,17 +1,18 @@
 //! Writes Gmsh 2.2 text.
 
-use super::super::cells::{CellUse, CellVertices, Column, columns};
+use super::super::cells::{Column, columns};
+use crate::element_kind::ElementKind;
 use crate::mesh::error::MeshError;
-use crate::mesh::{CellData, Mesh};
+use crate::mesh::{CellData, CellVertices, Mesh, cell};
 use std::fmt::Write as _;
 use std::path::Path;
 
 /// The cells in the order in which they are listed, faces first, with their type numbers.
-const KINDS: [(CellUse, u8); 4] = [
-    (CellUse::Triangle, 2),
-    (CellUse::Quad, 3),
-    (CellUse::Tetrahedron, 4),
-    (CellUse::Hexahedron, 5),
+const KINDS: [(ElementKind, u8); 4] = [
+    (ElementKind::Triangle, 2),
+    (ElementKind::Quad, 3),
+    (ElementKind::Tetrahedron, 4),
+    (ElementKind::Hexahedron, 5),
 ];
 
 /// Type of tetrahedra of second order.
@@ -35,11 +36,11 @@ pub fn write_gmsh(path: &Path, mesh: &Mesh) -> Result<(), MeshError> {
 pub fn encode_gmsh(mesh: &Mesh) -> String {
     let mut elements = Elements { text: String::new(), count: 0 };
     let mut names = Vec::new();
-    let mut tags_of = KINDS.map(|(cell, _)| vec![Vec::new(); cell.count(mesh)]);
+    let mut tags_of = KINDS.map(|(cell, _)| vec![Vec::new(); mesh.count(cell)]);
     for (tag, group) in (1..).zip(&mesh.groups) {
         let mut covered: Vec<u32> = Vec::new();
         for ((cell, _), tags_of) in KINDS.into_iter().zip(&mut tags_of) {
-            for &index in cell.members(group) {
+            for &index in &group.cells[cell] {
                 if let Some(tags) = tags_of.get_mut(index as usize) {
                     tags.push(tag);
                     covered.extend(vertices(mesh, cell, index as usize).iter());
@@ -106,7 +107,7 @@ pub fn encode_gmsh(mesh: &Mesh) -> String {
         let mut count = 0;
         for ((cell, _), numbers) in KINDS.into_iter().zip(&numbers) {
             for (index, number) in numbers.iter().enumerate() {
-                let value = |data: &&CellData| cell.values(data).get(index).copied();
+                let value = |data: &&CellData| data.values[cell].get(index).copied();
                 let values = components.iter().map(value).map(|v| v.unwrap_or(f64::NAN));
                 // What is left out reads as NaN.
                 if values.clone().all(f64::is_nan) {
@@ -161,34 +162,21 @@ impl Elements {
 }
 
 /// Vertices of a cell of the mesh in the order of Gmsh; none for one that it does not have.
-fn vertices(mesh: &Mesh, cell: CellUse, index: usize) -> CellVertices {
-    let found: Option<&[u32]> = match cell {
-        CellUse::Tetrahedron => {
-            let Some(corners) = mesh.tetrahedra.get(index) else { return CellVertices::of(&[]) };
-            let middles = mesh.middles.get(index).copied();
-            let middles = middles.map(|[ab, bc, ac, ad, bd, cd]| [ab, bc, ac, ad, cd, bd]);
-            return CellVertices::of_tetrahedron(corners, middles.as_ref());
-        }
-        CellUse::Hexahedron => mesh.hexahedra.get(index).map(|c| &c[..]),
-        CellUse::Triangle => mesh.triangles.get(index).map(|c| &c[..]),
-        CellUse::Quad => mesh.quads.get(index).map(|c| &c[..]),
-        CellUse::Skipped => None,
-    };
-    CellVertices::of(found.unwrap_or(&[]))
+fn vertices(mesh: &Mesh, kind: ElementKind, index: usize) -> CellVertices {
+    let mut cell = mesh.cell(kind, index).unwrap_or(CellVertices::of(&[]));
+    if cell.len() == 10 {
+        cell.swap(8, 9);
+    }
+    cell
 }
 
 /// Edges that exactly one triangle or quadrilateral has.
 fn boundary_edges(mesh: &Mesh) -> Vec<[u32; 2]> {
     let n = mesh.points.len();
     let mut edges = Vec::new();
-    for &[a, b, c] in &mesh.triangles {
-        if [a, b, c].iter().all(|&v| (v as usize) < n) {
-            edges.extend([[a, b], [b, c], [c, a]]);
-        }
-    }
-    for &[a, b, c, d] in &mesh.quads {
-        if [a, b, c, d].iter().all(|&v| (v as usize) < n) {
-            edges.extend([[a, b], [b, c], [c, d], [d, a]]);
+    for kind in [ElementKind::Triangle, ElementKind::Quad] {
+        for cell in mesh.cells(kind).filter(|cell| cell.iter().all(|&v| (v as usize) < n)) {
+            cell::edges(kind, &cell, |a, b| edges.push([a, b]));
         }
     }
     let mut boundary = Vec::new();

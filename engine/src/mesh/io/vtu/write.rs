@@ -1,34 +1,27 @@
 //! Writes VTU files and the index of a time series.
 
-use super::super::cells::{CellUse, CellVertices, Column, all_values, columns};
+use super::super::cells::{Column, all_values, columns};
 use super::super::grid::{array_name, cell_mask, mask};
+use crate::element_kind::ElementKind;
 use crate::mesh::error::MeshError;
-use crate::mesh::{CellData, Group, LINEAR, Mesh};
+use crate::mesh::{CellData, CellVertices, Group, Mesh};
 use glam::DVec3;
 use std::fmt::Write as _;
 use std::path::Path;
 
-/// What the VTU and VTK writers write; lengths must match the points or cells.
-#[derive(Clone, Copy, Debug, Default)]
+/// What the VTU and VTK writers write, by default the points, cells, data and groups of a mesh; lengths must match
+/// the points or cells.
+#[derive(Clone, Copy, Debug)]
 pub struct VtuData<'a> {
+    /// Mesh with the cells: tetrahedra come first in the file, then hexahedra, triangles and quadrilaterals.
+    pub mesh: &'a Mesh,
     /// Positions in metres.
     pub points: &'a [DVec3],
-    /// Tetrahedra, the first cells of the file.
-    pub tetrahedra: &'a [[u32; 4]],
-    /// Vertices on the edges of tetrahedra of second order, as in [`Mesh::middles`]; none otherwise.
-    pub middles: &'a [[u32; 6]],
-    /// Hexahedra, the cells after the tetrahedra.
-    pub hexahedra: &'a [[u32; 8]],
-    /// Triangles, the cells after the hexahedra.
-    pub triangles: &'a [[u32; 3]],
-    /// Quadrilaterals, the cells after the triangles.
-    pub quads: &'a [[u32; 4]],
     /// Named vectors, one for each point, in any unit.
     pub point_vectors: &'a [(&'a str, &'a [DVec3])],
     /// Named numbers, one for each point, in any unit.
     pub point_scalars: &'a [(&'a str, &'a [f64])],
-    /// Named numbers, one for each tetrahedron, then hexahedron, triangle and quadrilateral, in any
-    /// unit.
+    /// Named numbers, one for each cell in the order of the file, in any unit.
     pub cell_scalars: &'a [(&'a str, &'a [f64])],
     /// Numbers kept with the mesh, written as they were read: three neighbours named `NAME_x`, `NAME_y`
     /// and `NAME_z` as one vector `NAME`.
@@ -43,25 +36,19 @@ impl<'a> VtuData<'a> {
     /// Points, cells and groups of a mesh.
     pub fn of_mesh(mesh: &'a Mesh) -> Self {
         VtuData {
+            mesh,
             points: &mesh.points,
-            tetrahedra: &mesh.tetrahedra,
-            middles: &mesh.middles,
-            hexahedra: &mesh.hexahedra,
-            triangles: &mesh.triangles,
-            quads: &mesh.quads,
-            groups: &mesh.groups,
+            point_vectors: &[],
+            point_scalars: &[],
+            cell_scalars: &[],
             cell_data: &mesh.cell_data,
-            ..VtuData::default()
+            groups: &mesh.groups,
+            single_precision: false,
         }
     }
 
-    /// Numbers of tetrahedra, hexahedra, triangles and quadrilaterals.
-    pub(in crate::mesh::io) fn counts(&self) -> [usize; 4] {
-        [self.tetrahedra.len(), self.hexahedra.len(), self.triangles.len(), self.quads.len()]
-    }
-
     pub(in crate::mesh::io) fn n_cells(&self) -> usize {
-        self.counts().iter().sum()
+        ElementKind::ALL.into_iter().map(|kind| self.mesh.count(kind)).sum()
     }
 
     /// Number of the vertices of all cells together.
@@ -71,29 +58,25 @@ impl<'a> VtuData<'a> {
 
     /// The vertices of every cell in the order of the file.
     pub(in crate::mesh::io) fn cells(&self) -> impl Iterator<Item = CellVertices> {
-        let of = |i: usize| CellVertices::of_tetrahedron(&self.tetrahedra[i], self.middles.get(i));
-        let tets = (0..self.tetrahedra.len()).map(of);
-        let hexes = self.hexahedra.iter().map(|cell| CellVertices::of(cell));
-        let triangles = self.triangles.iter().map(|cell| CellVertices::of(cell));
-        let quads = self.quads.iter().map(|cell| CellVertices::of(cell));
-        tets.chain(hexes).chain(triangles).chain(quads)
+        ElementKind::IN_FILES.into_iter().flat_map(|kind| self.mesh.cells(kind))
     }
 
     /// The VTK type of every cell in the order of the file.
     pub(in crate::mesh::io) fn cell_types(&self) -> impl Iterator<Item = u8> {
-        let n = self.tetrahedra.len();
-        let tets = (0..n).map(|i| match self.middles.get(i) {
-            Some(middles) if *middles != LINEAR => 24,
-            _ => 10,
-        });
-        let [_, hexes, triangles, quads] = self.counts();
-        let others = [(hexes, 12), (triangles, 5), (quads, 9)].into_iter();
-        tets.chain(others.flat_map(|(n, kind)| std::iter::repeat_n(kind, n)))
+        ElementKind::IN_FILES.into_iter().flat_map(|kind| {
+            self.mesh.cells(kind).map(move |cell| match kind {
+                ElementKind::Tetrahedron if cell.len() == 10 => 24,
+                ElementKind::Tetrahedron => 10,
+                ElementKind::Triangle => 5,
+                ElementKind::Hexahedron => 12,
+                ElementKind::Quad => 9,
+            })
+        })
     }
 
     pub(in crate::mesh::io) fn check_lengths(&self) -> Result<(), MeshError> {
         let (n_points, n_cells) = (self.points.len(), self.n_cells());
-        let (expected, found) = (self.tetrahedra.len(), self.middles.len());
+        let (expected, found) = (self.mesh.tetrahedra.len(), self.mesh.middles.len());
         if found != 0 && found != expected {
             let (what, entities) = ("vertices on edges".to_owned(), "tetrahedra");
             return Err(MeshError::LengthMismatch { what, entities, expected, found });
@@ -104,10 +87,9 @@ impl<'a> VtuData<'a> {
             self.point_scalars.iter().map(|(name, v)| (name, v.len(), n_points, "points"));
         let cells = self.cell_scalars.iter().map(|(name, v)| (name, v.len(), n_cells, "cells"));
         const NAMES: [&str; 4] = ["tetrahedra", "hexahedra", "triangles", "quadrilaterals"];
-        let kinds = || CellUse::KEPT.into_iter().zip(self.counts()).zip(NAMES);
         let data = self.cell_data.iter().flat_map(|data| {
-            kinds().map(|((cell, expected), cells)| {
-                (&data.name, cell.values(data).len(), expected, cells)
+            ElementKind::IN_FILES.into_iter().zip(NAMES).map(|(kind, cells)| {
+                (&data.name, data.values[kind].len(), self.mesh.count(kind), cells)
             })
         });
         for (name, found, expected, entities) in data {
@@ -143,7 +125,7 @@ pub fn write_vtu(path: &Path, data: &VtuData<'_>) -> Result<(), MeshError> {
 /// [`MeshError::LengthMismatch`] when data do not fit.
 pub fn encode_vtu(data: &VtuData<'_>) -> Result<Vec<u8>, MeshError> {
     data.check_lengths()?;
-    let (counts, n_cells) = (data.counts(), data.n_cells());
+    let n_cells = data.n_cells();
     let mut out = Output { xml: String::new(), raw: Vec::new(), single: data.single_precision };
     out.xml.push_str(
         "<?xml version=\"1.0\"?>\n<VTKFile type=\"UnstructuredGrid\" version=\"1.0\" \
@@ -183,7 +165,7 @@ pub fn encode_vtu(data: &VtuData<'_>) -> Result<Vec<u8>, MeshError> {
         }
     }
     for group in data.groups {
-        out.array("UInt8", &array_name(group), 1, &cell_mask(group, counts));
+        out.array("UInt8", &array_name(group), 1, &cell_mask(group, data.mesh));
     }
     out.xml.push_str("</CellData>\n<Points>\n");
     out.reals("Points", 3, data.points.iter().flat_map(|p| p.to_array()));
