@@ -20,7 +20,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     // an even pull: every triangle of the end gives a third of its share to each of its corners
     let end = mesh.group("x1").ok_or("no end")?;
     let corners: Vec<u32> =
-        end.triangles.iter().flat_map(|&t| mesh.triangles[t as usize]).collect();
+        end.cells.triangles.iter().flat_map(|&t| mesh.triangles[t as usize]).collect();
     let share = DVec3::X * force / corners.len() as f64;
     let rows = simulation.rows(bar, "pull", &corners)?;
     let forces = rows.into_iter().map(|row| (row, share)).collect();

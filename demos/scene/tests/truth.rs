@@ -57,8 +57,9 @@ fn fibres_and_a_membrane_in_one_body_are_written() {
     assert!(run_into(&scene(&body, ""), &out).completed);
     let last = Mesh::read(&out.join("frames/t_00000.vtu")).unwrap();
     let fibres = last.cell_data.iter().find(|data| data.name == "f_x").unwrap();
-    assert_eq!((fibres.tetrahedra.len(), fibres.triangles.len()), (48, 48));
-    assert!(fibres.tetrahedra.iter().all(|x| *x == 1.0) && fibres.triangles[0].is_nan());
+    assert_eq!((fibres.values.tetrahedra.len(), fibres.values.triangles.len()), (48, 48));
+    let values = &fibres.values;
+    assert!(values.tetrahedra.iter().all(|x| *x == 1.0) && values.triangles[0].is_nan());
     std::fs::remove_dir_all(out).unwrap();
 }
 
