@@ -109,24 +109,21 @@ impl Shared {
     /// Calls `work` with the interpreter's lock released, then brings arrays up to date.
     pub fn with<T: Send>(
         &self,
-        py: Python<'_>,
         work: impl FnOnce(&mut Embedding) -> Result<T> + Send,
     ) -> PyResult<T> {
-        let mut own = self.take(py);
-        let result = py.detach(|| guarded(&mut own, work));
-        let refreshed = self.refresh(py, &mut own);
-        self.put(own);
-        let value = result.map_err(raise)?;
-        refreshed.map(|()| value)
+        Python::attach(|py| {
+            let mut own = self.take(py);
+            let result = py.detach(|| guarded(&mut own, work));
+            let refreshed = self.refresh(py, &mut own);
+            self.put(own);
+            let value = result.map_err(raise)?;
+            refreshed.map(|()| value)
+        })
     }
 
     /// Calls `work`, which is short and changes no state, with the lock held.
-    pub fn read<T>(
-        &self,
-        py: Python<'_>,
-        work: impl FnOnce(&mut Embedding) -> Result<T>,
-    ) -> PyResult<T> {
-        let mut own = self.take(py);
+    pub fn read<T>(&self, work: impl FnOnce(&mut Embedding) -> Result<T>) -> PyResult<T> {
+        let mut own = Python::attach(|py| self.take(py));
         let result = guarded(&mut own, work);
         self.put(own);
         result.map_err(raise)

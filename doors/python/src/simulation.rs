@@ -13,6 +13,9 @@ use std::io;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 
+/// Numbers in a row.
+type Array<'py, T> = Bound<'py, PyArray1<T>>;
+
 /// A simulation.
 #[pyclass(frozen, module = "sinew._native")]
 pub struct Engine(pub Shared);
@@ -37,11 +40,12 @@ impl Snapshot {
 }
 
 /// Calls what makes a simulation; a panic in it is an error.
-fn made(py: Python<'_>, make: impl FnOnce() -> Result<Embedding> + Send) -> PyResult<Engine> {
+fn made(make: impl FnOnce() -> Result<Embedding> + Send) -> PyResult<Engine> {
     let panicked = |payload: Box<dyn std::any::Any + Send>| {
         Err(EmbedError::new(Code::Panic, panic_text(&*payload)))
     };
-    let own = py.detach(|| catch_unwind(AssertUnwindSafe(make)).unwrap_or_else(panicked));
+    let make = || catch_unwind(AssertUnwindSafe(make)).unwrap_or_else(panicked);
+    let own = Python::attach(|py| py.detach(make));
     own.map(|own| Engine(Shared::new(own))).map_err(raise)
 }
 
@@ -214,14 +218,8 @@ impl ConstraintIn {
 impl Engine {
     /// A simulation without bodies.
     #[staticmethod]
-    fn create(
-        py: Python<'_>,
-        choices: Choices,
-        dt: f64,
-        gravity: Vec3,
-        solver: String,
-    ) -> PyResult<Self> {
-        made(py, || {
+    fn create(choices: Choices, dt: f64, gravity: Vec3, solver: String) -> PyResult<Self> {
+        made(|| {
             let own = choices.overrides()?;
             Embedding::new(&Options {
                 precision: own.precision.unwrap_or_default(),
@@ -237,20 +235,14 @@ impl Engine {
 
     /// The simulation of a scene file.
     #[staticmethod]
-    fn of_file(py: Python<'_>, path: &str, choices: Choices) -> PyResult<Self> {
-        made(py, || Embedding::from_scene_file(path, &choices.overrides()?))
+    fn of_file(path: &str, choices: Choices) -> PyResult<Self> {
+        made(|| Embedding::from_scene_file(path, &choices.overrides()?))
     }
 
     /// The simulation of a scene's text; `read` answers the bytes of files that it names.
     #[staticmethod]
-    fn of_text(
-        py: Python<'_>,
-        text: &str,
-        name: &str,
-        read: Py<PyAny>,
-        choices: Choices,
-    ) -> PyResult<Self> {
-        made(py, || Embedding::from_scene(text, name, files(read), &choices.overrides()?))
+    fn of_text(text: &str, name: &str, read: Py<PyAny>, choices: Choices) -> PyResult<Self> {
+        made(|| Embedding::from_scene(text, name, files(read), &choices.overrides()?))
     }
 
     /// Makes steps.
@@ -259,8 +251,8 @@ impl Engine {
     }
 
     /// Steps done, time (s), length of a step (s).
-    fn clock(&self, py: Python<'_>) -> PyResult<(u64, f64, f64)> {
-        self.0.read(py, |own| Ok((own.steps_done(), own.time(), own.dt())))
+    fn clock(&self) -> PyResult<(u64, f64, f64)> {
+        self.0.read(|own| Ok((own.steps_done(), own.time(), own.dt())))
     }
 
     /// What does not change.
@@ -281,46 +273,46 @@ impl Engine {
         filled.map(|()| dict)
     }
 
-    fn set_dt(&self, py: Python<'_>, dt: f64) -> PyResult<()> {
-        self.0.read(py, |own| own.set_dt(dt))
+    fn set_dt(&self, dt: f64) -> PyResult<()> {
+        self.0.read(|own| own.set_dt(dt))
     }
 
-    fn gravity(&self, py: Python<'_>) -> PyResult<Vec3> {
-        self.0.read(py, |own| Ok(own.gravity()))
+    fn gravity(&self) -> PyResult<Vec3> {
+        self.0.read(|own| Ok(own.gravity()))
     }
 
-    fn set_gravity(&self, py: Python<'_>, gravity: Vec3) -> PyResult<()> {
-        self.0.read(py, |own| own.set_gravity(gravity))
+    fn set_gravity(&self, gravity: Vec3) -> PyResult<()> {
+        self.0.read(|own| own.set_gravity(gravity))
     }
 
     /// Settings of the solver as JSON.
-    fn solver(&self, py: Python<'_>) -> PyResult<String> {
-        self.0.read(py, |own| Ok(json(own.solver())))
+    fn solver(&self) -> PyResult<String> {
+        self.0.read(|own| Ok(json(own.solver())))
     }
 
     /// Settings of the solver from TOML or JSON.
-    fn set_solver(&self, py: Python<'_>, text: &str) -> PyResult<()> {
-        self.0.read(py, |own| own.set_solver(solver_settings(text)?))
+    fn set_solver(&self, text: &str) -> PyResult<()> {
+        self.0.read(|own| own.set_solver(solver_settings(text)?))
     }
 
-    fn hash(&self, py: Python<'_>) -> PyResult<u64> {
-        self.0.with(py, |own| Ok(own.hash()))
+    fn hash(&self) -> PyResult<u64> {
+        self.0.with(|own| Ok(own.hash()))
     }
 
     /// What the last step did, as JSON.
-    fn report(&self, py: Python<'_>) -> PyResult<String> {
-        self.0.read(py, |own| Ok(own.report_json()))
+    fn report(&self) -> PyResult<String> {
+        self.0.read(|own| Ok(own.report_json()))
     }
 
     /// Elastic and kinetic energy (J).
-    fn energy(&self, py: Python<'_>) -> PyResult<(f64, f64)> {
-        let energy = self.0.with(py, |own| Ok(own.energy()))?;
+    fn energy(&self) -> PyResult<(f64, f64)> {
+        let energy = self.0.with(|own| Ok(own.energy()))?;
         Ok((energy.elastic, energy.kinetic))
     }
 
     /// Code, level, subject, message and remedy of each.
-    fn warnings(&self, py: Python<'_>) -> PyResult<Vec<[String; 5]>> {
-        self.0.read(py, |own| {
+    fn warnings(&self) -> PyResult<Vec<[String; 5]>> {
+        self.0.read(|own| {
             let parts = |w: &Warning| {
                 let level = w.level.name().to_string();
                 [w.code.clone(), level, w.subject.clone(), w.message.clone(), w.remedy.clone()]
@@ -329,33 +321,28 @@ impl Engine {
         })
     }
 
-    fn find(&self, py: Python<'_>, of: &str, name: &str) -> PyResult<Handle> {
-        self.0.read(py, |own| own.find(kind(of)?, name))
+    fn find(&self, of: &str, name: &str) -> PyResult<Handle> {
+        self.0.read(|own| own.find(kind(of)?, name))
     }
 
-    fn list(&self, py: Python<'_>, of: &str) -> PyResult<Vec<(Handle, String)>> {
-        self.0.read(py, |own| Ok(own.list(kind(of)?)))
+    fn list(&self, of: &str) -> PyResult<Vec<(Handle, String)>> {
+        self.0.read(|own| Ok(own.list(kind(of)?)))
     }
 
-    fn remove(&self, py: Python<'_>, handle: Handle) -> PyResult<()> {
-        self.0.with(py, |own| own.remove(handle))
+    fn remove(&self, handle: Handle) -> PyResult<()> {
+        self.0.with(|own| own.remove(handle))
     }
 
-    fn add_body(&self, py: Python<'_>, name: &str, mesh: &Mesh, spec: BodyIn) -> PyResult<Handle> {
-        self.0.with(py, |own| add_body(own, name, &mesh.0, spec))
+    fn add_body(&self, name: &str, mesh: &Mesh, spec: BodyIn) -> PyResult<Handle> {
+        self.0.with(|own| add_body(own, name, &mesh.0, spec))
     }
 
-    fn mesh(&self, py: Python<'_>, body: Handle) -> PyResult<Mesh> {
-        self.0.read(py, |own| Ok(Mesh(Arc::new(own.mesh(body)?.clone()))))
+    fn mesh(&self, body: Handle) -> PyResult<Mesh> {
+        self.0.read(|own| Ok(Mesh(Arc::new(own.mesh(body)?.clone()))))
     }
 
-    fn group<'py>(
-        &self,
-        py: Python<'py>,
-        body: Handle,
-        name: &str,
-    ) -> PyResult<Bound<'py, PyArray1<u32>>> {
-        Ok(PyArray1::from_vec(py, self.0.read(py, |own| own.group(body, name))?))
+    fn group<'py>(&self, py: Python<'py>, body: Handle, name: &str) -> PyResult<Array<'py, u32>> {
+        Ok(PyArray1::from_vec(py, self.0.read(|own| own.group(body, name))?))
     }
 
     /// The array of a body that is refreshed: positions, displacements or velocities.
@@ -368,14 +355,8 @@ impl Engine {
         self.0.copy(py, body, refreshed(quantity).map_err(raise)?)
     }
 
-    fn set_state(
-        &self,
-        py: Python<'_>,
-        body: Handle,
-        displacements: Floats,
-        velocities: Floats,
-    ) -> PyResult<()> {
-        self.0.with(py, |own| own.set_state(body, &displacements.0, &velocities.0))
+    fn set_state(&self, body: Handle, displacements: Floats, velocities: Floats) -> PyResult<()> {
+        self.0.with(|own| own.set_state(body, &displacements.0, &velocities.0))
     }
 
     /// Numbers, three in a row for vectors.
@@ -384,15 +365,15 @@ impl Engine {
         py: Python<'py>,
         body: Handle,
         quantity: &str,
-    ) -> PyResult<Bound<'py, PyArray1<f64>>> {
+    ) -> PyResult<Array<'py, f64>> {
         let read = |own: &mut Embedding| {
             Ok(own.numbers(body, choice("quantity", quantity)?)?.into_owned())
         };
-        Ok(PyArray1::from_vec(py, self.0.with(py, read)?))
+        Ok(PyArray1::from_vec(py, self.0.with(read)?))
     }
 
-    fn volume(&self, py: Python<'_>, body: Handle) -> PyResult<f64> {
-        self.0.with(py, |own| own.volume(body))
+    fn volume(&self, body: Handle) -> PyResult<f64> {
+        self.0.with(|own| own.volume(body))
     }
 
     /// Triangles of the outside, and their revision.
@@ -401,7 +382,7 @@ impl Engine {
         py: Python<'py>,
         body: Handle,
     ) -> PyResult<(Bound<'py, PyArray2<u32>>, u64)> {
-        let (triangles, revision) = self.0.with(py, |own| {
+        let (triangles, revision) = self.0.with(|own| {
             let surface = own.surface(body)?;
             Ok((surface.triangles.to_vec(), surface.revision))
         })?;
@@ -410,23 +391,14 @@ impl Engine {
         Ok((flat.reshape([count, 3])?, revision))
     }
 
-    fn remaining<'py>(
-        &self,
-        py: Python<'py>,
-        body: Handle,
-        of: &str,
-    ) -> PyResult<Bound<'py, PyArray1<u32>>> {
-        let left = self.0.with(py, |own| own.remaining(body, element_kind(of)?))?;
+    fn remaining<'py>(&self, py: Python<'py>, body: Handle, of: &str) -> PyResult<Array<'py, u32>> {
+        let left = self.0.with(|own| own.remaining(body, element_kind(of)?))?;
         Ok(PyArray1::from_vec(py, left))
     }
 
     /// Young's moduli, Poisson's ratios and densities: one number, or one per element.
-    fn material<'py>(
-        &self,
-        py: Python<'py>,
-        body: Handle,
-    ) -> PyResult<[Bound<'py, PyArray1<f64>>; 3]> {
-        let numbers = self.0.read(py, |own| {
+    fn material<'py>(&self, py: Python<'py>, body: Handle) -> PyResult<[Array<'py, f64>; 3]> {
+        let numbers = self.0.read(|own| {
             let (material, arrays) = own.material(body)?;
             let field = arrays.field(material);
             let given = |each: Option<&[f64]>, one| each.map_or(vec![one], <[f64]>::to_vec);
@@ -440,13 +412,8 @@ impl Engine {
     }
 
     /// By how much (J) elastic and kinetic energy changed.
-    fn set_material(
-        &self,
-        py: Python<'_>,
-        body: Handle,
-        material: MaterialIn,
-    ) -> PyResult<(f64, f64)> {
-        let change = self.0.with(py, |own| {
+    fn set_material(&self, body: Handle, material: MaterialIn) -> PyResult<(f64, f64)> {
+        let change = self.0.with(|own| {
             let [young_modulus, poisson_ratio, density] = material.arrays();
             let material = material.uniform();
             let field = MaterialField { material, young_modulus, poisson_ratio, density };
@@ -458,42 +425,29 @@ impl Engine {
     /// What was removed, as JSON.
     fn remove_elements(
         &self,
-        py: Python<'_>,
         body: Handle,
         of: &str,
         list: Indices,
         numbers: Vec<f64>,
         mass: &str,
     ) -> PyResult<String> {
-        let report = self.0.with(py, |own| {
+        let report = self.0.with(|own| {
             let mass = choice("rule of mass", mass)?;
             own.remove_elements(body, region(of, list, &numbers)?, mass)
         })?;
         Ok(json(&report))
     }
 
-    fn set_activation(
-        &self,
-        py: Python<'_>,
-        body: Handle,
-        family: &str,
-        activation: f64,
-    ) -> PyResult<()> {
-        self.0.with(py, |own| own.set_activation(body, family, activation))
+    fn set_activation(&self, body: Handle, family: &str, activation: f64) -> PyResult<()> {
+        self.0.with(|own| own.set_activation(body, family, activation))
     }
 
-    fn set_axis_modulus(
-        &self,
-        py: Python<'_>,
-        body: Handle,
-        family: &str,
-        modulus: f64,
-    ) -> PyResult<f64> {
-        self.0.with(py, |own| own.set_axis_modulus(body, family, modulus))
+    fn set_axis_modulus(&self, body: Handle, family: &str, modulus: f64) -> PyResult<f64> {
+        self.0.with(|own| own.set_axis_modulus(body, family, modulus))
     }
 
-    fn add_constraint(&self, py: Python<'_>, body: Handle, spec: ConstraintIn) -> PyResult<Handle> {
-        self.0.with(py, |own| {
+    fn add_constraint(&self, body: Handle, spec: ConstraintIn) -> PyResult<Handle> {
+        self.0.with(|own| {
             let motion = spec.motion();
             own.add_constraint(
                 body,
@@ -510,83 +464,79 @@ impl Engine {
         })
     }
 
-    fn set_target(&self, py: Python<'_>, constraint: Handle, to: PoseIn) -> PyResult<()> {
-        self.0.with(py, |own| own.set_target(constraint, pose(to)?))
+    fn set_target(&self, constraint: Handle, to: PoseIn) -> PyResult<()> {
+        self.0.with(|own| own.set_target(constraint, pose(to)?))
     }
 
     /// Force (N) and torque (N m) about a point.
-    fn reaction(&self, py: Python<'_>, constraint: Handle, about: Vec3) -> PyResult<[Vec3; 2]> {
-        let wrench = self.0.with(py, |own| own.reaction(constraint, about))?;
+    fn reaction(&self, constraint: Handle, about: Vec3) -> PyResult<[Vec3; 2]> {
+        let wrench = self.0.with(|own| own.reaction(constraint, about))?;
         Ok([wrench.force, wrench.torque])
     }
 
     fn add_load(
         &self,
-        py: Python<'_>,
         body: Handle,
         name: &str,
         vertices: Indices,
         forces: Floats,
         over: Option<CurveIn>,
     ) -> PyResult<Handle> {
-        self.0.with(py, |own| own.add_load(body, name, &vertices.0, &forces.0, curve(over)))
+        self.0.with(|own| own.add_load(body, name, &vertices.0, &forces.0, curve(over)))
     }
 
     fn add_pressure(
         &self,
-        py: Python<'_>,
         body: Handle,
         name: &str,
         triangles: Indices,
         pressure: f64,
         over: Option<CurveIn>,
     ) -> PyResult<Handle> {
-        self.0.with(py, |own| own.add_pressure(body, name, &triangles.0, pressure, curve(over)))
+        self.0.with(|own| own.add_pressure(body, name, &triangles.0, pressure, curve(over)))
     }
 
-    fn add_tool(&self, py: Python<'_>, spec: ToolIn) -> PyResult<Handle> {
-        self.0.with(py, |own| {
+    fn add_tool(&self, spec: ToolIn) -> PyResult<Handle> {
+        self.0.with(|own| {
             let (tool, on) = tool(spec)?;
             own.add_tool(tool, on.as_ref().map(|(body, list)| (*body, list.as_slice())))
         })
     }
 
-    fn move_tool(&self, py: Python<'_>, tool: Handle, to: ToolPoseIn) -> PyResult<()> {
-        self.0.with(py, |own| own.move_tool(tool, tool_pose(to)?))
+    fn move_tool(&self, tool: Handle, to: ToolPoseIn) -> PyResult<()> {
+        self.0.with(|own| own.move_tool(tool, tool_pose(to)?))
     }
 
-    fn place_tool(&self, py: Python<'_>, tool: Handle, at: ToolPoseIn) -> PyResult<()> {
-        self.0.with(py, |own| own.place_tool(tool, tool_pose(at)?))
+    fn place_tool(&self, tool: Handle, at: ToolPoseIn) -> PyResult<()> {
+        self.0.with(|own| own.place_tool(tool, tool_pose(at)?))
     }
 
-    fn set_grip(&self, py: Python<'_>, tool: Handle, grip: bool) -> PyResult<()> {
-        self.0.with(py, |own| own.set_grip(tool, grip))
+    fn set_grip(&self, tool: Handle, grip: bool) -> PyResult<()> {
+        self.0.with(|own| own.set_grip(tool, grip))
     }
 
     /// What a tool felt, as JSON.
-    fn tool_report(&self, py: Python<'_>, tool: Handle) -> PyResult<String> {
-        self.0.read(py, |own| Ok(json(&own.tool_report(tool)?)))
+    fn tool_report(&self, tool: Handle) -> PyResult<String> {
+        self.0.read(|own| Ok(json(&own.tool_report(tool)?)))
     }
 
     fn add_contact(
         &self,
-        py: Python<'_>,
         name: &str,
         bodies: [Handle; 2],
         friction: f64,
         stiff: StiffnessIn,
     ) -> PyResult<Handle> {
-        self.0.with(py, |own| own.add_contact(name, bodies, friction, stiffness(&stiff)))
+        self.0.with(|own| own.add_contact(name, bodies, friction, stiffness(&stiff)))
     }
 
     /// What two bodies did to each other, as JSON.
-    fn contact_report(&self, py: Python<'_>, contact: Handle) -> PyResult<String> {
-        self.0.read(py, |own| Ok(json(&own.contact_report(contact)?)))
+    fn contact_report(&self, contact: Handle) -> PyResult<String> {
+        self.0.read(|own| Ok(json(&own.contact_report(contact)?)))
     }
 
     fn add_pull(
         &self,
-        py: Python<'_>,
         body: Handle,
         name: &str,
         vertices: Indices,
@@ -594,46 +544,45 @@ impl Engine {
         springs: (f64, f64),
     ) -> PyResult<Handle> {
         let (stiffness, damping) = springs;
-        self.0.with(py, |own| {
+        self.0.with(|own| {
             let (vertices, weights) = (&vertices.0, &weights.0);
             own.add_pull(body, &PullSpec { name, vertices, weights, stiffness, damping })
         })
     }
 
-    fn move_pull(&self, py: Python<'_>, pull: Handle, to: PoseIn) -> PyResult<()> {
-        self.0.with(py, |own| own.move_pull(pull, pose(to)?))
+    fn move_pull(&self, pull: Handle, to: PoseIn) -> PyResult<()> {
+        self.0.with(|own| own.move_pull(pull, pose(to)?))
     }
 
     /// What a pull did, as JSON.
-    fn pull_report(&self, py: Python<'_>, pull: Handle) -> PyResult<String> {
-        self.0.read(py, |own| Ok(json(&own.pull_report(pull)?)))
+    fn pull_report(&self, pull: Handle) -> PyResult<String> {
+        self.0.read(|own| Ok(json(&own.pull_report(pull)?)))
     }
 
     /// Body, vertices, weights, point (m) and distance (m) of what a ray meets first.
     #[expect(clippy::type_complexity, reason = "a tuple for Python, unpacked at once")]
     fn pick(
         &self,
-        py: Python<'_>,
         origin: Vec3,
         direction: Vec3,
     ) -> PyResult<Option<(Handle, [u32; 3], Vec3, Vec3, f64)>> {
-        let pick = self.0.with(py, |own| own.pick(origin, direction))?;
+        let pick = self.0.with(|own| own.pick(origin, direction))?;
         Ok(pick.map(|p| (p.body, p.vertices, p.weights, p.position, p.distance)))
     }
 
     /// The state as it is.
-    fn snapshot(&self, py: Python<'_>) -> PyResult<Snapshot> {
-        Ok(Snapshot(self.0.with(py, |own| own.snapshot())?))
+    fn snapshot(&self) -> PyResult<Snapshot> {
+        Ok(Snapshot(self.0.with(|own| own.snapshot())?))
     }
 
     /// Takes up a state.
-    fn restore(&self, py: Python<'_>, snapshot: &Snapshot) -> PyResult<()> {
+    fn restore(&self, snapshot: &Snapshot) -> PyResult<()> {
         let own = &snapshot.0;
-        self.0.with(py, |engine| engine.restore(own))
+        self.0.with(|engine| engine.restore(own))
     }
 
     /// Panics inside, for the test of what happens then.
-    fn panic(&self, py: Python<'_>, text: String) -> PyResult<()> {
-        self.0.with(py, |own| guarded(own, |_| std::panic::panic_any(text)))
+    fn panic(&self, text: String) -> PyResult<()> {
+        self.0.with(|own| guarded(own, |_| std::panic::panic_any(text)))
     }
 }
