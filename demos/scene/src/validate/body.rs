@@ -1,7 +1,7 @@
 //! The body of a case: its material, its elements and their law.
 
+use super::CaseError;
 use super::read::{CaseEntry, ReferenceCase};
-use super::{CaseError, ValidateOptions};
 use glam::DVec3;
 use sinew::engine::mesh::Mesh;
 use sinew::models::body::sheet::{MembraneDescription, MembraneModel, PlaneState};
@@ -194,17 +194,24 @@ pub(super) struct CaseBody<'a> {
     pub plane: PlaneState,
 }
 
-impl CaseBody<'_> {
+impl<'a> CaseBody<'a> {
+    /// A body without clusters, of unit thickness and in plane stress where it is a membrane.
+    pub fn new(
+        points: &'a [DVec3],
+        cells: CaseCells<'a>,
+        law: CaseLaw,
+        material: &'a CaseMaterial,
+    ) -> Self {
+        let plane = PlaneState::Stress;
+        Self { points, cells, law, clusters: None, material, thickness: 1.0, plane }
+    }
+
     /// A simulation of this body alone, without gravity.
-    pub fn simulation(
-        &self,
-        case: &ReferenceCase,
-        options: &ValidateOptions,
-    ) -> Result<(Simulation, BodyHandle), CaseError> {
-        let threads = options.threads;
+    pub fn simulation(&self, case: &ReferenceCase) -> Result<(Simulation, BodyHandle), CaseError> {
+        let threads = case.options.threads;
         let mut simulation = Simulation::new(SimulationOptions { threads, ..Default::default() })
             .map_err(|e| case.simulation_error(e))?;
-        let wanted = options.evaluation;
+        let wanted = case.options.evaluation;
         let simplices = matches!(self.cells, CaseCells::Tetrahedra(_) | CaseCells::Triangles(_));
         let evaluation =
             |supported| if simplices && supported { wanted } else { Evaluation::Fused };
@@ -250,16 +257,28 @@ impl CaseBody<'_> {
         simulation.set_gravity(DVec3::ZERO);
         Ok((simulation, body))
     }
+
+    /// The same at displacements (m), at rest.
+    pub fn displaced(
+        &self,
+        case: &ReferenceCase,
+        u: &[DVec3],
+    ) -> Result<(Simulation, BodyHandle), CaseError> {
+        let (mut simulation, body) = self.simulation(case)?;
+        let still = vec![DVec3::ZERO; u.len()];
+        simulation.set_state(body, u, &still).map_err(|e| case.simulation_error(e))?;
+        Ok((simulation, body))
+    }
 }
 
 /// The mesh that a case names, found in the folder of the options, or else in `meshes` beside the case or
 /// beside its folder.
-pub(super) fn mesh(case: &ReferenceCase, options: &ValidateOptions) -> Result<Mesh, CaseError> {
+pub(super) fn mesh(case: &ReferenceCase) -> Result<Mesh, CaseError> {
     let root = case.root();
     let name = root.get("mesh").text()?;
     let beside = case.path.parent().unwrap_or(Path::new("."));
     let near = ["meshes", "../meshes", "", ".."].map(|folder| beside.join(folder));
-    let searched: Vec<_> = options.meshes.iter().cloned().chain(near).collect();
+    let searched: Vec<_> = case.options.meshes.iter().cloned().chain(near).collect();
     let file = searched.iter().map(|folder| folder.join(name)).find(|file| file.is_file());
     let Some(file) = file else {
         return Err(CaseError::NoMesh { case: case.path.clone(), mesh: name.into(), searched });

@@ -1,12 +1,10 @@
 //! Single elements, schema `sinew-fem-elements/1`: energies and forces at given displacements.
 
 use super::body::{CaseBody, CaseCells, CaseLaw, CaseMaterial};
-use super::compare::{difference, largest, worst};
 use super::read::{CaseEntry, ReferenceCase};
-use super::{CaseError, STATIC_TOLERANCE, Status, ValidateOptions, ValidationRow};
+use super::{CaseError, Rows, STATIC_TOLERANCE, Status, ValidationRow};
 use glam::DVec3;
 use sinew::engine::isoparametric::{gauss_point, quad_derivatives};
-use sinew::models::body::sheet::PlaneState;
 use std::time::Instant;
 
 const KEYS: &str = "E cases name nu rho schema";
@@ -20,10 +18,7 @@ const CELLS: [CaseCells; 4] = [
     CaseCells::Quads(&[[0, 1, 2, 3]]),
 ];
 
-pub(super) fn run(
-    case: &ReferenceCase,
-    options: &ValidateOptions,
-) -> Result<Vec<ValidationRow>, CaseError> {
+pub(super) fn run(case: &ReferenceCase) -> Rows {
     let root = case.root();
     root.refuse_unknown(KEYS)?;
     let elements: Vec<CaseEntry> = root.get("cases").list()?.collect();
@@ -51,7 +46,7 @@ pub(super) fn run(
         let chosen: Vec<_> = chosen.map(|(i, e)| (e, material.of_element(i))).collect();
         let mut row = ValidationRow::new(&case.name(), law, 0, chosen.len());
         row.note = format!("forces and energies of single elements ({})", cell.kind());
-        let outcome = run_cells(case, law, &chosen, cell, options, &mut row);
+        let outcome = run_cells(case, law, &chosen, cell, &mut row);
         rows.push(row.ended(outcome));
     }
     Ok(rows)
@@ -63,7 +58,6 @@ fn run_cells(
     law_name: &str,
     elements: &[(&CaseEntry, CaseMaterial)],
     cells: CaseCells,
-    options: &ValidateOptions,
     row: &mut ValidationRow,
 ) -> Result<(), CaseError> {
     let law = CaseLaw::find(law_name, cells.kind())?;
@@ -82,35 +76,19 @@ fn run_cells(
             row.note.push_str("; one turned over left out");
             continue;
         }
-        let plane = PlaneState::Stress;
-        let body = CaseBody {
-            points: &points,
-            cells,
-            law,
-            clusters: None,
-            material,
-            thickness: 1.0,
-            plane,
-        };
-        let (mut simulation, body) = body.simulation(case, options)?;
-        simulation
-            .set_state(body, &u, &vec![DVec3::ZERO; nodes])
-            .map_err(|e| case.simulation_error(e))?;
+        let body = CaseBody::new(&points, cells, law, material);
+        let (mut simulation, body) = body.displaced(case, &u)?;
         let energy = simulation.evaluate();
-        let expected = truth.get("energy").number()?;
         let forces: Vec<DVec3> = simulation.elastic_forces(body).iter().map(|f| -*f).collect();
-        let truth = truth.get("f").field(nodes)?;
-        let (max, rms) = difference(&forces, &truth, largest(&truth));
-        row.max_difference = worst(row.max_difference, max);
-        row.rms_difference = worst(row.rms_difference, rms);
-        row.energy_difference = worst(row.energy_difference, (energy / expected - 1.0).abs());
+        row.worst_fields(&forces, &truth.get("f").field(nodes)?);
+        row.worst_energy(energy, truth.get("energy").number()?);
         compared += 1;
     }
     row.seconds = start.elapsed().as_secs_f64();
     if compared == 0 {
         return Err(CaseError::NotRun("every one of these elements is turned over".into()));
     }
-    let tolerance = options.tolerance.unwrap_or(STATIC_TOLERANCE);
+    let tolerance = case.options.tolerance.unwrap_or(STATIC_TOLERANCE);
     if row.max_difference <= tolerance && row.energy_difference <= tolerance {
         row.status = Status::Pass;
     }

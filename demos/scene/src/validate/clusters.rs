@@ -4,41 +4,32 @@
 use super::body::{CaseBody, CaseCells, CaseLaw, CaseMaterial};
 use super::compare::{difference, largest, worst};
 use super::read::ReferenceCase;
-use super::{CaseError, Status, ValidateOptions, ValidationRow};
+use super::{CaseError, Rows, Status, ValidationRow};
 use glam::DVec3;
 use sinew::engine::law::{EvaluationRequest, TangentKind};
 use sinew::engine::matrix::{ProductSpans, Tangent};
 use sinew::engine::schedule::ForceSchedule;
 use sinew::engine::topology::Topology;
 use sinew::engine::workers::Workers;
-use sinew::models::body::sheet::PlaneState;
 use sinew::models::material::YoungPoisson;
 use sinew::simulation::Simulation;
 use std::time::Instant;
 
 const LAWS: [&str; 2] = ["neo_hookean_cluster", "svk_volume_cluster"];
 
-pub(super) fn run(
-    case: &ReferenceCase,
-    options: &ValidateOptions,
-) -> Result<Vec<ValidationRow>, CaseError> {
+pub(super) fn run(case: &ReferenceCase) -> Rows {
     let mut rows = Vec::new();
     for law in LAWS {
         let count = case.root().get("cases").list()?.count();
         let mut row = ValidationRow::new(&case.name(), law, 0, count);
         row.note = "energies, forces and tangents of small meshes".into();
-        let outcome = run_law(case, law, options, &mut row);
+        let outcome = run_law(case, law, &mut row);
         rows.push(row.ended(outcome));
     }
     Ok(rows)
 }
 
-fn run_law(
-    case: &ReferenceCase,
-    name: &str,
-    options: &ValidateOptions,
-    row: &mut ValidationRow,
-) -> Result<(), CaseError> {
+fn run_law(case: &ReferenceCase, name: &str, row: &mut ValidationRow) -> Result<(), CaseError> {
     let law = CaseLaw::find(name, "tet")?;
     (row.max_difference, row.rms_difference, row.energy_difference) = (0.0, 0.0, 0.0);
     let mut tangent_difference: f64 = 0.0;
@@ -54,27 +45,13 @@ fn run_law(
         let [points, u, v] = ["nodes", "u", "v"].map(|key| mesh.get(key).field(nodes));
         let (points, u, v) = (points?, u?, v?);
         let material = CaseMaterial::uniform(young_poisson(own + shared, mu));
-        let body = CaseBody {
-            points: &points,
-            cells: CaseCells::Tetrahedra(&cells),
-            law,
-            clusters: Some(&clusters),
-            material: &material,
-            thickness: 1.0,
-            plane: PlaneState::Stress,
-        };
-        let (mut simulation, body) = body.simulation(case, options)?;
-        simulation
-            .set_state(body, &u, &vec![DVec3::ZERO; nodes])
-            .map_err(|e| case.simulation_error(e))?;
+        let cells = CaseCells::Tetrahedra(&cells);
+        let body = CaseBody::new(&points, cells, law, &material);
+        let body = CaseBody { clusters: Some(&clusters), ..body };
+        let (mut simulation, body) = body.displaced(case, &u)?;
         let energy = simulation.evaluate();
-        let expected = truth.get("energy").number()?;
-        let forces = simulation.elastic_forces(body);
-        let force = truth.get("force").field(nodes)?;
-        let (max, rms) = difference(&forces, &force, largest(&force));
-        row.max_difference = worst(row.max_difference, max);
-        row.rms_difference = worst(row.rms_difference, rms);
-        row.energy_difference = worst(row.energy_difference, (energy / expected - 1.0).abs());
+        row.worst_fields(&simulation.elastic_forces(body), &truth.get("force").field(nodes)?);
+        row.worst_energy(energy, truth.get("energy").number()?);
         let product = tangent_times(&mut simulation, &v);
         let expected = truth.get("tangent_times_v").field(nodes)?;
         let (max, _) = difference(&product, &expected, largest(&expected));
@@ -83,7 +60,7 @@ fn run_law(
     }
     row.seconds = start.elapsed().as_secs_f64();
     row.remark(format!("tangent {tangent_difference:.1e}"));
-    let [close, near] = options.tolerance.map_or([1e-12, 1e-11], |tolerance| [tolerance; 2]);
+    let [close, near] = case.options.tolerance.map_or([1e-12, 1e-11], |tolerance| [tolerance; 2]);
     if row.max_difference <= close && row.energy_difference <= close && tangent_difference <= near {
         row.status = Status::Pass;
     }

@@ -4,11 +4,10 @@
 use super::body::{CaseBody, CaseCells, CaseLaw, CaseMaterial, mesh};
 use super::compare::worst;
 use super::read::{CaseEntry, ReferenceCase};
-use super::{CaseError, STATIC_TOLERANCE, Status, ValidateOptions, ValidationRow};
+use super::{CaseError, Rows, STATIC_TOLERANCE, Status, ValidationRow};
 use bevy_ecs::prelude::Entity;
 use glam::{DMat3, DQuat, DVec3};
 use sinew::engine::mesh::Mesh;
-use sinew::models::body::sheet::PlaneState;
 use sinew::prelude::*;
 use sinew::solvers::settings::LinearPrecision;
 use sinew::touch::set::ContactSet;
@@ -24,8 +23,7 @@ const INCREMENTS: u32 = 8;
 const FROM: f64 = 0.02;
 
 struct ContactCase<'a> {
-    case: &'a ReferenceCase,
-    options: &'a ValidateOptions,
+    case: &'a ReferenceCase<'a>,
     mesh: &'a Mesh,
     law: CaseLaw,
     material: CaseMaterial,
@@ -42,19 +40,16 @@ struct ContactOutcome {
     unconverged: u32,
 }
 
-pub(super) fn run(
-    case: &ReferenceCase,
-    options: &ValidateOptions,
-) -> Result<Vec<ValidationRow>, CaseError> {
+pub(super) fn run(case: &ReferenceCase) -> Rows {
     let root = case.root();
     root.refuse_unknown(KEYS)?;
-    let mesh = read_mesh(case, options)?;
+    let mesh = read_mesh(case)?;
     let cells =
         CaseCells::of(&mesh).ok_or_else(|| root.get("mesh").error("a mesh with elements"))?;
     let name = root.get("material").get("law");
     let law = CaseLaw::find(name.text()?, cells.kind())?;
     let material = CaseMaterial::read(&root.get("material"), cells.len())?;
-    let contact = ContactCase { case, options, mesh: &mesh, law, material };
+    let contact = ContactCase { case, mesh: &mesh, law, material };
     let mut rows = Vec::new();
     let mut add = |label: &str, run: &dyn Fn(&mut ValidationRow) -> Result<(), CaseError>| {
         let mut row = ValidationRow::new(&case.name(), label, mesh.points.len(), cells.len());
@@ -91,17 +86,17 @@ fn points_of(name: &str) -> Option<Points> {
 }
 
 /// A mesh file of any kind, or `nodes` and `tets` in JSON.
-fn read_mesh(case: &ReferenceCase, options: &ValidateOptions) -> Result<Mesh, CaseError> {
+fn read_mesh(case: &ReferenceCase) -> Result<Mesh, CaseError> {
     let name = case.root().get("mesh").text()?;
     let file = case.path.parent().map(|folder| folder.join(name));
     match file.filter(|file| file.extension().is_some_and(|e| e == "json") && file.is_file()) {
         Some(file) => {
-            let mesh = ReferenceCase::read(&file)?;
+            let mesh = ReferenceCase::read(&file, case.options)?;
             let root = mesh.root();
             let points = root.get("nodes").vectors()?;
             Ok(Mesh { points, tetrahedra: root.get("tets").cells()?, ..Mesh::default() })
         }
-        None => mesh(case, options),
+        None => mesh(case),
     }
 }
 
@@ -114,16 +109,9 @@ impl ContactCase<'_> {
     fn simulation(&self, settings: SolverSettings) -> Result<(Simulation, BodyHandle), CaseError> {
         let root = self.case.root();
         let cells = CaseCells::of(self.mesh).ok_or_else(|| root.error("a mesh with elements"))?;
-        let body = CaseBody {
-            points: &self.mesh.points,
-            cells,
-            law: self.law,
-            clusters: None,
-            material: &self.material,
-            thickness: 0.0,
-            plane: PlaneState::Stress,
-        };
-        let (mut simulation, handle) = body.simulation(self.case, self.options)?;
+        let body = CaseBody::new(&self.mesh.points, cells, self.law, &self.material);
+        let body = CaseBody { thickness: 0.0, ..body };
+        let (mut simulation, handle) = body.simulation(self.case)?;
         simulation.set_solver(settings);
         let mut axes = vec![0_u8; self.mesh.points.len()];
         for entry in root.get("fixed").list()? {
@@ -486,7 +474,7 @@ impl ContactCase<'_> {
         row.seconds = outcome.seconds;
         row.newton_iterations = outcome.newton;
         row.cg_iterations = outcome.cg;
-        let tolerance = self.options.tolerance.unwrap_or(STATIC_TOLERANCE);
+        let tolerance = self.case.options.tolerance.unwrap_or(STATIC_TOLERANCE);
         if outcome.unconverged > 0 {
             row.note = format!("{} steps did not converge; {}", outcome.unconverged, row.note);
         }

@@ -5,7 +5,7 @@ use super::compare::{difference, largest};
 use super::problem::{StaticProblem, StaticSolution, read_held};
 use super::quadratic;
 use super::read::{CaseEntry, ReferenceCase};
-use super::{CaseError, STATIC_TOLERANCE, Status, ValidateOptions, ValidationRow};
+use super::{CaseError, Rows, STATIC_TOLERANCE, Status, ValidationRow};
 use glam::DVec3;
 
 /// Keys of a case; those of elements and clusters belong to laws that are not built.
@@ -19,10 +19,7 @@ const RESULT_KEYS: &str = "cluster_pressure continuum discrete_vs_continuum ener
     follower_load max_disp mean_disp_on_group min_cell_ratio mixed plain_vs_continuum \
     quadratic_mean_dilatation reaction_on_group status u";
 
-pub(super) fn run(
-    case: &ReferenceCase,
-    options: &ValidateOptions,
-) -> Result<Vec<ValidationRow>, CaseError> {
+pub(super) fn run(case: &ReferenceCase) -> Rows {
     let root = case.root();
     root.refuse_unknown(KEYS)?;
     root.get("material").refuse_unknown(MATERIAL_KEYS)?;
@@ -32,17 +29,17 @@ pub(super) fn run(
     for law in results.object()?.keys() {
         let result = results.get(law);
         let mut row = ValidationRow::new(&case.name(), law, count("nodes"), count("cells"));
-        let outcome = run_law(case, law, &result, Clusters::Given, options, &mut row);
+        let outcome = run_law(case, law, &result, Clusters::Given, &mut row);
         rows.push(row.ended(outcome));
         if root.get("clusters").is_list() && !result.get("discrete_vs_continuum").is_absent() {
             let mut row = ValidationRow::new(&case.name(), law, count("nodes"), count("cells"));
-            let outcome = run_law(case, law, &result, Clusters::Own, options, &mut row);
+            let outcome = run_law(case, law, &result, Clusters::Own, &mut row);
             row.remark("clusters of the engine".into());
             rows.push(row.ended(outcome));
         }
         if !result.get("quadratic_mean_dilatation").is_absent() {
             let mut row = ValidationRow::new(&case.name(), law, 0, count("cells"));
-            let outcome = run_quadratic(case, law, &result, options, &mut row);
+            let outcome = run_quadratic(case, law, &result, &mut row);
             row.remark("ten-node tetrahedra".into());
             rows.push(row.ended(outcome));
         }
@@ -55,12 +52,11 @@ fn run_quadratic(
     case: &ReferenceCase,
     law: &str,
     result: &CaseEntry,
-    options: &ValidateOptions,
     row: &mut ValidationRow,
 ) -> Result<(), CaseError> {
-    let mesh = mesh(case, options)?;
+    let mesh = mesh(case)?;
     let held = read_held(&case.root().get("dirichlet"), mesh.points.len())?;
-    quadratic::run(case, law, (result, &mesh, &held), options, row)
+    quadratic::run(case, law, (result, &mesh, &held), row)
 }
 
 /// Whose clusters of tetrahedra keep volumes.
@@ -84,7 +80,6 @@ fn run_law(
     law: &str,
     result: &CaseEntry,
     whose: Clusters,
-    options: &ValidateOptions,
     row: &mut ValidationRow,
 ) -> Result<(), CaseError> {
     let root = case.root();
@@ -95,7 +90,7 @@ fn run_law(
     if status != "ok" {
         return Err(CaseError::NotRun(format!("the reference has no solution: {status}")));
     }
-    let mesh = mesh(case, options)?;
+    let mesh = mesh(case)?;
     let cells = CaseCells::of(&mesh).filter(|cells| cells.kind() == kind);
     let cells =
         cells.ok_or_else(|| root.get("cell_type").error("the kind of cells of the mesh"))?;
@@ -109,9 +104,8 @@ fn run_law(
         }
         _ => None,
     };
-    let clusters = clusters.as_deref();
-    let body =
-        CaseBody { points, cells, law, clusters, material: &material, thickness: 1.0, plane };
+    let body = CaseBody::new(points, cells, law, &material);
+    let body = CaseBody { clusters: clusters.as_deref(), plane, ..body };
     (row.nodes, row.cells) = (points.len(), cells.len());
     let truth = result.get("u").field(points.len())?;
     let problem = StaticProblem::read(case, result, &mesh)?;
@@ -123,7 +117,7 @@ fn run_law(
         Some(ratio) => ratio.number()? > 0.0,
         None => true,
     };
-    let solution = problem.settle(case, &body, options, clean, row)?;
+    let solution = problem.settle(case, &body, clean, row)?;
 
     let StaticSolution { mut simulation, body, converged, .. } = solution;
     let energy = simulation.evaluate();
@@ -131,8 +125,7 @@ fn run_law(
     let continuum = result.get("continuum").get("u").given();
     let continuum = continuum.map(|field| field.field(points.len())).transpose()?;
     if let Some(continuum) = &continuum {
-        let (max, rms) = difference(&u, continuum, largest(continuum));
-        (row.continuum_max_percent, row.continuum_rms_percent) = (100.0 * max, 100.0 * rms);
+        row.beside_continuum(&u, continuum, largest(continuum));
     }
     if whose == Clusters::Own {
         let stored = result.get("discrete_vs_continuum");
@@ -166,7 +159,7 @@ fn run_law(
     let external = simulation.external_forces(body);
     let groups = problem.reactions(case, result, &mesh, &elastic, &external)?;
     row.reaction_difference = reaction_difference(&groups, largest(&elastic));
-    let tolerance = options.tolerance.unwrap_or(STATIC_TOLERANCE);
+    let tolerance = case.options.tolerance.unwrap_or(STATIC_TOLERANCE);
     let energy_tolerance = tolerance.max(1e-12);
     if converged
         && row.max_difference <= tolerance

@@ -2,7 +2,7 @@
 
 use super::body::CaseBody;
 use super::read::{CaseEntry, ReferenceCase};
-use super::{CaseError, ValidateOptions, ValidationRow};
+use super::{CaseError, ValidationRow};
 use glam::DVec3;
 use sinew::engine::load::Pressure;
 use sinew::engine::mesh::Mesh;
@@ -57,17 +57,16 @@ impl StaticProblem {
         &self,
         case: &ReferenceCase,
         body: &CaseBody,
-        options: &ValidateOptions,
         clean: bool,
         row: &mut ValidationRow,
     ) -> Result<StaticSolution, CaseError> {
         let start = Instant::now();
-        let mut solution = self.solve(case, body, options, 1, row)?;
+        let mut solution = self.solve(case, body, 1, row)?;
         for load_steps in [4, 16, 64] {
             if solution.converged && !(clean && solution.inverted > 0) {
                 break;
             }
-            solution = self.solve(case, body, options, load_steps, row)?;
+            solution = self.solve(case, body, load_steps, row)?;
         }
         row.seconds = start.elapsed().as_secs_f64();
         solution.remark(row);
@@ -79,11 +78,10 @@ impl StaticProblem {
         &self,
         case: &ReferenceCase,
         body: &CaseBody,
-        options: &ValidateOptions,
         load_steps: u32,
         row: &mut ValidationRow,
     ) -> Result<StaticSolution, CaseError> {
-        let (mut simulation, body) = body.simulation(case, options)?;
+        let (mut simulation, body) = body.simulation(case)?;
         self.support(case, &mut simulation, body)?;
         simulation.set_dt(1.0 / f64::from(load_steps));
         simulation.set_solver(SolverSettings {

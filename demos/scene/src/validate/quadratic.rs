@@ -4,7 +4,7 @@ use super::body::{CaseBody, CaseCells, CaseLaw, CaseMaterial};
 use super::compare::{difference, largest};
 use super::problem::{Held, StaticProblem};
 use super::read::{CaseEntry, ReferenceCase};
-use super::{CaseError, Status, ValidateOptions, ValidationRow};
+use super::{CaseError, Status, ValidationRow};
 use glam::DVec3;
 use sinew::engine::isoparametric::MIDDLES;
 use sinew::engine::mesh::{Group, Mesh};
@@ -112,7 +112,6 @@ pub(super) fn run(
     case: &ReferenceCase,
     law: &str,
     (result, linear, corners): (&CaseEntry, &Mesh, &Held),
-    options: &ValidateOptions,
     row: &mut ValidationRow,
 ) -> Result<(), CaseError> {
     let truth = result.get("quadratic_mean_dilatation");
@@ -127,16 +126,14 @@ pub(super) fn run(
     if nodes.index()? as usize != row.nodes {
         return Err(nodes.error(format!("{} nodes, as the mesh of second order has", row.nodes)));
     }
-    let (points, plane) = (&mesh.points, Default::default());
-    let body =
-        CaseBody { points, cells, law, clusters: None, material: &material, thickness: 1.0, plane };
+    let body = CaseBody::new(&mesh.points, cells, law, &material);
     let problem = StaticProblem {
         held: quadratic.held(corners),
         loads: quadratic.loads(&root)?,
         pressure: None,
         start: None,
     };
-    let mut solution = problem.settle(case, &body, options, true, row)?;
+    let mut solution = problem.settle(case, &body, true, row)?;
     let energy = solution.simulation.evaluate();
     let mut u = solution.simulation.displacements(solution.body);
     u.truncate(linear.points.len());
@@ -146,10 +143,9 @@ pub(super) fn run(
     row.energy_difference = (energy - expected).abs() / expected.abs();
     if let Some(continuum) = result.get("continuum").get("u").given() {
         let continuum = continuum.field(u.len())?;
-        let (max, rms) = difference(&u, &continuum, largest(&continuum));
-        (row.continuum_max_percent, row.continuum_rms_percent) = (100.0 * max, 100.0 * rms);
+        row.beside_continuum(&u, &continuum, largest(&continuum));
     }
-    let [tolerance, energy_tolerance] = options.tolerance.map_or(TOLERANCES, |own| [own; 2]);
+    let [tolerance, energy_tolerance] = case.options.tolerance.map_or(TOLERANCES, |own| [own; 2]);
     if solution.converged
         && row.max_difference <= tolerance
         && row.energy_difference <= energy_tolerance

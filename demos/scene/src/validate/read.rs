@@ -1,6 +1,6 @@
 //! Case files: where they are, and a cursor over their values that knows its key for errors.
 
-use super::CaseError;
+use super::{CaseError, ValidateOptions};
 use crate::error::hint;
 use glam::DVec3;
 use serde_json::{Map, Value};
@@ -18,14 +18,14 @@ pub(super) fn case_files(paths: &[PathBuf]) -> Result<Vec<PathBuf>, CaseError> {
         let before = files.len();
         collect(path, &mut files)?;
         if files.len() == before {
-            return Err(CaseError::NoCases { folder: path.clone() });
+            return Err(CaseError::NoCases(path.clone()));
         }
     }
     Ok(files)
 }
 
 fn collect(folder: &Path, files: &mut Vec<PathBuf>) -> Result<(), CaseError> {
-    let failed = |source| CaseError::Io { path: folder.into(), source };
+    let failed = |source: std::io::Error| CaseError::of(folder, source);
     let entries: Result<Vec<_>, _> = std::fs::read_dir(folder).map_err(failed)?.collect();
     let mut paths: Vec<PathBuf> = entries.map_err(failed)?.iter().map(|e| e.path()).collect();
     paths.sort();
@@ -56,18 +56,18 @@ pub fn reference_folder() -> Result<PathBuf, CaseError> {
 }
 
 /// A case file.
-pub(super) struct ReferenceCase {
+pub(super) struct ReferenceCase<'a> {
     pub path: PathBuf,
+    /// How it is run.
+    pub options: &'a ValidateOptions,
     value: Value,
 }
 
-impl ReferenceCase {
-    pub fn read(path: &Path) -> Result<Self, CaseError> {
-        let text = std::fs::read_to_string(path)
-            .map_err(|source| CaseError::Io { path: path.into(), source })?;
-        let value = serde_json::from_str(&text)
-            .map_err(|source| CaseError::Json { path: path.into(), source })?;
-        Ok(Self { path: path.into(), value })
+impl<'a> ReferenceCase<'a> {
+    pub fn read(path: &Path, options: &'a ValidateOptions) -> Result<Self, CaseError> {
+        let text = std::fs::read_to_string(path).map_err(|error| CaseError::of(path, error))?;
+        let value = serde_json::from_str(&text).map_err(|error| CaseError::of(path, error))?;
+        Ok(Self { path: path.into(), options, value })
     }
 
     pub fn name(&self) -> String {
@@ -82,7 +82,15 @@ impl ReferenceCase {
         &self,
         source: impl Into<sinew::simulation::SimulationError>,
     ) -> CaseError {
-        CaseError::Simulation { case: self.path.clone(), source: Box::new(source.into()) }
+        let source: sinew::simulation::SimulationError = source.into();
+        CaseError::of(&self.path, source)
+    }
+}
+
+impl CaseError {
+    /// What is wrong with a file.
+    pub(super) fn of(path: &Path, source: impl std::error::Error + Send + Sync + 'static) -> Self {
+        Self::File { path: path.into(), source: Box::new(source) }
     }
 }
 

@@ -1,6 +1,8 @@
 //! What came out, as data and as a table.
 
 use super::CaseError;
+use super::compare::{difference, largest, worst};
+use glam::DVec3;
 use serde::Serialize;
 use sinew::models::body::Evaluation;
 use std::fmt;
@@ -86,6 +88,29 @@ impl ValidationRow {
             }
         }
         self
+    }
+
+    /// Notes a field, unless one that differed more from its truth was noted before.
+    pub(super) fn worst_fields(&mut self, own: &[DVec3], truth: &[DVec3]) {
+        self.worst_over(own, truth, largest(truth));
+    }
+
+    /// The same, over another size than that of the truth.
+    pub(super) fn worst_over(&mut self, own: &[DVec3], truth: &[DVec3], size: f64) {
+        let (max, rms) = difference(own, truth, size);
+        self.max_difference = worst(self.max_difference, max);
+        self.rms_difference = worst(self.rms_difference, rms);
+    }
+
+    /// The same of an energy.
+    pub(super) fn worst_energy(&mut self, own: f64, truth: f64) {
+        self.energy_difference = worst(self.energy_difference, (own / truth - 1.0).abs());
+    }
+
+    /// Notes how far a field is from that of the continuum, over `size`.
+    pub(super) fn beside_continuum(&mut self, own: &[DVec3], continuum: &[DVec3], size: f64) {
+        let (max, rms) = difference(own, continuum, size);
+        (self.continuum_max_percent, self.continuum_rms_percent) = (100.0 * max, 100.0 * rms);
     }
 
     /// Puts a remark before those that are there.

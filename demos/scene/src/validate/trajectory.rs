@@ -2,13 +2,13 @@
 //! converged in time.
 
 use super::body::{CaseBody, CaseCells, CaseLaw, CaseMaterial};
-use super::compare::{difference, worst};
+use super::compare::worst;
 use super::read::{CaseEntry, ReferenceCase};
-use super::{CaseError, Status, TRAJECTORY_TOLERANCE, ValidateOptions, ValidationRow};
+use super::{CaseError, Rows, Status, TRAJECTORY_TOLERANCE, ValidationRow};
 use glam::DVec3;
 use sinew::engine::mesh::Mesh;
 use sinew::models::body::VolumeRule;
-use sinew::models::body::sheet::{MembraneModel, PlaneState};
+use sinew::models::body::sheet::MembraneModel;
 use sinew::prelude::*;
 use sinew::simulation::SimulationError;
 use std::time::Instant;
@@ -48,7 +48,7 @@ fn law(model: &CaseEntry, cells: CaseCells) -> Result<CaseLaw, CaseError> {
 
 /// A trajectory with its body.
 struct Trajectory<'a> {
-    case: &'a ReferenceCase,
+    case: &'a ReferenceCase<'a>,
     body: CaseBody<'a>,
     start_u: Vec<DVec3>,
     start_v: Vec<DVec3>,
@@ -58,10 +58,7 @@ struct Trajectory<'a> {
     h: f64,
 }
 
-pub(super) fn run(
-    case: &ReferenceCase,
-    options: &ValidateOptions,
-) -> Result<Vec<ValidationRow>, CaseError> {
+pub(super) fn run(case: &ReferenceCase) -> Rows {
     let root = case.root();
     root.refuse_unknown(KEYS)?;
     let mesh = read_mesh(&root)?;
@@ -74,7 +71,6 @@ pub(super) fn run(
         CaseLaw::Solid(..) => 0.0,
     };
     let material = CaseMaterial::read(&root, cells.len())?;
-    let plane = PlaneState::Stress;
     if let Some(damping) = root.get("damping").given().filter(|d| d.number().ok() != Some(0.0)) {
         return Err(damping.error("0: trajectories with damping are not run"));
     }
@@ -82,15 +78,7 @@ pub(super) fn run(
     start_u.iter_mut().zip(&mesh.points).for_each(|(x, rest)| *x -= *rest);
     let trajectory = Trajectory {
         case,
-        body: CaseBody {
-            points: &mesh.points,
-            cells,
-            law,
-            clusters: None,
-            material: &material,
-            thickness,
-            plane,
-        },
+        body: CaseBody { thickness, ..CaseBody::new(&mesh.points, cells, law, &material) },
         start_u,
         start_v: root.get("initial_velocities").field(n)?,
         fixed: root.get("fixed_vertices").indices()?,
@@ -103,22 +91,17 @@ pub(super) fn run(
     {
         let law = format!("{}, {label}", law.name());
         let mut row = ValidationRow::new(&case.name(), &law, n, cells.len());
-        let outcome = trajectory.run(integrator, options, &mut row);
+        let outcome = trajectory.run(integrator, &mut row);
         rows.push(row.ended(outcome));
     }
     Ok(rows)
 }
 
 impl Trajectory<'_> {
-    fn run(
-        &self,
-        integrator: Integrator,
-        options: &ValidateOptions,
-        row: &mut ValidationRow,
-    ) -> Result<(), CaseError> {
+    fn run(&self, integrator: Integrator, row: &mut ValidationRow) -> Result<(), CaseError> {
         let root = self.case.root();
         let failed = |error: SimulationError| self.case.simulation_error(error);
-        let (mut simulation, body) = self.prepare(integrator, options)?;
+        let (mut simulation, body) = self.prepare(integrator)?;
         let at_start = self.compare_start(&mut simulation, body)?;
         let size = simulation.topology().bodies[body.0].size;
         let mut converged = true;
@@ -139,9 +122,7 @@ impl Trajectory<'_> {
             }
             let u = simulation.displacements(body);
             let truth = self.displacements(&state.get("positions"))?;
-            let (max, rms) = difference(&u, &truth, size);
-            row.max_difference = worst(row.max_difference, max);
-            row.rms_difference = worst(row.rms_difference, rms);
+            row.worst_over(&u, &truth, size);
             let expected = state.get("elastic_energy").number()?;
             let energy = simulation.evaluate();
             row.energy_difference =
@@ -157,7 +138,7 @@ impl Trajectory<'_> {
             let why = "one linearised step: shown for its distance, no criterion";
             return Err(CaseError::NotRun(why.into()));
         }
-        let tolerance = options.tolerance.unwrap_or(TRAJECTORY_TOLERANCE);
+        let tolerance = self.case.options.tolerance.unwrap_or(TRAJECTORY_TOLERANCE);
         if let Some(remark) = at_start {
             row.remark(remark);
         } else if converged && row.max_difference <= tolerance {
@@ -167,13 +148,9 @@ impl Trajectory<'_> {
     }
 
     /// The body in its first state.
-    fn prepare(
-        &self,
-        integrator: Integrator,
-        options: &ValidateOptions,
-    ) -> Result<(Simulation, BodyHandle), CaseError> {
+    fn prepare(&self, integrator: Integrator) -> Result<(Simulation, BodyHandle), CaseError> {
         let failed = |error: SimulationError| self.case.simulation_error(error);
-        let (mut simulation, body) = self.body.simulation(self.case, options)?;
+        let (mut simulation, body) = self.body.simulation(self.case)?;
         simulation.set_state(body, &self.start_u, &self.start_v).map_err(failed)?;
         // vertices without an element are not part of the body
         let rows = &simulation.topology().bodies[body.0];
@@ -239,8 +216,7 @@ impl Trajectory<'_> {
             let truth = self.displacements(&fine.get("positions").at(i))?;
             let scale = fine.get("length_scale_of_uncertainty").given();
             let scale = scale.map_or(Ok(size), |scale| scale.number())?;
-            let (max, rms) = difference(u, &truth, scale);
-            (row.continuum_max_percent, row.continuum_rms_percent) = (100.0 * max, 100.0 * rms);
+            row.beside_continuum(u, &truth, scale);
             row.note = "continuum columns: time error at the last common time".into();
         }
         Ok(())
