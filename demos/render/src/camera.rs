@@ -138,7 +138,7 @@ impl Camera {
             (low, high) = (low.min(p), high.max(p));
         }
         if low.x > high.x {
-            return Err(RenderError::Empty { reason: "no point to look at".into() });
+            return Err(RenderError::Empty("no point to look at".into()));
         }
         let size = (high - low).length().max(1e-6);
         let eye = match request {

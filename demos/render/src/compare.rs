@@ -133,7 +133,7 @@ impl Comparison {
     pub fn new(gpu: Gpu, mut panels: Vec<Panel>, grid: &Grid) -> Result<Self, RenderError> {
         let first = panels
             .first()
-            .ok_or_else(|| RenderError::Empty { reason: "a comparison without a run".into() })?;
+            .ok_or_else(|| RenderError::Empty("a comparison without a run".into()))?;
         for panel in &panels {
             panel.recording.check()?;
             let count = panel.recording.fields.len();

@@ -21,11 +21,8 @@ pub enum RenderError {
         remedy: String,
     },
     /// The device lost its memory or stopped answering.
-    #[error("the graphics device failed: {reason}; try a smaller --size or another --adapter")]
-    Device {
-        /// What it said.
-        reason: String,
-    },
+    #[error("the graphics device failed: {0}; try a smaller --size or another --adapter")]
+    Device(String),
     /// An index beyond the points of a frame.
     #[error("frame {frame}: {what} {index} does not exist, there are {count}")]
     Index {
@@ -39,11 +36,8 @@ pub enum RenderError {
         count: usize,
     },
     /// Nothing to draw.
-    #[error("there is nothing to draw: {reason}")]
-    Empty {
-        /// What is missing.
-        reason: String,
-    },
+    #[error("there is nothing to draw: {0}")]
+    Empty(String),
     /// A word that is not understood.
     #[error("{option}: `{found}` is not understood; {remedy}")]
     Option {

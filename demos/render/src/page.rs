@@ -226,10 +226,10 @@ pub fn page(recordings: &[&Recording], camera: CameraRequest) -> Result<String, 
     for recording in recordings {
         recording.check()?;
     }
-    let empty = || RenderError::Empty { reason: "a page without a run".into() };
+    let empty = || RenderError::Empty("a page without a run".into());
     let first = recordings.first().ok_or_else(empty)?;
     let runs: Result<Vec<Value>, _> = recordings.iter().map(|r| run_data(r)).collect();
-    let runs = runs.map_err(|e| RenderError::Empty { reason: e.to_string() })?;
+    let runs = runs.map_err(|e| RenderError::Empty(e.to_string()))?;
     let camera = match camera {
         CameraRequest::Orbit { azimuth, elevation, .. } => [azimuth, elevation],
         // the player only circles

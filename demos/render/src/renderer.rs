@@ -356,7 +356,7 @@ impl Renderer {
     }
 
     fn take(&mut self) -> Result<Image, RenderError> {
-        let device = |reason: String| RenderError::Device { reason };
+        let device = RenderError::Device;
         let pending = self.pending.pop_front().ok_or_else(|| device("no picture".into()))?;
         loop {
             match pending.mapped.try_recv() {

@@ -114,7 +114,7 @@ pub struct Frame {
 }
 
 /// All there is to draw of a run.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Recording {
     /// First line of the caption: the scene.
     pub title: String,
@@ -211,7 +211,7 @@ impl Recording {
     /// The first thing that does not fit.
     pub fn check(&self) -> Result<(), RenderError> {
         if self.frames.is_empty() {
-            return Err(RenderError::Empty { reason: format!("`{}` has no frames", self.title) });
+            return Err(RenderError::Empty(format!("`{}` has no frames", self.title)));
         }
         let fits = |frame: usize, skin: &Skin, count: usize| {
             let index = |what, index: Option<u32>, count: usize| match index {

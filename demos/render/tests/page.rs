@@ -1,11 +1,11 @@
 //! Numbers of a page: packed, and as they come back.
 
+use crate::common::displacement;
 use base64::Engine;
 use glam::Vec3;
 use sinew_render::camera::CameraRequest;
-use sinew_render::colour::ColourMap;
 use sinew_render::page::{self, Quantiser, run_data, whole_scalar};
-use sinew_render::scene::{Field, Frame, Recording};
+use sinew_render::scene::{Frame, Recording};
 use sinew_render::skin::Skin;
 use std::sync::Arc;
 
@@ -50,27 +50,16 @@ fn the_packed_numbers_are_those_of_the_run() {
         fields: vec![vec![0.1 * i as f32; 3]],
         ..Frame::default()
     };
-    let field = Field {
-        name: "displacement".into(),
-        label: "displacement".into(),
-        unit: "m".into(),
-        map: ColourMap::Viridis,
-        range: [0.0, 0.3],
-    };
     let recording = Recording {
         title: "A </script> title".into(),
-        subtitle: String::new(),
-        is_static: false,
-        falling: false,
         up: Vec3::Z,
         rest: rest.clone(),
         rest_skin: skin.clone(),
-        fields: vec![field],
+        fields: vec![displacement(0.3)],
         bodies: vec!["body".into()],
-        shapes: Vec::new(),
-        arrow_key: None,
         interval: 1.0,
         frames: (0..4).map(frame).collect(),
+        ..Recording::default()
     };
     let data = run_data(&recording).unwrap();
     let text = data["payload"].as_str().unwrap();

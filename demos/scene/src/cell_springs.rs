@@ -37,18 +37,12 @@ pub enum CellSpringsError {
     },
     /// Springs are those of linear tetrahedra.
     #[error(
-        "{source_name}: springs are for tetrahedra of four vertices, these have ten; take a mesh of first order"
+        "{0}: springs are for tetrahedra of four vertices, these have ten; take a mesh of first order"
     )]
-    SecondOrder {
-        /// File.
-        source_name: String,
-    },
+    SecondOrder(String),
     /// A sheet has no stiffness without one.
-    #[error("the thickness is {value} m; triangles need a positive one (--thickness)")]
-    Thickness {
-        /// What was given (m).
-        value: f64,
-    },
+    #[error("the thickness is {0} m; triangles need a positive one (--thickness)")]
+    Thickness(f64),
     /// A degenerate cell.
     #[error("tetrahedron {cell}: {source}")]
     Tetrahedron {
@@ -133,7 +127,7 @@ impl SpringTable {
     ) -> Result<Self, CellSpringsError> {
         let mesh = check(mesh, &CheckOptions::default())?.mesh;
         if mesh.is_second_order() {
-            return Err(CellSpringsError::SecondOrder { source_name: mesh.source.clone() });
+            return Err(CellSpringsError::SecondOrder(mesh.source.clone()));
         }
         let solid = mesh.is_solid();
         let (kind, count) = match solid {
@@ -183,7 +177,7 @@ fn triangle(
 ) -> Result<CellSprings, CellSpringsError> {
     material.validate_sheet()?;
     if !(thickness > 0.0 && thickness.is_finite()) {
-        return Err(CellSpringsError::Thickness { value: thickness });
+        return Err(CellSpringsError::Thickness(thickness));
     }
     let vertices = mesh.triangles[cell];
     let rest = RestTriangle::new(vertices.map(|v| mesh.points[v as usize].to_array()))

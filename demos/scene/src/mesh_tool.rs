@@ -15,37 +15,20 @@ pub enum ConvertError {
     #[error(transparent)]
     Mesh(#[from] MeshError),
     /// The extension names no format that can be written.
-    #[error("{path}: cannot write this format; use the extension .msh, .vtk or .vtu")]
-    Format {
-        /// Path of the file.
-        path: PathBuf,
-    },
+    #[error("{0}: cannot write this format; use the extension .msh, .vtk or .vtu")]
+    Format(PathBuf),
     /// There is nothing in it.
-    #[error("{path}: the file holds no vertices; export the mesh again")]
-    Empty {
-        /// Path of the file.
-        path: PathBuf,
-    },
+    #[error("{0}: the file holds no vertices; export the mesh again")]
+    Empty(PathBuf),
     /// Second order is for tetrahedra.
-    #[error(
-        "{path}: there are no tetrahedra to make second-order ones of; leave --second-order out"
-    )]
-    NoTetrahedra {
-        /// Path of the file.
-        path: PathBuf,
-    },
+    #[error("{0}: there are no tetrahedra to make second-order ones of; leave --second-order out")]
+    NoTetrahedra(PathBuf),
     /// Only vertices in the middle of edges are put on a surface.
-    #[error("{path}: linear elements have no vertices to put there; add --second-order")]
-    NotSecondOrder {
-        /// Path of the surface.
-        path: PathBuf,
-    },
+    #[error("{0}: linear elements have no vertices to put there; add --second-order")]
+    NotSecondOrder(PathBuf),
     /// A file without a surface.
-    #[error("{path}: there is no surface to put vertices on; give triangles, or solid elements")]
-    NoSurface {
-        /// Path of the file.
-        path: PathBuf,
-    },
+    #[error("{0}: there is no surface to put vertices on; give triangles, or solid elements")]
+    NoSurface(PathBuf),
     /// A coordinate is not finite, or beyond what volumes can be computed of.
     #[error(
         "{path}: vertex {vertex} (counted from 0) lies at {at:?} m: coordinates must be finite and at most \
@@ -60,11 +43,8 @@ pub enum ConvertError {
         at: [f64; 3],
     },
     /// The scale is not usable.
-    #[error("scale is {scale}; give a positive factor (0.001 for a mesh in millimetres)")]
-    Scale {
-        /// What was given.
-        scale: f64,
-    },
+    #[error("scale is {0}; give a positive factor (0.001 for a mesh in millimetres)")]
+    Scale(f64),
 }
 
 /// Largest coordinate (m) of a mesh: its volume is still a number.
@@ -258,7 +238,7 @@ pub fn read(path: &Path) -> Result<Mesh, ConvertError> {
 
 fn check_points(path: &Path, mesh: &Mesh) -> Result<(), ConvertError> {
     if mesh.points.is_empty() {
-        return Err(ConvertError::Empty { path: path.into() });
+        return Err(ConvertError::Empty(path.into()));
     }
     let usable = |p: &DVec3| p.to_array().iter().all(|x| x.abs() <= MOST);
     match mesh.points.iter().position(|p| !usable(p)) {
@@ -280,7 +260,7 @@ pub fn write(path: &Path, mesh: &Mesh) -> Result<(), ConvertError> {
         Some("msh") => Ok(write_gmsh(path, mesh)?),
         Some("vtk") => Ok(write_vtk(path, &VtuData::of_mesh(mesh))?),
         Some("vtu") => Ok(write_vtu(path, &VtuData::of_mesh(mesh))?),
-        _ => Err(ConvertError::Format { path: path.into() }),
+        _ => Err(ConvertError::Format(path.into())),
     }
 }
 
@@ -297,7 +277,7 @@ pub fn convert(
     onto: Option<&Path>,
 ) -> Result<MeshInfo, ConvertError> {
     if !(scale > 0.0 && scale.is_finite()) {
-        return Err(ConvertError::Scale { scale });
+        return Err(ConvertError::Scale(scale));
     }
     let mut mesh = read(from)?;
     if scale != 1.0 {
@@ -306,13 +286,13 @@ pub fn convert(
     }
     if second_order {
         if mesh.tetrahedra.is_empty() {
-            return Err(ConvertError::NoTetrahedra { path: from.into() });
+            return Err(ConvertError::NoTetrahedra(from.into()));
         }
         mesh = mesh.with_second_order();
     }
     let put = match onto {
         Some(path) if !mesh.is_second_order() => {
-            return Err(ConvertError::NotSecondOrder { path: path.into() });
+            return Err(ConvertError::NotSecondOrder(path.into()));
         }
         Some(path) => {
             let mut surface = read(path)?;
@@ -321,7 +301,7 @@ pub fn convert(
             }
             check_points(path, &surface)?;
             if surface.surface_triangles().is_empty() {
-                return Err(ConvertError::NoSurface { path: path.into() });
+                return Err(ConvertError::NoSurface(path.into()));
             }
             Some(mesh.put_middles_on(&surface))
         }

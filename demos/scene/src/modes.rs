@@ -36,11 +36,8 @@ pub enum ModesError {
     #[error("the stiffness at rest could not be inverted: hold enough vertices")]
     Solve,
     /// The frequencies still changed in the last round.
-    #[error("the frequencies did not settle in {rounds} rounds")]
-    Unsettled {
-        /// Rounds carried out.
-        rounds: usize,
-    },
+    #[error("the frequencies did not settle in {0} rounds")]
+    Unsettled(usize),
 }
 
 /// Most rounds; convergence is linear in the ratio of wanted to first unwanted eigenvalue.
@@ -142,7 +139,7 @@ pub fn modes(
             return Ok((modes.collect(), iterations));
         }
     }
-    Err(ModesError::Unsettled { rounds: ROUNDS })
+    Err(ModesError::Unsettled(ROUNDS))
 }
 
 /// Numbers without pattern on the free unknowns (splitmix64).

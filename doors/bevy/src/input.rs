@@ -127,11 +127,8 @@ pub struct InputFailed {
 #[non_exhaustive]
 pub enum InputError {
     /// It has no parent that is a body.
-    #[error("`{name}` is a child of no `SinewBody`: spawn it with `ChildOf(body)`")]
-    NoBody {
-        /// Input.
-        name: String,
-    },
+    #[error("`{0}` is a child of no `SinewBody`: spawn it with `ChildOf(body)`")]
+    NoBody(String),
     /// There is no such vertex.
     #[error(
         "`{name}`: vertex {vertex} of body `{body}` does not exist or belongs to no element, so it cannot be held or \
@@ -242,7 +239,7 @@ impl Begin<'_, '_> {
         patch: &Patch,
     ) -> Result<Option<Vec<VertexRow>>, InputError> {
         let body = parent.and_then(|parent| self.bodies.get(parent.parent()).ok());
-        let Some(body) = body else { return Err(InputError::NoBody { name: name.into() }) };
+        let Some(body) = body else { return Err(InputError::NoBody(name.into())) };
         let (own, Some(index)) = body else { return Ok(None) };
         let body = &self.topology.bodies[index.0];
         let vertices = match (patch, self.meshes.get(&own.mesh)) {

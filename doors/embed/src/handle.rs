@@ -80,11 +80,8 @@ pub enum HandleError {
         wanted: Kind,
     },
     /// A number that no door gave out, where any kind would do.
-    #[error("{handle} is no handle; use what the call that added it returned")]
-    Unknown {
-        /// The number.
-        handle: Handle,
-    },
+    #[error("{0} is no handle; use what the call that added it returned")]
+    Unknown(Handle),
     /// A handle of another kind.
     #[error("handle {handle} is that of a {found}, not of a {wanted}")]
     Kind {
@@ -104,11 +101,8 @@ pub enum HandleError {
         kind: Kind,
     },
     /// Bodies stay.
-    #[error("handle {handle} is that of a body: bodies stay; remove its elements instead")]
-    BodyStays {
-        /// The handle.
-        handle: Handle,
-    },
+    #[error("handle {0} is that of a body: bodies stay; remove its elements instead")]
+    BodyStays(Handle),
 }
 
 /// What a handle leads to.
@@ -181,17 +175,17 @@ impl Handles {
 
     /// Of whatever kind it is.
     pub fn any(&self, handle: Handle) -> Result<(Kind, &str, Target), HandleError> {
-        let kind = Kind::of(handle).ok_or(HandleError::Unknown { handle })?;
+        let kind = Kind::of(handle).ok_or(HandleError::Unknown(handle))?;
         let (_, slot) = self.slot(handle, kind)?;
         Ok((slot.kind, &slot.name, slot.target))
     }
 
     pub fn remove(&mut self, handle: Handle) -> Result<(Kind, Target), HandleError> {
-        let kind = Kind::of(handle).ok_or(HandleError::Unknown { handle })?;
+        let kind = Kind::of(handle).ok_or(HandleError::Unknown(handle))?;
         let (index, slot) = self.slot(handle, kind)?;
         let target = slot.target;
         if kind == Kind::Body {
-            return Err(HandleError::BodyStays { handle });
+            return Err(HandleError::BodyStays(handle));
         }
         self.slots[index] = None;
         self.free.push(index);

@@ -88,22 +88,24 @@ pub fn bar() -> Recording {
     Recording {
         title: "Bar".into(),
         subtitle: "bends to an arc".into(),
-        is_static: false,
-        falling: false,
         up: Vec3::Z,
         rest_skin: skin,
         rest,
-        fields: vec![Field {
-            name: "displacement".into(),
-            label: "displacement".into(),
-            unit: "m".into(),
-            map: ColourMap::Viridis,
-            range: [0.0, 0.65],
-        }],
+        fields: vec![displacement(0.65)],
         bodies: vec!["bar".into()],
-        shapes: Vec::new(),
-        arrow_key: None,
         interval: 0.5,
         frames,
+        ..Recording::default()
+    }
+}
+
+/// The field of displacements up to a length (m).
+pub fn displacement(most: f32) -> Field {
+    Field {
+        name: "displacement".into(),
+        label: "displacement".into(),
+        unit: "m".into(),
+        map: ColourMap::Viridis,
+        range: [0.0, most],
     }
 }

@@ -422,7 +422,7 @@ fn film(
             }
             Ok::<(), RenderError>(())
         });
-        let stopped = || RenderError::Device { reason: "the encoder has stopped".into() };
+        let stopped = || RenderError::Device("the encoder has stopped".into());
         let mut send = |i, image| sender.send((i, image)).map_err(|_| stopped());
         let drawn = match source {
             FilmSource::One(painter) => painter.film(recording, &frames, &mut send),
