@@ -3,6 +3,7 @@
 use crate::assemble::{BuildOptions, build};
 use crate::error::{SceneError, SceneProblem};
 use crate::scene::LoadedScene;
+use crate::summary::{LoadSummary, PressureSummary};
 use crate::text::{counted, short};
 use crate::warning::{Level, Warning};
 use serde::Serialize;
@@ -97,12 +98,12 @@ fn check_scene(path: &Path, summary: &mut CheckSummary) -> Result<(), SceneError
         summary.plan.push(format!("constraint `{}`: {count} vertices of `{body}`", c.name));
     }
     for load in &built.loads {
-        let (body, count) = (&built.bodies[load.body].name, load.vertices);
-        summary.plan.push(format!("load `{}`: {count} vertices of `{body}`", load.name));
+        let LoadSummary { name, body, vertices, .. } = &load.summary;
+        summary.plan.push(format!("load `{name}`: {vertices} vertices of `{body}`"));
     }
     for p in &built.pressures {
-        let (body, count) = (&built.bodies[p.body].name, p.triangles);
-        summary.plan.push(format!("pressure `{}`: {count} triangles of `{body}`", p.name));
+        let PressureSummary { name, body, triangles, .. } = &p.summary;
+        summary.plan.push(format!("pressure `{name}`: {triangles} triangles of `{body}`"));
     }
     for probe in &built.probes {
         let (body, count) = (&built.bodies[probe.body].name, probe.vertices.len());

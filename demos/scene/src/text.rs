@@ -70,6 +70,14 @@ impl TextBlock {
     }
 }
 
+/// Adds a line to a block: its label, and a text as of `format!`.
+macro_rules! line {
+    ($block:expr, $label:expr, $($text:tt)+) => {
+        $block.line($label, format!($($text)+))
+    };
+}
+pub(crate) use line;
+
 /// Writes blocks, their labels in one column.
 pub(crate) fn write_blocks(f: &mut fmt::Formatter<'_>, blocks: &[TextBlock]) -> fmt::Result {
     let labels = blocks.iter().flat_map(|block| &block.lines).map(|(label, _)| label);

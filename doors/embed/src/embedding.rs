@@ -138,23 +138,7 @@ impl Embedding {
             settings: options.solver.clone(),
             threads: options.threads,
         };
-        Ok(Self::of(
-            BuiltScene {
-                simulation,
-                bodies: Vec::new(),
-                constraints: Vec::new(),
-                loads: Vec::new(),
-                resections: Vec::new(),
-                pressures: Vec::new(),
-                tools: Vec::new(),
-                pulls: Vec::new(),
-                contacts: Vec::new(),
-                probes: Vec::new(),
-                plan,
-                warnings: Vec::new(),
-            },
-            None,
-        ))
+        Ok(Self::of(BuiltScene::empty(simulation, plan), None))
     }
 
     /// The simulation of a scene, from its text; `name` stands for its file in messages. Files that it names are asked of
@@ -207,8 +191,10 @@ impl Embedding {
         let named = |kind: Kind| -> Vec<(&String, Entity)> {
             match kind {
                 Kind::Constraint => built.constraints.iter().map(|c| (&c.name, c.entity)).collect(),
-                Kind::Load => built.loads.iter().map(|l| (&l.name, l.entity)).collect(),
-                Kind::Pressure => built.pressures.iter().map(|p| (&p.name, p.entity)).collect(),
+                Kind::Load => built.loads.iter().map(|l| (&l.summary.name, l.entity)).collect(),
+                Kind::Pressure => {
+                    built.pressures.iter().map(|p| (&p.summary.name, p.entity)).collect()
+                }
                 Kind::Tool => built.tools.iter().map(|t| (&t.name, t.entity)).collect(),
                 Kind::Contact => built.contacts.iter().map(|c| (&c.name, c.entity)).collect(),
                 Kind::Body | Kind::Pull => Vec::new(),

@@ -1,7 +1,7 @@
 //! What acts on the bodies of a scene, built.
 
+use crate::summary::{LoadSummary, PressureSummary};
 use bevy_ecs::entity::Entity;
-use glam::DVec3;
 use sinew::engine::vertex::FixedAxes;
 
 /// A constraint in the simulation.
@@ -32,32 +32,14 @@ impl BuiltConstraint {
     }
 }
 
-/// A load in the simulation.
+/// A load in the simulation, with what a run reports of it.
 #[derive(Clone, Debug)]
-pub struct BuiltLoad {
-    /// Name.
-    pub name: String,
-    /// Index of the body.
-    pub body: usize,
-    /// Number of vertices.
-    pub vertices: usize,
-    /// Total force (N) at curve value 1.
-    pub force: DVec3,
+pub struct BuiltLoad<S = LoadSummary> {
+    /// What is reported.
+    pub summary: S,
     /// The load.
     pub entity: Entity,
 }
 
 /// A pressure in the simulation.
-#[derive(Clone, Debug)]
-pub struct BuiltPressure {
-    /// Name.
-    pub name: String,
-    /// Index of the body.
-    pub body: usize,
-    /// Number of triangles.
-    pub triangles: usize,
-    /// Pressure (Pa) at curve value 1.
-    pub pressure: f64,
-    /// The pressure.
-    pub entity: Entity,
-}
+pub type BuiltPressure = BuiltLoad<PressureSummary>;

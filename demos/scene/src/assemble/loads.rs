@@ -6,6 +6,7 @@ use super::scene::BuiltScene;
 use super::select::{faces, select, which_body};
 use crate::error::SceneError;
 use crate::scene::{Key, LoadEntry, PressureEntry};
+use crate::summary::{LoadSummary, PressureSummary};
 use crate::warning::{Level, Warning};
 use sinew::engine::load::{Load, Pressure};
 use std::collections::HashMap;
@@ -25,7 +26,8 @@ pub(super) fn load(
     let share = force / rows.len() as f64;
     let forces = rows.iter().map(|&row| (row, share)).collect();
     let entity = built.simulation.add_load(Load { name: name.clone(), forces, curve });
-    Ok(BuiltLoad { name, body, vertices: rows.len(), force, entity })
+    let (body, force) = (built.bodies[body].name.clone(), force.to_array());
+    Ok(BuiltLoad { summary: LoadSummary { name, body, vertices: rows.len(), force }, entity })
 }
 
 /// A pressure of a scene.
@@ -68,8 +70,9 @@ pub(super) fn pressure(
     let pressure = entry.pressure * share;
     let own = Pressure { name: name.clone(), faces, pressure, curve };
     let entity = built.simulation.add_pressure(own);
-    let (triangles, pressure) = (triangles.len(), entry.pressure);
-    Ok(BuiltPressure { name, body, triangles, pressure, entity })
+    let (body, triangles) = (built.bodies[body].name.clone(), triangles.len());
+    let summary = PressureSummary { name, body, triangles, pressure: entry.pressure };
+    Ok(BuiltLoad { summary, entity })
 }
 
 /// Edges of the rim of some triangles with an end that no constraint holds. Where every face comes `once`,

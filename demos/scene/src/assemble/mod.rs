@@ -35,7 +35,6 @@ pub use touch::{BuiltContact, BuiltPull, BuiltTool};
 use crate::error::{SceneError, SceneProblem};
 use crate::scene::LoadedScene;
 use crate::warning::{Level, Warning};
-use sinew::engine::connectivity::ElementKind;
 use sinew::engine::workers::{Workers, WorkersError};
 use sinew::models::body::VolumeRule;
 use sinew::simulation::{Readback, Simulation, SimulationError, SimulationOptions};
@@ -58,20 +57,7 @@ pub fn build(loaded: &LoadedScene, options: &BuildOptions) -> Result<BuiltScene,
     }
     check_names(loaded)?;
     pulls::check(loaded, options)?;
-    let mut built = BuiltScene {
-        simulation: empty_simulation(loaded, options, &plan)?,
-        bodies: Vec::new(),
-        constraints: Vec::new(),
-        loads: Vec::new(),
-        resections: Vec::new(),
-        pressures: Vec::new(),
-        tools: Vec::new(),
-        pulls: Vec::new(),
-        contacts: Vec::new(),
-        probes: Vec::new(),
-        plan,
-        warnings: Vec::new(),
-    };
+    let mut built = BuiltScene::empty(empty_simulation(loaded, options, &plan)?, plan);
     // one kind after another, each in the order of the file
     macro_rules! add {
         ($($key:literal $entries:ident: $make:path;)*) => {$(
@@ -145,11 +131,7 @@ fn warn_of_long_runs(built: &mut BuiltScene) {
     // (s) per step and per element of a step, less than any machine of 2026 needs
     let explicit = built.plan.settings.integrator.facts().explicit;
     let [per_step, per_element] = if explicit { [3e-6, 2e-8] } else { [3e-5, 2e-7] };
-    let elements = built
-        .bodies
-        .iter()
-        .flat_map(|b| ElementKind::ALL.map(|kind| b.element_count(kind)))
-        .sum::<usize>();
+    let elements = built.element_count();
     let seconds = built.plan.steps as f64 * (per_step + per_element * elements as f64);
     if seconds > LONG {
         built.warnings.push(Warning::new(

@@ -8,6 +8,7 @@ use crate::probe::BuiltProbe;
 use crate::scene::Mode;
 use crate::warning::Warning;
 use glam::DVec3;
+use sinew::engine::connectivity::ElementKind;
 use sinew::engine::lanes::InstructionSet;
 use sinew::engine::schedule::Executor;
 use sinew::models::resection::RemovalError;
@@ -60,6 +61,30 @@ pub struct BuiltScene {
 }
 
 impl BuiltScene {
+    /// A scene without bodies.
+    pub fn empty(simulation: Simulation, plan: RunPlan) -> Self {
+        Self {
+            simulation,
+            bodies: Vec::new(),
+            constraints: Vec::new(),
+            loads: Vec::new(),
+            resections: Vec::new(),
+            pressures: Vec::new(),
+            tools: Vec::new(),
+            pulls: Vec::new(),
+            contacts: Vec::new(),
+            probes: Vec::new(),
+            plan,
+            warnings: Vec::new(),
+        }
+    }
+
+    /// Elements of all bodies.
+    pub fn element_count(&self) -> usize {
+        let counts = |body: &BuiltBody| ElementKind::ALL.map(|kind| body.element_count(kind));
+        self.bodies.iter().flat_map(counts).sum()
+    }
+
     /// Whether something can touch or pull a body.
     pub fn touches(&self) -> bool {
         !(self.tools.is_empty() && self.pulls.is_empty() && self.contacts.is_empty())

@@ -101,19 +101,11 @@ impl<'a> Recorder<'a> {
         inner: &'a mut dyn Observer,
     ) -> Self {
         let recording = Recording {
-            title: String::new(),
-            subtitle: String::new(),
             is_static: scene.scene.mode == Mode::Static,
             falling: !scene.scene.resections.is_empty(),
             up: Vec3::Z,
-            rest: Vec::new(),
-            rest_skin: Arc::default(),
             fields: options.quantities.iter().filter_map(|q| q.field()).collect(),
-            bodies: Vec::new(),
-            shapes: Vec::new(),
-            arrow_key: None,
-            interval: 0.0,
-            frames: Vec::new(),
+            ..Recording::default()
         };
         Self {
             scene,
@@ -567,25 +559,17 @@ fn titles(loaded: &LoadedScene, built: &BuiltScene) -> (String, String) {
     if let Some(first) = title.get(..1) {
         title = first.to_uppercase() + &title[1..];
     }
-    let mut models: Vec<String> = Vec::new();
+    let mut models = Vec::new();
     for body in &built.bodies {
-        let solid = body.mesh.is_solid();
-        let model = match (&body.membrane, solid) {
-            (Some(membrane), false) => word(&membrane.settings.model),
-            _ => word(&body.model),
+        let model = match &body.membrane {
+            Some(membrane) if !body.mesh.is_solid() => membrane.settings.model.name(),
+            _ => body.model.name(),
         };
         if !models.contains(&model) {
             models.push(model);
         }
     }
-    let elements: usize = built
-        .bodies
-        .iter()
-        .map(|b| {
-            let solids = b.mesh.tetrahedra.len() + b.mesh.hexahedra.len();
-            solids + b.membrane_triangles().len() + b.membrane_quads().len()
-        })
-        .sum();
+    let elements = built.element_count();
     let settings = &built.plan.settings;
     let step = match built.plan.mode {
         Mode::Dynamic => format!(", {:.3} ms", 1e3 * built.plan.dt),
@@ -600,12 +584,6 @@ fn titles(loaded: &LoadedScene, built: &BuiltScene) -> (String, String) {
     let integrator = settings.integrator.resolve().name();
     let subtitle = format!("{} · {integrator}{step} · {elements} elements", models.join(", "));
     (title, subtitle)
-}
-
-/// The word of a choice in scene files.
-fn word<T: serde::Serialize>(value: &T) -> String {
-    let value = serde_json::to_value(value).unwrap_or_default();
-    value.as_str().unwrap_or_default().to_string()
 }
 
 /// What the caption says about a step.

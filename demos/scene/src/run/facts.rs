@@ -4,9 +4,8 @@ use super::totals::Totals;
 use crate::assemble::{BuiltBody, BuiltScene};
 use crate::scene::{LoadedScene, Mode};
 use crate::summary::{
-    AxesSummary, BodySummary, ConstraintSummary, LoadSummary, Machine, MembraneSummary,
-    PressureSummary, RunSettings, RunSummary, RunTiming, SCHEMA, SceneSummary, SolverSummary,
-    Stage, SystemSummary, Versions, Warning,
+    AxesSummary, BodySummary, ConstraintSummary, Machine, MembraneSummary, RunSettings, RunSummary,
+    RunTiming, SCHEMA, SceneSummary, SolverSummary, Stage, SystemSummary, Versions, Warning,
 };
 use sinew::engine::report::SystemTimes;
 use sinew::engine::schedule::Executor;
@@ -55,19 +54,6 @@ impl RunFacts<'_> {
         let scene = self.scene(&bodies);
         let (constraints, settings) = (self.constraints(), self.settings());
         let Self { mut built, totals, failure, final_probes, files, .. } = self;
-        let on = |body: usize| built.bodies[body].name.clone();
-        let loads = built.loads.iter().map(|load| LoadSummary {
-            name: load.name.clone(),
-            body: on(load.body),
-            vertices: load.vertices,
-            force: load.force.to_array(),
-        });
-        let pressures = built.pressures.iter().map(|p| PressureSummary {
-            name: p.name.clone(),
-            body: on(p.body),
-            triangles: p.triangles,
-            pressure: p.pressure,
-        });
         RunSummary {
             schema: SCHEMA,
             completed: failure.is_none(),
@@ -78,9 +64,9 @@ impl RunFacts<'_> {
             settings,
             bodies,
             constraints,
-            loads: loads.collect(),
-            resections: built.resections.iter().map(|r| r.summary.clone()).collect(),
-            pressures: pressures.collect(),
+            loads: built.loads.into_iter().map(|l| l.summary).collect(),
+            resections: built.resections.into_iter().map(|r| r.summary).collect(),
+            pressures: built.pressures.into_iter().map(|p| p.summary).collect(),
             touch: totals.touch,
             final_probes,
             timing,

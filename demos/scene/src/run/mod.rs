@@ -43,28 +43,19 @@ pub struct RunOptions {
 }
 
 /// Is told how a run gets on.
+#[allow(unused_variables, reason = "one that does nothing keeps the names for its document")]
 pub trait Observer {
     /// The scene is built and at rest.
-    fn built(&mut self, scene: &mut BuiltScene) {
-        let _ = scene;
-    }
+    fn built(&mut self, scene: &mut BuiltScene) {}
     /// It goes on from a checkpoint after so many steps, or from the beginning, since there is none; damaged checkpoints
     /// were passed over.
-    fn resumed(&mut self, done: Option<u64>, damaged: &[PathBuf]) {
-        let _ = (done, damaged);
-    }
+    fn resumed(&mut self, done: Option<u64>, damaged: &[PathBuf]) {}
     /// The scene is built; `steps` follow.
-    fn start(&mut self, name: &str, steps: u64) {
-        let _ = (name, steps);
-    }
+    fn start(&mut self, name: &str, steps: u64) {}
     /// `done` steps are done, the clock stands at `time` (s).
-    fn step(&mut self, done: u64, time: f64, scene: &mut BuiltScene) {
-        let _ = (done, time, scene);
-    }
+    fn step(&mut self, done: u64, time: f64, scene: &mut BuiltScene) {}
     /// The probes were read after `step` steps at `time` (s); [`columns`](crate::probe::columns) names the values.
-    fn row(&mut self, step: u64, time: f64, probes: &[f64]) {
-        let _ = (step, time, probes);
-    }
+    fn row(&mut self, step: u64, time: f64, probes: &[f64]) {}
     /// The last step is done or has failed.
     fn finish(&mut self) {}
 }

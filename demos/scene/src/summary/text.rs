@@ -4,7 +4,7 @@ use super::{
     AxesSummary, BodySummary, MembraneSummary, RunSummary, SolverSummary, Warning, evaluation_name,
 };
 use crate::assemble::ResectionSummary;
-use crate::text::{TextBlock, counted, pressure, seconds, short, write_blocks};
+use crate::text::{TextBlock, counted, line, pressure, seconds, short, write_blocks};
 use sinew::models::body::lumped::SpringRule;
 use sinew::models::body::sheet::MembraneModel;
 use sinew::models::body::{Evaluation, Model, VolumeRule};
@@ -58,7 +58,7 @@ impl RunSummary {
 
     fn what(&self) -> TextBlock {
         let mut block = TextBlock::new("What was simulated");
-        block.line("scene", format!("{} ({})", self.scene.file, self.scene.mode));
+        line!(block, "scene", "{} ({})", self.scene.file, self.scene.mode);
         self.bodies.iter().for_each(|body| body.describe(&mut block));
         for c in &self.constraints {
             let window = match (c.from, c.until) {
@@ -70,25 +70,34 @@ impl RunSummary {
             let force = c.largest_reaction;
             let force =
                 force.map_or(String::new(), |r| format!("; largest reaction {} N", short(r)));
-            block.line(
+            line!(
+                block,
                 format!("hold {}", c.name),
-                format!(
-                    "{} vertices of {} along {}, {}{window}{force}",
-                    c.vertices, c.body, c.axes, c.motion
-                ),
+                "{} vertices of {} along {}, {}{window}{force}",
+                c.vertices,
+                c.body,
+                c.axes,
+                c.motion
             );
         }
         for p in &self.pressures {
-            block.line(
+            line!(
+                block,
                 format!("pressure {}", p.name),
-                format!("{} on {} triangles of {}", pressure(p.pressure), p.triangles, p.body),
+                "{} on {} triangles of {}",
+                pressure(p.pressure),
+                p.triangles,
+                p.body
             );
         }
         for load in &self.loads {
             let [x, y, z] = load.force.map(short);
-            block.line(
+            line!(
+                block,
                 format!("load {}", load.name),
-                format!("[{x}, {y}, {z}] N on {} vertices of {}", load.vertices, load.body),
+                "[{x}, {y}, {z}] N on {} vertices of {}",
+                load.vertices,
+                load.body
             );
         }
         self.touch.iter().for_each(|touch| touch.describe(&mut block));
@@ -96,19 +105,18 @@ impl RunSummary {
         let (s, steps) = (&self.settings.solver, self.settings.steps);
         let integrator = s.integrator.resolve().name();
         if self.scene.mode == "static" {
-            block.line("integrator", format!("{integrator}, {steps} load step(s)"));
+            line!(block, "integrator", "{integrator}, {steps} load step(s)");
         } else {
-            block.line(
+            line!(
+                block,
                 "integrator",
-                format!(
-                    "{integrator}, dt = {}, {} steps, {} simulated",
-                    seconds(self.settings.dt),
-                    self.timing.step.count,
-                    seconds(self.timing.simulated_s)
-                ),
+                "{integrator}, dt = {}, {} steps, {} simulated",
+                seconds(self.settings.dt),
+                self.timing.step.count,
+                seconds(self.timing.simulated_s)
             );
             let (mass, stiffness) = (s.mass_damping, s.stiffness_damping);
-            block.line("damping", format!("mass {mass} 1/s, stiffness {stiffness} s"));
+            line!(block, "damping", "mass {mass} 1/s, stiffness {stiffness} s");
         }
         block
     }
@@ -117,22 +125,25 @@ impl RunSummary {
         let mut block = TextBlock::new("How fast");
         let step = &self.timing.step;
         let [median, p99, longest] = [step.median_ms, step.p99_ms, step.max_ms].map(short);
-        block.line(
+        line!(
+            block,
             "per step",
-            format!("{median} ms median, {p99} ms 99th percentile, {longest} ms longest"),
+            "{median} ms median, {p99} ms 99th percentile, {longest} ms longest"
         );
         if let Some(factor) = self.timing.real_time_factor {
-            block.line("real time", format!("{} times real time", short(factor)));
+            line!(block, "real time", "{} times real time", short(factor));
         }
         let (machine, settings) = (&self.machine, &self.settings);
         let processor = machine.processor.as_deref().unwrap_or(machine.architecture);
-        block.line("on", format!("{processor}, {} cores, {}", machine.cores, machine.os));
-        block.line(
+        line!(block, "on", "{processor}, {} cores, {}", machine.cores, machine.os);
+        line!(
+            block,
             "with",
-            format!(
-                "{} thread(s), {}, instruction set {}, executor {}",
-                settings.threads, settings.precision, settings.instruction_set, settings.executor
-            ),
+            "{} thread(s), {}, instruction set {}, executor {}",
+            settings.threads,
+            settings.precision,
+            settings.instruction_set,
+            settings.executor
         );
         self.describe_gpu(&mut block);
         let stages: Vec<String> = self
@@ -145,36 +156,34 @@ impl RunSummary {
         let names = self.timing.systems.iter().map(|s| s.name.chars().count());
         let width = names.max().unwrap_or(0);
         for (i, system) in self.timing.systems.iter().enumerate() {
-            block.line(
+            line!(
+                block,
                 if i == 0 { "time per system" } else { "" },
-                format!(
-                    "{:<width$} {:>8} ms per step, {:>3.0} % of the steps, {} runs",
-                    system.name,
-                    short(system.per_step_ms),
-                    100.0 * system.share,
-                    system.runs
-                ),
+                "{:<width$} {:>8} ms per step, {:>3.0} % of the steps, {} runs",
+                system.name,
+                short(system.per_step_ms),
+                100.0 * system.share,
+                system.runs
             );
         }
         let SolverSummary { totals: t, figures: s } = &self.solver;
         let per_step = |total: u64| short(total as f64 / step.count.max(1) as f64);
         if t.newton_iterations > 0 {
-            block.line(
+            line!(
+                block,
                 "iterations",
-                format!(
-                    "CG {} per step (most {}), Newton {} per step (most {})",
-                    per_step(t.cg_iterations),
-                    s.cg_iterations_max,
-                    per_step(t.newton_iterations),
-                    s.newton_iterations_max
-                ),
+                "CG {} per step (most {}), Newton {} per step (most {})",
+                per_step(t.cg_iterations),
+                s.cg_iterations_max,
+                per_step(t.newton_iterations),
+                s.newton_iterations_max
             );
         }
         if t.substeps > 0 {
             let stable = s
                 .stable_step
                 .map_or(String::new(), |h| format!(", smallest stable step {}", seconds(h)));
-            block.line("substeps", format!("{} per step{stable}", per_step(t.substeps)));
+            line!(block, "substeps", "{} per step{stable}", per_step(t.substeps));
         }
         block
     }
@@ -185,17 +194,16 @@ impl RunSummary {
         let parts: Vec<_> =
             gpu.device_s.iter().map(|(n, s)| format!("{n} {}", seconds(*s))).collect();
         let software = if gpu.software { "no measure of speed; " } else { "" };
-        block.line(
+        line!(
+            block,
             "gpu",
-            format!(
-                "{}; steps in f32; {software}device {} ({}), host {}; {:.1} MB up, {:.1} MB down",
-                gpu.adapter,
-                seconds(device),
-                parts.join(", "),
-                seconds(gpu.host_s),
-                gpu.bytes_up as f64 * 1e-6,
-                gpu.bytes_down as f64 * 1e-6
-            ),
+            "{}; steps in f32; {software}device {} ({}), host {}; {:.1} MB up, {:.1} MB down",
+            gpu.adapter,
+            seconds(device),
+            parts.join(", "),
+            seconds(gpu.host_s),
+            gpu.bytes_up as f64 * 1e-6,
+            gpu.bytes_down as f64 * 1e-6
         );
     }
 
@@ -203,17 +211,16 @@ impl RunSummary {
         let mut block = TextBlock::new("How accurately");
         let SolverSummary { totals: t, figures: s } = &self.solver;
         if t.newton_iterations > 0 {
-            block.line(
+            line!(
+                block,
                 "linear systems",
-                format!(
-                    "worst relative residual {:.1e} (tolerance {:.0e}), {} at the iteration cap; \
+                "worst relative residual {:.1e} (tolerance {:.0e}), {} at the iteration cap; \
                      preconditioner {}, computed {} times",
-                    s.worst_residual,
-                    self.settings.solver.linear_tolerance,
-                    t.cg_caps,
-                    s.preconditioner,
-                    t.preconditioner_refreshes
-                ),
+                s.worst_residual,
+                self.settings.solver.linear_tolerance,
+                t.cg_caps,
+                s.preconditioner,
+                t.preconditioner_refreshes
             );
             self.describe_newton(&mut block);
         }
@@ -236,23 +243,21 @@ impl RunSummary {
             "static" => String::new(),
             _ => format!(" at {} s", short(v.smallest_j_time)),
         };
-        block.line(
+        line!(
+            block,
             "volume ratio J",
-            format!(
-                "smallest {}{when}, {} at the end; inverted elements: at most {}, {} at the end",
-                short(v.smallest_j),
-                short(v.final_smallest_j),
-                v.inverted_max,
-                v.inverted_final
-            ),
+            "smallest {}{when}, {} at the end; inverted elements: at most {}, {} at the end",
+            short(v.smallest_j),
+            short(v.final_smallest_j),
+            v.inverted_max,
+            v.inverted_final
         );
         if let Some(change) = v.largest_mean_change {
-            block.line(
+            line!(
+                block,
                 "volume of clusters",
-                format!(
-                    "changes by at most {}; single elements need not keep theirs",
-                    short(change)
-                ),
+                "changes by at most {}; single elements need not keep theirs",
+                short(change)
             );
         }
         block.line("state hash", &self.final_state_hash);
@@ -263,31 +268,29 @@ impl RunSummary {
         let SolverSummary { totals: t, figures: s } = &self.solver;
         if self.settings.solver.integrator.converges() {
             let (step, unconverged) = (s.worst_newton_step, s.unconverged_steps);
-            block.line(
+            line!(
+                block,
                 "Newton",
-                format!(
-                    "largest last step {step:.1e} of the body size, {unconverged} steps unconverged"
-                ),
+                "largest last step {step:.1e} of the body size, {unconverged} steps unconverged"
             );
             return;
         }
         let [start, indefinite, shortened, energy, inverted, waiting] = s.fallbacks;
         if t.second_order_steps > 0 {
-            block.line(
+            line!(
+                block,
                 "linearised BDF2",
-                format!(
-                    "{} steps; safe steps: {start} at a start, {indefinite} indefinite, \
+                "{} steps; safe steps: {start} at a start, {indefinite} indefinite, \
                      {shortened} shortened, {energy} energy, {inverted} inverted, {waiting} waiting",
-                    t.second_order_steps
-                ),
+                t.second_order_steps
             );
         }
-        block.line(
+        line!(
+            block,
             "linearisation",
-            format!(
-                "energy decrease off its prediction by {:.1e} in the mean, {:.1e} at most",
-                s.linearisation_error_mean, s.linearisation_error_max
-            ),
+            "energy decrease off its prediction by {:.1e} in the mean, {:.1e} at most",
+            s.linearisation_error_mean,
+            s.linearisation_error_max
         );
     }
 
@@ -339,15 +342,14 @@ fn evaluated(evaluation: Evaluation, springs: Option<SpringRule>) -> String {
 impl BodySummary {
     fn describe(&self, block: &mut TextBlock) {
         let [x, y, z] = self.extent.map(|length| short(100.0 * length));
-        block.line(
+        line!(
+            block,
             format!("body {}", self.name),
-            format!(
-                "{} vertices, {}, {x} x {y} x {z} cm, {} kg; {}",
-                self.vertices,
-                counted(&[("tetrahedra", self.tetrahedra), ("hexahedra", self.hexahedra)]),
-                short(self.mass),
-                self.source,
-            ),
+            "{} vertices, {}, {x} x {y} x {z} cm, {} kg; {}",
+            self.vertices,
+            counted(&[("tetrahedra", self.tetrahedra), ("hexahedra", self.hexahedra)]),
+            short(self.mass),
+            self.source
         );
         if self.tetrahedra + self.hexahedra > 0 {
             let m = &self.material;
@@ -358,16 +360,15 @@ impl BodySummary {
                 VolumeRule::Elements => "",
                 VolumeRule::Clusters => ", volume by clusters",
             };
-            block.line(
+            line!(
+                block,
                 "",
-                format!(
-                    "E = {}, nu = {}, {} kg/m^3{preset}; model {}, {}{clusters}",
-                    pressure(m.young_modulus),
-                    m.poisson_ratio,
-                    short(m.density),
-                    self.model.name(),
-                    evaluated(self.evaluation, springs),
-                ),
+                "E = {}, nu = {}, {} kg/m^3{preset}; model {}, {}{clusters}",
+                pressure(m.young_modulus),
+                m.poisson_ratio,
+                short(m.density),
+                self.model.name(),
+                evaluated(self.evaluation, springs)
             );
         }
         if let Some(axes) = &self.axes {
@@ -392,17 +393,16 @@ impl AxesSummary {
                 format!(", active stress up to {stress}, activation {activation} at the end")
             });
             let modulus = pressure(family.modulus);
-            block.line(format!("  fibres {}", family.name), format!("{modulus}{viscous}{active}"));
+            line!(block, format!("  fibres {}", family.name), "{modulus}{viscous}{active}");
         }
         let [smallest, largest, last] = self.volume_ratio.map(short);
-        block.line(
+        line!(
+            block,
             "  axes",
-            format!(
-                "{} angle(s), volume modulus {}; volume over rest from {smallest} to {largest}, \
+            "{} angle(s), volume modulus {}; volume over rest from {smallest} to {largest}, \
                  {last} at the end",
-                self.angles,
-                pressure(self.volume_modulus),
-            ),
+            self.angles,
+            pressure(self.volume_modulus)
         );
     }
 }
@@ -411,19 +411,18 @@ impl MembraneSummary {
     fn describe(&self, block: &mut TextBlock) {
         let m = &self.material;
         let springs = self.element_method.filter(|_| self.model == MembraneModel::MassSpring);
-        block.line(
+        line!(
+            block,
             "  membrane",
-            format!(
-                "{}, {} cm^2, {} mm; E = {}, nu = {}, {} kg/m^3; model {}, {}",
-                counted(&[("triangles", self.triangles), ("quadrilaterals", self.quads)]),
-                short(self.area * 1e4),
-                short(self.thickness * 1e3),
-                pressure(m.young_modulus),
-                m.poisson_ratio,
-                short(m.density),
-                self.model.name(),
-                evaluated(self.evaluation, springs),
-            ),
+            "{}, {} cm^2, {} mm; E = {}, nu = {}, {} kg/m^3; model {}, {}",
+            counted(&[("triangles", self.triangles), ("quadrilaterals", self.quads)]),
+            short(self.area * 1e4),
+            short(self.thickness * 1e3),
+            pressure(m.young_modulus),
+            m.poisson_ratio,
+            short(m.density),
+            self.model.name(),
+            evaluated(self.evaluation, springs)
         );
     }
 }
@@ -434,18 +433,17 @@ fn describe_resection(r: &ResectionSummary, block: &mut TextBlock) {
     let removed = count([r.removed, r.removed_hexahedra, r.removed_triangles, r.removed_quads]);
     let left =
         count([r.remaining, r.remaining_hexahedra, r.remaining_triangles, r.remaining_quads]);
-    block.line(
+    line!(
+        block,
         format!("resect {}", r.name),
-        format!(
-            "{removed} of {} ({left} left in {} piece(s), {} vertices without any), {} kg, {} J; {} in \
+        "{removed} of {} ({left} left in {} piece(s), {} vertices without any), {} kg, {} J; {} in \
              all, {} longest",
-            r.body,
-            r.pieces,
-            r.orphans,
-            short(r.mass),
-            short(r.energy),
-            seconds(r.total_s),
-            seconds(r.longest_s)
-        ),
+        r.body,
+        r.pieces,
+        r.orphans,
+        short(r.mass),
+        short(r.energy),
+        seconds(r.total_s),
+        seconds(r.longest_s)
     );
 }

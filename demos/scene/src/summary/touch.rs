@@ -1,7 +1,7 @@
 //! Contact in a summary: of tools, pulls and bodies with each other.
 
 use crate::assemble::BuiltScene;
-use crate::text::{TextBlock, short};
+use crate::text::{TextBlock, line, short};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use sinew::engine::report::ContactFigures;
@@ -274,18 +274,17 @@ impl TouchSummary {
 
     /// How well contact was resolved.
     pub(super) fn describe_accuracy(&self, block: &mut TextBlock) {
-        block.line(
+        line!(
+            block,
             "contact",
-            format!(
-                "at most {} points; {} inner iterations per step (most {}), {} loops unconverged; deepest {} mm, {} \
+            "at most {} points; {} inner iterations per step (most {}), {} loops unconverged; deepest {} mm, {} \
                  of an edge",
-                self.points_max,
-                short(self.inner_iterations_mean),
-                self.inner_iterations_max,
-                self.unconverged,
-                short(self.depth * 1e3),
-                short(self.depth_over_edge)
-            ),
+            self.points_max,
+            short(self.inner_iterations_mean),
+            self.inner_iterations_max,
+            self.unconverged,
+            short(self.depth * 1e3),
+            short(self.depth_over_edge)
         );
         let odd = [
             (self.substeps, format!("{} substeps (most {})", self.substeps, self.substeps_max)),
