@@ -95,22 +95,8 @@ struct RunArguments {
     /// File for the JSON summary; `-` prints it instead of the report.
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
-    /// Threads, 0 for one per core; results do not depend on it.
-    #[arg(long)]
-    threads: Option<usize>,
-    /// Independent systems run one after another (single) or side by side (multi); results do not depend on it.
-    #[arg(long, value_parser = choice::<ExecutorName>)]
-    executor: Option<ExecutorName>,
-    /// Instruction set: portable (the same bits on every machine), avx2 or avx512; the best there is without.
-    #[arg(long, value_parser = choice::<InstructionSet>)]
-    instruction_set: Option<InstructionSet>,
-    /// Number type of the state.
-    #[arg(long)]
-    precision: Option<PrecisionArgument>,
-    /// Where steps are computed: cpu, or gpu in a build with that feature (the environment variable
-    /// SINEW_ADAPTER names an adapter).
-    #[arg(long, value_parser = choice::<BackendName>)]
-    backend: Option<BackendName>,
+    #[command(flatten)]
+    build: BuildArguments,
     /// Time integrator.
     #[arg(long, value_parser = choice::<Integrator>)]
     integrator: Option<Integrator>,
@@ -131,9 +117,6 @@ struct RunArguments {
     evaluation: Option<Evaluation>,
     #[arg(long, value_parser = choice::<Model>, help = format!("Energy of all bodies: {}", models()))]
     model: Option<Model>,
-    /// Carry out this many steps instead of the whole scene.
-    #[arg(long, value_parser = clap::value_parser!(u64).range(1..))]
-    steps: Option<u64>,
     /// Leave a checkpoint in the folder of --out every so much simulated time, such as 0.5s or 20ms; the last two are
     /// kept until the run is complete.
     #[arg(long, value_name = "TIME", value_parser = simulated_time)]
@@ -151,6 +134,43 @@ struct RunArguments {
     /// No progress bar and no report.
     #[arg(long, short)]
     quiet: bool,
+}
+
+// how a scene is carried out; without a word of documentation, which would become that of the command
+#[derive(Args)]
+struct BuildArguments {
+    /// Threads, 0 for one per core; results do not depend on it.
+    #[arg(long)]
+    threads: Option<usize>,
+    /// Independent systems run one after another (single) or side by side (multi); results do not depend on it.
+    #[arg(long, value_parser = choice::<ExecutorName>)]
+    executor: Option<ExecutorName>,
+    /// Instruction set: portable (the same bits on every machine), avx2 or avx512; the best there is without.
+    #[arg(long, value_parser = choice::<InstructionSet>)]
+    instruction_set: Option<InstructionSet>,
+    /// Number type of the state.
+    #[arg(long)]
+    precision: Option<PrecisionArgument>,
+    /// Where steps are computed: cpu, or gpu in a build with that feature (the environment variable
+    /// SINEW_ADAPTER names an adapter).
+    #[arg(long, value_parser = choice::<BackendName>)]
+    backend: Option<BackendName>,
+    /// Carry out this many steps instead of the whole scene.
+    #[arg(long, value_parser = clap::value_parser!(u64).range(1..))]
+    steps: Option<u64>,
+}
+
+impl BuildArguments {
+    fn options(&self) -> BuildOptions {
+        BuildOptions {
+            precision: self.precision.map(Precision::from),
+            backend: self.backend.map(Backend::from),
+            threads: self.threads,
+            steps: self.steps,
+            executor: self.executor.map(Executor::from),
+            instruction_set: self.instruction_set,
+        }
+    }
 }
 
 #[derive(Args)]
@@ -370,7 +390,7 @@ fn run_scene(arguments: RunArguments) -> Outcome {
     let options = [
         ("dt", "--dt", arguments.dt.is_some()),
         ("load_steps", "--load-steps", arguments.load_steps.is_some()),
-        ("threads", "--threads", arguments.threads.is_some()),
+        ("threads", "--threads", arguments.build.threads.is_some()),
         ("solver.integrator", "--integrator", arguments.integrator.is_some()),
         ("solver.linear_tolerance", "--linear-tolerance", arguments.linear_tolerance.is_some()),
         ("solver.newton_tolerance", "--newton-tolerance", arguments.newton_tolerance.is_some()),
@@ -378,14 +398,7 @@ fn run_scene(arguments: RunArguments) -> Outcome {
     options.into_iter().filter(|o| o.2).for_each(|(key, option, _)| scene.replaced_by(key, option));
     let print_json = arguments.json.as_deref().is_some_and(|path| path.as_os_str() == "-");
     let options = RunOptions {
-        build: BuildOptions {
-            precision: arguments.precision.map(Precision::from),
-            backend: arguments.backend.map(Backend::from),
-            threads: arguments.threads,
-            steps: arguments.steps,
-            executor: arguments.executor.map(Executor::from),
-            instruction_set: arguments.instruction_set,
-        },
+        build: arguments.build.options(),
         out: arguments.out,
         json: arguments.json.filter(|_| !print_json),
         interrupt: Some(interrupt()?),

@@ -1,15 +1,15 @@
 //! `sinew render`.
 
+use crate::BuildArguments;
 use crate::progress::Progress;
 use clap::Args;
 use sinew::prelude::{Integrator, Model};
-use sinew_cli::{Outcome, PrecisionArgument, choice, print};
+use sinew_cli::{Outcome, choice, print};
 use sinew_render::adapter::AdapterRequest;
 use sinew_render::camera::CameraRequest;
-use sinew_scene::assemble::BuildOptions;
 use sinew_scene::picture::{Quantity, RenderJob, Variant, gallery, render};
 use sinew_scene::run::{Observer, Silent};
-use sinew_scene::scene::{BackendName, LoadedScene};
+use sinew_scene::scene::LoadedScene;
 use sinew_tune::advise::Choice;
 use std::path::PathBuf;
 
@@ -74,18 +74,8 @@ pub struct RenderArguments {
     /// Time integrator.
     #[arg(long, value_parser = choice::<Integrator>)]
     integrator: Option<Integrator>,
-    /// Number type of the state.
-    #[arg(long)]
-    precision: Option<PrecisionArgument>,
-    /// Where steps are computed: cpu, or gpu in a build with that feature.
-    #[arg(long, value_parser = choice::<BackendName>)]
-    backend: Option<BackendName>,
-    /// Carry out this many steps instead of the whole scene.
-    #[arg(long, value_parser = clap::value_parser!(u64).range(1..))]
-    steps: Option<u64>,
-    /// Threads of the simulation, 0 for one per core.
-    #[arg(long)]
-    threads: Option<usize>,
+    #[command(flatten)]
+    build: BuildArguments,
     /// No progress bar and no report.
     #[arg(long, short)]
     quiet: bool,
@@ -141,13 +131,7 @@ pub fn render_scene(arguments: RenderArguments) -> Outcome {
         beside.push(Variant { label: scene.scene.name.clone(), scene });
     }
     let job = RenderJob {
-        build: BuildOptions {
-            precision: arguments.precision.map(Into::into),
-            backend: arguments.backend.map(Into::into),
-            threads: arguments.threads,
-            steps: arguments.steps,
-            ..BuildOptions::default()
-        },
+        build: arguments.build.options(),
         frames: arguments.frames.map(|n| n as usize),
         size: arguments.size,
         png: arguments.png,
