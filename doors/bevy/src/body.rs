@@ -74,13 +74,6 @@ impl SinewBody {
             membrane: None,
         }
     }
-
-    /// With another energy.
-    #[must_use]
-    pub fn with_model(mut self, model: Model) -> Self {
-        self.model = model;
-        self
-    }
 }
 
 /// Index of a body that was built into [`Topology::bodies`], as [`RemovalRequest::new`] takes it.
