@@ -14,7 +14,7 @@ use sinew_models::laws::linear::Linear;
 use sinew_models::material::LameParameters;
 
 use crate::common::json::{flat, rows};
-use crate::common::{Worst, max_abs, max_difference, reference, symmetric_eigen};
+use crate::common::{Worst, max_abs, max_difference, reference, symmetric_eigen, vector};
 
 fn three(value: &Value) -> [f64; 3] {
     flat(value).try_into().unwrap()
@@ -146,10 +146,6 @@ fn fibre(shape: &RestTetrahedron, axis: [f64; 3], modulus: f64) -> Fibre<f64> {
         offset: 0.0,
         inverse_width: 1.0,
     }
-}
-
-fn vector() -> impl Strategy<Value = [f64; 3]> {
-    prop::array::uniform3(-1.0..1.0_f64)
 }
 
 fn unit() -> impl Strategy<Value = [f64; 3]> {

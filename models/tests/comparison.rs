@@ -2,7 +2,7 @@
 
 use crate::common;
 
-use common::{Columns, Sums, max_abs, max_difference, strip_of, symmetric_eigen};
+use common::{Columns, Sums, max_abs, max_difference, strip_of, symmetric_eigen, vector};
 use glam::{DMat3, DQuat, DVec3};
 use proptest::prelude::*;
 use sinew_engine::element::TETRAHEDRON_EDGES;
@@ -26,10 +26,6 @@ type Nodes = [[f64; 3]; 4];
 fn element(points: Nodes) -> Element<f64> {
     let lame = LameParameters { lambda: 1.4, mu: 0.6 };
     Element::new(&RestTetrahedron::new(points).unwrap(), lame, false)
-}
-
-fn vector() -> impl Strategy<Value = [f64; 3]> {
-    prop::array::uniform3(-1.0..1.0_f64)
 }
 
 fn volume(p: &Nodes) -> f64 {

@@ -1,22 +1,17 @@
 //! Hexahedra, ten-node tetrahedra and quadrilaterals: reference vectors, derivatives, rigid motions, definite tangents, and the
 //! same through every instruction set and number of threads.
 
+use crate::common;
 use bevy_ecs::prelude::*;
 use glam::{DMat3, DQuat, DVec3};
-use sinew_engine::columns::single_table;
 use sinew_engine::isoparametric::{
     CORNERS, MIDDLES, TETRAHEDRON_POINTS, tetrahedron10_derivatives, tetrahedron10_shape,
 };
 use sinew_engine::lanes::InstructionSet;
-use sinew_engine::law::{ElasticEnergy, EvaluationRequest, TangentKind};
-use sinew_engine::matrix::Tangent;
+use sinew_engine::law::TangentKind;
 use sinew_engine::mesh::Mesh;
 use sinew_engine::mesh::generate::irregular_box_tets;
-use sinew_engine::row::LocalRow;
 use sinew_engine::scalar::Scalar;
-use sinew_engine::schedule::{Executor, ForceSchedule, install};
-use sinew_engine::topology::Topology;
-use sinew_engine::vertex::{Displacement, ElasticForce, Mass};
 use sinew_engine::workers::Workers;
 use sinew_models::axes::description::{AxesDescription, AxisAngle, AxisFamily};
 use sinew_models::body::sheet::{MembraneDescription, MembraneError, MembraneModel, PlaneState};
@@ -59,6 +54,16 @@ fn bricks() -> (Vec<DVec3>, Vec<[u32; 8]>) {
     (points, vec![[0, 1, 4, 3, 6, 7, 10, 9], [1, 2, 5, 4, 7, 8, 11, 10]])
 }
 
+/// A body of such hexahedra.
+fn of_bricks<'a>(
+    points: &'a [DVec3],
+    hexahedra: &'a [[u32; 8]],
+    poisson_ratio: f64,
+) -> BodyDescription<'a> {
+    let plain = BodyDescription::from_parts("body", points, &[], material(poisson_ratio));
+    BodyDescription { hexahedra, ..plain }
+}
+
 /// Two ten-node tetrahedra that share a face, their edges curved.
 fn tens() -> Mesh {
     let mut next = noise(9);
@@ -88,63 +93,16 @@ struct Response {
 }
 
 fn world<S: Scalar>(body: &BodyDescription, set: InstructionSet) -> World {
-    let mut world = World::new();
-    install::<S>(&mut world, Executor::SingleThreaded);
-    world.insert_resource(Workers::serial().with_instruction_set(set).unwrap());
-    spawn_body(&mut world, body).unwrap();
-    world
+    let workers = Workers::serial().with_instruction_set(set).unwrap();
+    common::world::<S>(body, &vec![DVec3::ZERO; body.points.len()], workers)
 }
 
 fn respond<S: Scalar>(world: &mut World, u: &[DVec3], kind: TangentKind) -> Response {
-    let order = world.resource::<Topology>().bodies[0].vertex_order.clone();
-    let mut vertices = world.query::<&mut Displacement<S>>();
-    for (own, v) in
-        single_table(vertices.contiguous_iter_mut(world)).unwrap().iter_mut().zip(&order)
-    {
-        let u = u[v.index()];
-        own.0 = [u.x, u.y, u.z, 0.0].map(S::from_f64);
-    }
-    world.insert_resource(EvaluationRequest { energy: true, force: true, tangent: Some(kind) });
-    world.run_schedule(ForceSchedule);
-    let mut vertices = world.query::<(&ElasticForce<S>, &Mass<S>)>();
-    let (force, mass) = single_table(vertices.contiguous_iter(world)).unwrap();
-    let mut forces = vec![DVec3::ZERO; order.len()];
-    let mut masses = vec![0.0; order.len()];
-    for (row, v) in order.iter().enumerate() {
-        let f = force[row].0.map(|x| x.to_f64());
-        forces[v.index()] = DVec3::new(f[0], f[1], f[2]);
-        masses[v.index()] = mass[row].0.to_f64();
-    }
-    let Tangent { matrix: tangent, low_rank, .. } = world.resource::<Tangent<S>>();
-    let n = 3 * order.len();
-    let mut dense = vec![vec![0.0; n]; n];
-    for (row, v) in order.iter().enumerate() {
-        for k in 0..9 {
-            let at = 3 * v.index();
-            dense[at + k / 3][at + k % 3] = tangent.diagonal[row][k].to_f64();
-        }
-    }
-    for (edge, block) in world.resource::<Topology>().edges.iter().zip(&tangent.off_diagonal) {
-        let [a, b] = edge.map(|row| 3 * order[LocalRow(row)].index());
-        for k in 0..9 {
-            dense[a + k / 3][b + k % 3] = block[k].to_f64();
-            dense[b + k % 3][a + k / 3] = block[k].to_f64();
-        }
-    }
-    for part in low_rank {
-        for vector in 0..part.pattern.start.len() - 1 {
-            let mut whole = vec![0.0; n];
-            for entry in part.pattern.entries(vector) {
-                let at = 3 * order[LocalRow(part.pattern.rows[entry])].index();
-                (0..3).for_each(|k| whole[at + k] = part.vectors[entry][k].to_f64());
-            }
-            for (row, a) in dense.iter_mut().zip(&whole) {
-                row.iter_mut().zip(&whole).for_each(|(x, b)| *x += a * b);
-            }
-        }
-    }
-    let energy = world.resource::<ElasticEnergy>().total;
-    Response { energy, forces, tangent: dense, masses }
+    common::displace::<S>(world, u);
+    let all = common::respond::<S>(world, u.len(), kind);
+    let forces = all.force.chunks(3).map(DVec3::from_slice).collect();
+    let tangent = all.tangent.chunks(3 * u.len()).map(<[f64]>::to_vec).collect();
+    Response { energy: all.energy, forces, tangent, masses: all.mass }
 }
 
 fn sizes(tangent: &[Vec<f64>]) -> f64 {
@@ -176,20 +134,15 @@ fn is_definite(matrix: &[Vec<f64>], shift: f64) -> bool {
 fn for_bodies(mut check: impl FnMut(&BodyDescription, &str, bool)) {
     let (points, hexahedra) = bricks();
     for model in solids() {
-        let body = BodyDescription {
-            hexahedra: &hexahedra,
-            model,
-            ..BodyDescription::from_parts("body", &points, &[], material(0.4))
-        };
+        let body = BodyDescription { model, ..of_bricks(&points, &hexahedra, 0.4) };
         check(&body, model.name(), model == Model::Linear);
     }
     for model in solids().filter(|model| model.keeps_mean_volume()) {
         for nu in [0.4, 0.49] {
             let body = BodyDescription {
-                hexahedra: &hexahedra,
                 model,
                 volume: VolumeRule::Clusters,
-                ..BodyDescription::from_parts("body", &points, &[], material(nu))
+                ..of_bricks(&points, &hexahedra, nu)
             };
             check(&body, &format!("{}, mean volume, {nu}", model.name()), model == Model::Linear);
         }
@@ -243,12 +196,8 @@ fn for_bodies(mut check: impl FnMut(&BodyDescription, &str, bool)) {
         ("axes and material", Model::StVK, triad),
         ("fibres and volume", Model::StVK, fibre),
     ] {
-        let body = BodyDescription {
-            hexahedra: &hexahedra,
-            model,
-            axes: Some(axes),
-            ..BodyDescription::from_parts("body", &points, &[], material(0.3))
-        };
+        let body =
+            BodyDescription { model, axes: Some(axes), ..of_bricks(&points, &hexahedra, 0.3) };
         check(&body, name, false);
     }
     let (points, quads) = plates();
@@ -256,10 +205,7 @@ fn for_bodies(mut check: impl FnMut(&BodyDescription, &str, bool)) {
         for plane in [PlaneState::Stress, PlaneState::Strain] {
             let sheet = MembraneDescription::new(&[], 0.1, material(0.3));
             let sheet = MembraneDescription { quads: &quads, plane, model, ..sheet };
-            let body = BodyDescription {
-                membrane: Some(sheet),
-                ..BodyDescription::from_parts("body", &points, &[], material(0.4))
-            };
+            let body = common::sheet(&points, sheet);
             check(&body, model.name(), model == MembraneModel::Linear);
         }
     }
@@ -430,11 +376,7 @@ fn instruction_sets_and_precisions_agree() {
 #[test]
 fn isotropic_axes_are_linear_elasticity_at_rest() {
     let (points, hexahedra) = bricks();
-    let linear = BodyDescription {
-        hexahedra: &hexahedra,
-        model: Model::Linear,
-        ..BodyDescription::from_parts("body", &points, &[], material(0.4))
-    };
+    let linear = BodyDescription { model: Model::Linear, ..of_bricks(&points, &hexahedra, 0.4) };
     let axes = AxesDescription::isotropic(material(0.4).lame().unwrap());
     let axes = BodyDescription { model: Model::Axes, axes: Some(axes), ..linear.clone() };
     let rest = vec![DVec3::ZERO; points.len()];
@@ -451,10 +393,7 @@ fn isotropic_axes_are_linear_elasticity_at_rest() {
 fn masses_are_row_sums() {
     let points = CORNERS.map(DVec3::from_array);
     let hexahedra = [[0, 1, 2, 3, 4, 5, 6, 7]];
-    let body = BodyDescription {
-        hexahedra: &hexahedra,
-        ..BodyDescription::from_parts("body", &points, &[], material(0.3))
-    };
+    let body = of_bricks(&points, &hexahedra, 0.3);
     let mut solid = world::<f64>(&body, InstructionSet::Portable);
     let at = respond::<f64>(&mut solid, &[DVec3::ZERO; 8], TangentKind::Exact);
     assert!(at.masses.iter().all(|m| (m - 1.0).abs() < 1e-14));
@@ -612,9 +551,7 @@ fn what_ten_node_tetrahedra_do_not_have_is_refused_by_name() {
     let refused = |change: &dyn Fn(&mut BodyDescription)| {
         let mut body = BodyDescription::new("liver", &mesh, material(0.3));
         change(&mut body);
-        let mut world = World::new();
-        install::<f64>(&mut world, Executor::SingleThreaded);
-        spawn_body(&mut world, &body).unwrap_err().to_string()
+        spawn_body(&mut common::empty::<f64>(), &body).unwrap_err().to_string()
     };
     let error = refused(&|body| body.model = Model::MassSpring);
     assert!(error.contains("liver") && error.contains("mass_spring"), "{error}");
@@ -627,8 +564,7 @@ fn what_ten_node_tetrahedra_do_not_have_is_refused_by_name() {
     let wrong = [mesh.middles[0], [99, 1, 2, 3, 4, 5]];
     let mut body =
         BodyDescription { middles: &wrong, ..BodyDescription::new("liver", &mesh, material(0.3)) };
-    let mut world = World::new();
-    install::<f64>(&mut world, Executor::SingleThreaded);
+    let mut world = common::empty::<f64>();
     let error = spawn_body(&mut world, &body).unwrap_err();
     assert!(matches!(error, BodyError::Index { tetrahedron: 1, .. }), "{error}");
     let [a, b, c, d, e, f] = mesh.middles[1];
@@ -641,15 +577,8 @@ fn what_ten_node_tetrahedra_do_not_have_is_refused_by_name() {
 #[test]
 fn bad_elements_are_named() {
     let (points, hexahedra) = bricks();
-    let fresh = || {
-        let mut world = World::new();
-        install::<f64>(&mut world, Executor::SingleThreaded);
-        world
-    };
-    let solid = BodyDescription {
-        hexahedra: &hexahedra,
-        ..BodyDescription::from_parts("body", &points, &[], material(0.3))
-    };
+    let fresh = common::empty::<f64>;
+    let solid = of_bricks(&points, &hexahedra, 0.3);
     let mut turned = hexahedra.clone();
     turned[1] = [7, 8, 11, 10, 1, 2, 5, 4];
     let body = BodyDescription { hexahedra: &turned, ..solid.clone() };

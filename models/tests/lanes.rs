@@ -65,7 +65,7 @@ fn compare<S: Scalar>(strip: &Strip) {
     // stiffness at rest times element size (1): what forces are made of before they cancel
     let rest = Strip { displacement: vec![[0.0; 4]; strip.displacement.len()], ..strip.clone() };
     let stiffness = largest(&rest.evaluate::<f64>(TangentKind::Exact, None).diagonal);
-    for kind in [TangentKind::Exact, TangentKind::GaussNewton, TangentKind::Projected] {
+    for kind in common::KINDS {
         let expected = strip.evaluate::<S>(kind, None);
         for set in InstructionSet::available() {
             let found = strip.evaluate::<S>(kind, Some(set));
@@ -106,7 +106,7 @@ proptest! {
 
 #[test]
 fn every_remainder_and_degenerate_elements() {
-    let noise: Vec<f64> = (0..97).map(|i| ((i * 37 + 11) % 97) as f64 / 48.5 - 1.0).collect();
+    let noise = common::noise();
     for count in 1..=33 {
         for motion in [Motion::Rest, Motion::Random(0.3), Motion::Collapsed, Motion::Mirrored] {
             for compression in [false, true] {

@@ -1,6 +1,7 @@
 //! The table of laws: every row is reached, evaluates all its elements and is told by its name; rows of other
 //! crates take their place beside them.
 
+use crate::common::{KINDS, empty};
 use bevy_ecs::prelude::*;
 use bevy_ecs::query::QueryBuilder;
 use bytemuck::TransparentWrapper;
@@ -14,12 +15,9 @@ use sinew_engine::load::{Curve, Pressure};
 use sinew_engine::matrix::{ProductSpans, Tangent};
 use sinew_engine::mesh::Mesh;
 use sinew_engine::mesh::generate::{box_hexahedra, box_tets, quad_grid, triangle_grid};
-use sinew_engine::precision::Precision;
 use sinew_engine::row::VertexRow;
 use sinew_engine::scalar::{Real, Scalar};
-use sinew_engine::schedule::{
-    self, ActiveLaws, DampingSchedule, Executor, ForceSchedule, changed_laws, install,
-};
+use sinew_engine::schedule::{self, ActiveLaws, DampingSchedule, ForceSchedule, changed_laws};
 use sinew_engine::topology::Topology;
 use sinew_engine::vertex::{BodyId, Displacement, ElasticForce};
 use sinew_engine::workers::Workers;
@@ -37,13 +35,6 @@ use sinew_models::laws::linear::Linear;
 use sinew_models::laws::pressure;
 use sinew_models::material::YoungPoisson;
 use std::collections::BTreeSet;
-
-fn world<S: Scalar>() -> World {
-    let mut world = World::new();
-    install::<S>(&mut world, Executor::SingleThreaded);
-    world.insert_resource(Precision::of::<S>());
-    world
-}
 
 fn material() -> YoungPoisson {
     YoungPoisson { young_modulus: 1e4, poisson_ratio: 0.4, density: 1000.0 }
@@ -100,7 +91,7 @@ fn disturb<S: Scalar>(world: &mut World) {
 /// Spawns a body and checks that its laws are rows of the table, hold all of its elements and are told in the
 /// order of the table.
 fn walk<S: Scalar>(body: &BodyDescription, pressed: bool, reached: &mut BTreeSet<&'static str>) {
-    let mut world = world::<S>();
+    let mut world = empty::<S>();
     spawn_body(&mut world, body).unwrap_or_else(|e| panic!("{e}"));
     if pressed {
         let rows = &world.resource::<Topology>().bodies[0];
@@ -122,7 +113,7 @@ fn walk<S: Scalar>(body: &BodyDescription, pressed: bool, reached: &mut BTreeSet
         Elements::Faces => Some(usize::from(pressed)),
         _ => None,
     };
-    for kind in [TangentKind::Exact, TangentKind::GaussNewton, TangentKind::Projected] {
+    for kind in KINDS {
         evaluate(&mut world, kind);
         let buffers = world.resource::<LawBuffers<S>>();
         let mut active = Vec::new();
@@ -329,7 +320,7 @@ fn a_law_of_another_crate_is_a_row_and_a_model() {
         model: Model::Own(&LAPLACIAN),
         ..BodyDescription::new("b", &mesh, material())
     };
-    let mut world = world::<f64>();
+    let mut world = empty::<f64>();
     spawn_body(&mut world, &body).unwrap();
     // simple shear: W = V mu/2 shear^2
     let rows = world.query::<(&sinew_engine::vertex::RestPosition, &mut Displacement<f64>)>();
@@ -360,20 +351,20 @@ fn rows_take_the_place_of_shipped_ones() {
     let mesh = tetrahedra();
     let linear =
         BodyDescription { model: Model::Linear, ..BodyDescription::new("b", &mesh, material()) };
-    let mut world = world::<f64>();
+    let mut world = empty::<f64>();
     world.get_resource_or_init::<LawTable>().replace(&INSTEAD).unwrap();
     spawn_body(&mut world, &linear).unwrap();
     disturb::<f64>(&mut world);
     let replaced = energy_of(&mut world);
     let own = BodyDescription { model: Model::Own(&LAPLACIAN), ..linear.clone() };
-    let mut other = self::world::<f64>();
+    let mut other = empty::<f64>();
     spawn_body(&mut other, &own).unwrap();
     disturb::<f64>(&mut other);
     assert_eq!(replaced, energy_of(&mut other));
 
     // a name that is taken, and one that nobody has
     let taken = BodyDescription { model: Model::Own(&INSTEAD), ..linear.clone() };
-    let error = spawn_body(&mut self::world::<f64>(), &taken).unwrap_err();
+    let error = spawn_body(&mut empty::<f64>(), &taken).unwrap_err();
     assert!(matches!(error, BodyError::Law { source: LawError::Duplicate(Linear::NAME), .. }));
     assert!(error.to_string().contains("`b`") && error.to_string().contains(Linear::NAME));
     let mut table = LawTable::default();
@@ -382,7 +373,7 @@ fn rows_take_the_place_of_shipped_ones() {
     let linear_law = Model::Linear.law().unwrap();
     let hexahedra = linear_law.in_elements(Elements::Hexahedra, VolumeRule::Elements).unwrap();
     let wrong = BodyDescription { model: Model::Own(hexahedra), ..linear };
-    let error = spawn_body(&mut self::world::<f64>(), &wrong).unwrap_err();
+    let error = spawn_body(&mut empty::<f64>(), &wrong).unwrap_err();
     assert!(error.to_string().contains("acts neither on tetrahedra nor on axes"), "{error}");
 }
 
@@ -435,11 +426,11 @@ fn ties<S: Scalar>(world: &mut World, row: &'static LawRow, place: usize) {
 #[test]
 fn a_law_of_axes_of_another_crate_is_a_row() {
     let mesh = tetrahedra();
-    let mut world = world::<f64>();
+    let mut world = empty::<f64>();
     spawn_body(&mut world, &BodyDescription::new("b", &mesh, material())).unwrap();
     let topology = world.resource::<Topology>();
     let block = |[a, b]: [u32; 2]| topology.block(a, b).unwrap();
-    let own = topology.bodies[0].tetrahedra.iter().enumerate().map(|(i, t)| {
+    let own = topology.bodies[0].tetrahedra().iter().enumerate().map(|(i, t)| {
         let blocks = TETRAHEDRON_EDGES.map(|pair| block(pair.map(|v| t[v])));
         let tie = Tie { shape: [-1.0, 0.25, 0.5, 0.25], stiffness: 1.0 + i as f64 };
         (AxisVertices(*t), AxisBlocks(blocks), BodyId(0), tie)
@@ -478,7 +469,7 @@ fn a_law_of_axes_of_another_crate_is_a_row() {
 #[test]
 fn marks_find_elements() {
     let mesh = tetrahedra();
-    let mut world = world::<f64>();
+    let mut world = empty::<f64>();
     for (i, model) in Model::ALL.into_iter().enumerate() {
         let name = format!("body {i}");
         spawn_body(

@@ -4,7 +4,7 @@
 use crate::common;
 
 use common::json::{flat, number, rows};
-use common::{Worst, config, max_abs, max_difference, reference, symmetric_eigen};
+use common::{Worst, config, max_abs, max_difference, reference, symmetric_eigen, vector};
 use proptest::prelude::*;
 use sinew_engine::scalar::{Real, add, cross, dot, scale, sub};
 use sinew_models::element::membrane::{
@@ -44,42 +44,36 @@ fn triangles() {
         let e = Element::<f64>::new(&rest, moduli, false);
         let energy_unit = stretch * rest.area;
         let force_unit = stretch * rest.area.sqrt();
-        let same = |worst: &mut Worst, what, ours: &[f64], theirs: &[f64]| {
-            worst.note(what, max_difference(ours, theirs), max_abs(theirs), name);
-        };
-        same(
-            &mut worst,
+        worst.same(
             "moduli (the paper's mu is twice ours)",
             &[moduli.lambda, 2.0 * moduli.mu],
             &[number(&case["lambda_2d"]), number(&case["mu_2d_paper"])],
+            name,
         );
-        same(&mut worst, "rest area", &[rest.area], &[number(&case["rest_area"])]);
+        worst.same("rest area", &[rest.area], &[number(&case["rest_area"])], name);
         let springs = SpringConstants::new(&rest, moduli);
         let trbs = &case["trbs"];
-        same(&mut worst, "k", &springs.tensile, &flat(&trbs["k"]));
+        worst.same("k", &springs.tensile, &flat(&trbs["k"]), name);
         let k_unit = max_abs(&springs.tensile);
-        let error = max_difference(&springs.angular, &flat(&trbs["c"]));
-        worst.note("c", error, k_unit, name);
+        worst.beside("c", &springs.angular, &flat(&trbs["c"]), k_unit, name);
 
         let error = (biquadratic::energy(&e, &u) - number(&trbs["energy"])).abs();
         worst.note("energy", error, energy_unit, name);
         let f = biquadratic::forces(&e, &u);
-        let theirs = flat(&trbs["forces"]);
-        worst.note("forces", max_difference(f.as_flattened(), &theirs), force_unit, name);
+        worst.beside("forces", f.as_flattened(), &flat(&trbs["forces"]), force_unit, name);
         let exact = biquadratic::tangent(&e, &u, TangentKind::Exact).to_dense();
-        same(&mut worst, "tangent", exact.as_flattened(), &flat(&trbs["hessian"]));
+        worst.same("tangent", exact.as_flattened(), &flat(&trbs["hessian"]), name);
         let material = biquadratic::tangent(&e, &u, TangentKind::GaussNewton).to_dense();
         let theirs = flat(&trbs["hessian_material"]);
-        same(&mut worst, "material tangent", material.as_flattened(), &theirs);
+        worst.same("material tangent", material.as_flattened(), &theirs, name);
 
         let trqs = &case["trqs"];
         let error = (quadratic::energy(&e, &u) - number(&trqs["energy"])).abs();
         worst.note("TRQS energy", error, energy_unit, name);
         let f = quadratic::forces(&e, &u);
-        let theirs = flat(&trqs["forces"]);
-        worst.note("TRQS forces", max_difference(f.as_flattened(), &theirs), force_unit, name);
+        worst.beside("TRQS forces", f.as_flattened(), &flat(&trqs["forces"]), force_unit, name);
         let exact = quadratic::tangent(&e, &u, TangentKind::Exact).to_dense();
-        same(&mut worst, "TRQS tangent", exact.as_flattened(), &flat(&trqs["hessian"]));
+        worst.same("TRQS tangent", exact.as_flattened(), &flat(&trqs["hessian"]), name);
 
         // the tensile part on edges
         let ms = &case["mass_spring"];
@@ -94,10 +88,15 @@ fn triangles() {
             let pull = scale(stretch.edge, stretch.slope * tension);
             (forces[a], forces[b]) = (sub(forces[a], pull), add(forces[b], pull));
         }
-        same(&mut worst, "spring constants", &constants, &flat(&ms["spring_constant"]));
+        worst.same("spring constants", &constants, &flat(&ms["spring_constant"]), name);
         worst.note("spring energy", (energy - number(&ms["energy"])).abs(), energy_unit, name);
-        let error = max_difference(forces.as_flattened(), &flat(&ms["forces"]));
-        worst.note("spring forces", error, force_unit, name);
+        worst.beside(
+            "spring forces",
+            forces.as_flattened(),
+            &flat(&ms["forces"]),
+            force_unit,
+            name,
+        );
     }
     worst.check(1e-9);
 }
@@ -166,10 +165,6 @@ impl Sheet {
     fn k_unit(&self) -> f64 {
         self.stiffness() * self.size * self.size / self.rest.area
     }
-}
-
-fn vector() -> impl Strategy<Value = [f64; 3]> {
-    prop::array::uniform3(-1.0..1.0_f64)
 }
 
 fn sheet() -> impl Strategy<Value = Sheet> {

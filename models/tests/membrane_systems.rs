@@ -5,20 +5,17 @@ use crate::common;
 
 use bevy_ecs::prelude::*;
 use common::json::{flat, indices, number, points};
-use common::{Worst, max_abs, max_difference, reference, symmetric_eigen};
+use common::{KINDS, Worst, max_abs, max_difference, reference, respond, sheet, symmetric_eigen};
 use glam::DVec3;
 use serde_json::Value;
-use sinew_engine::columns::single_table;
 use sinew_engine::element::{EdgeTension, EdgeVertices};
 use sinew_engine::lanes::InstructionSet;
 use sinew_engine::law::{ElasticEnergy, EvaluationRequest, TangentKind};
-use sinew_engine::matrix::{ProductSpans, Tangent};
 use sinew_engine::mesh::generate::box_tets;
-use sinew_engine::row::{LocalRow, MeshVertex};
+use sinew_engine::row::LocalRow;
 use sinew_engine::scalar::Scalar;
-use sinew_engine::schedule::{Executor, ForceSchedule, install};
+use sinew_engine::schedule::ForceSchedule;
 use sinew_engine::topology::Topology;
-use sinew_engine::vertex::{Displacement, ElasticForce, Mass};
 use sinew_engine::workers::Workers;
 use sinew_models::body::sheet::{MembraneDescription, MembraneError, MembraneModel};
 use sinew_models::body::{BodyDescription, BodyError, Evaluation, Model, spawn_body};
@@ -27,9 +24,6 @@ use sinew_models::laws::membranes::{
     BiquadraticMembrane, CorotationalMembrane, LinearMembrane, QuadraticMembrane,
 };
 use sinew_models::material::YoungPoisson;
-
-const KINDS: [TangentKind; 3] =
-    [TangentKind::Exact, TangentKind::GaussNewton, TangentKind::Projected];
 
 const FUSED: Evaluation = Evaluation::Fused;
 const POOLED: Evaluation = Evaluation::Pooled;
@@ -55,7 +49,7 @@ fn material(young_modulus: f64, poisson_ratio: f64) -> YoungPoisson {
 }
 
 /// A membrane of 1 cm.
-fn sheet(
+fn skin(
     triangles: &[[u32; 3]],
     (model, evaluation): (MembraneModel, Evaluation),
     material: YoungPoisson,
@@ -68,61 +62,8 @@ fn world<S: Scalar>(body: &BodyDescription, moved: &[DVec3], set: InstructionSet
     common::world::<S>(body, moved, Workers::new(1).unwrap().with_instruction_set(set).unwrap())
 }
 
-/// Energy, forces, masses and dense tangent in the user's order.
-struct Sums {
-    energy: f64,
-    force: Vec<f64>,
-    mass: Vec<f64>,
-    tangent: Vec<f64>,
-    clamped: u64,
-}
-
-fn evaluate<S: Scalar>(world: &mut World, count: usize, kind: TangentKind) -> Sums {
-    world.insert_resource(EvaluationRequest { energy: true, force: true, tangent: Some(kind) });
-    world.run_schedule(ForceSchedule);
-    let order = world.resource::<Topology>().bodies[0].vertex_order.clone();
-    let mut sums = Sums {
-        energy: world.resource::<ElasticEnergy>().total,
-        force: vec![0.0; 3 * count],
-        mass: vec![0.0; count],
-        tangent: vec![0.0; 9 * count * count],
-        clamped: world.resource::<Tangent<S>>().clamped,
-    };
-    let mut rows = world.query::<(&ElasticForce<S>, &Mass<S>)>();
-    for ((f, m), v) in rows.iter(world).zip(&order) {
-        sums.mass[v.index()] = m.0.to_f64();
-        for k in 0..3 {
-            sums.force[3 * v.index() + k] = f.0[k].to_f64();
-        }
-    }
-    let n = 3 * count;
-    let mut add = |a: u32, b: u32, m: &[S; 9]| {
-        let [a, b] = [a, b].map(|row| order[LocalRow(row)].index());
-        for i in 0..3 {
-            for j in 0..3 {
-                sums.tangent[(3 * a + i) * n + 3 * b + j] += m[3 * i + j].to_f64();
-                if a != b {
-                    sums.tangent[(3 * b + j) * n + 3 * a + i] += m[3 * i + j].to_f64();
-                }
-            }
-        }
-    };
-    let matrix = &world.resource::<Tangent<S>>().matrix;
-    for (row, m) in matrix.diagonal.iter().enumerate() {
-        add(row as u32, row as u32, m);
-    }
-    for (&[a, b], m) in world.resource::<Topology>().edges.iter().zip(&matrix.off_diagonal) {
-        add(a, b, m);
-    }
-    sums
-}
-
 fn product(tangent: &[f64], v: &[f64]) -> Vec<f64> {
     tangent.chunks(v.len()).map(|row| row.iter().zip(v).map(|(a, b)| a * b).sum()).collect()
-}
-
-fn available() -> impl Iterator<Item = InstructionSet> {
-    InstructionSet::ALL.into_iter().filter(|set| set.is_available())
 }
 
 #[test]
@@ -147,13 +88,10 @@ fn reference_meshes() {
         ];
         for (key, model, evaluation) in variants {
             let membrane = MembraneDescription::new(&triangles, thickness, material);
-            let body = BodyDescription {
-                membrane: Some(MembraneDescription { model, evaluation, ..membrane }),
-                ..BodyDescription::from_parts("sheet", &points, &[], material)
-            };
-            for set in available() {
+            let body = sheet(&points, MembraneDescription { model, evaluation, ..membrane });
+            for set in InstructionSet::available() {
                 let mut world = world::<f64>(&body, &moved, set);
-                let sums = evaluate::<f64>(&mut world, points.len(), TangentKind::Exact);
+                let sums = respond::<f64>(&mut world, points.len(), TangentKind::Exact);
                 let reference = &case[key];
                 let energy = number(&reference["energy"]);
                 worst.note("energy", (sums.energy - energy).abs(), energy, name);
@@ -208,7 +146,7 @@ fn a_body_of_both_is_the_sum_of_the_two() {
     let (points, tetrahedra, triangles, moved) = skinned_box();
     let n = points.len();
     let soft = material(5e3, 0.4);
-    let skin = material(8e4, 0.3);
+    let hard = material(8e4, 0.3);
     let solids = [
         (Model::CompressibleStVK, FUSED),
         (Model::CompressibleStVK, POOLED),
@@ -217,25 +155,18 @@ fn a_body_of_both_is_the_sum_of_the_two() {
     ];
     for (membrane_model, membrane_evaluation) in MEMBRANES {
         for (model, evaluation) in solids {
-            let membrane = MembraneDescription {
-                model: membrane_model,
-                evaluation: membrane_evaluation,
-                ..MembraneDescription::new(&triangles, 0.01, skin)
-            };
+            let membrane = skin(&triangles, (membrane_model, membrane_evaluation), hard);
             let solid = BodyDescription {
                 model,
                 evaluation,
                 ..BodyDescription::from_parts("both", &points, &tetrahedra, soft)
             };
-            let alone = BodyDescription {
-                membrane: Some(membrane),
-                ..BodyDescription::from_parts("sheet", &points, &[], soft)
-            };
+            let alone = sheet(&points, membrane);
             let both = BodyDescription { membrane: Some(membrane), ..solid.clone() };
             let best = InstructionSet::default_set().unwrap();
             let mut worlds = [&solid, &alone, &both].map(|b| world::<f64>(b, &moved, best));
             for kind in KINDS {
-                let [a, b, sum] = worlds.each_mut().map(|w| evaluate::<f64>(w, n, kind));
+                let [a, b, sum] = worlds.each_mut().map(|w| respond::<f64>(w, n, kind));
                 let what = format!("{membrane_model:?} {membrane_evaluation:?} {model:?} {kind:?}");
                 let energy = (sum.energy - a.energy - b.energy).abs();
                 assert!(energy < 1e-12 * sum.energy, "{what}");
@@ -266,13 +197,10 @@ fn pooled_and_fused_agree_and_projections_are_semidefinite() {
         for kind in KINDS {
             let mut results = Vec::new();
             for evaluation in [FUSED, POOLED] {
-                let membrane = sheet(&triangles, (model, evaluation), material(8e4, 0.3));
-                let body = BodyDescription {
-                    membrane: Some(membrane),
-                    ..BodyDescription::from_parts("sheet", &points, &[], material(1.0, 0.3))
-                };
+                let membrane = skin(&triangles, (model, evaluation), material(8e4, 0.3));
+                let body = sheet(&points, membrane);
                 let mut world = world::<f64>(&body, &moved, InstructionSet::default_set().unwrap());
-                results.push(evaluate::<f64>(&mut world, n, kind));
+                results.push(respond::<f64>(&mut world, n, kind));
             }
             let [fused, pooled] = &results[..] else { unreachable!() };
             assert!((fused.energy - pooled.energy).abs() < 1e-12 * fused.energy);
@@ -292,14 +220,11 @@ fn projected_tangents_of_entities_are_semidefinite() {
     let points = [DVec3::ZERO, DVec3::X, DVec3::new(0.2, 0.9, 0.1)];
     let moved = [DVec3::ZERO, DVec3::new(-0.4, 0.1, 0.2), DVec3::new(0.1, -0.5, 0.3)];
     for (model, evaluation) in MEMBRANES {
-        let membrane = sheet(&[[0, 1, 2]], (model, evaluation), material(100.0, 0.3));
-        let body = BodyDescription {
-            membrane: Some(membrane),
-            ..BodyDescription::from_parts("one", &points, &[], material(1.0, 0.3))
-        };
+        let membrane = skin(&[[0, 1, 2]], (model, evaluation), material(100.0, 0.3));
+        let body = sheet(&points, membrane);
         let mut world = world::<f64>(&body, &moved, InstructionSet::default_set().unwrap());
         let least = |world: &mut World, kind| {
-            let sums = evaluate::<f64>(world, 3, kind);
+            let sums = respond::<f64>(world, 3, kind);
             let mut k = [[0.0; 9]; 9];
             for (row, values) in k.iter_mut().zip(sums.tangent.chunks(9)) {
                 row.copy_from_slice(values);
@@ -316,22 +241,15 @@ fn projected_tangents_of_entities_are_semidefinite() {
 fn products_without_assembly() {
     let (points, _, triangles, moved) = skinned_box();
     for (model, evaluation) in MEMBRANES.into_iter().filter(|(_, e)| *e == FUSED) {
-        let membrane = sheet(&triangles, (model, evaluation), material(8e4, 0.3));
-        let body = BodyDescription {
-            membrane: Some(membrane),
-            ..BodyDescription::from_parts("sheet", &points, &[], material(1.0, 0.3))
-        };
+        let membrane = skin(&triangles, (model, evaluation), material(8e4, 0.3));
+        let body = sheet(&points, membrane);
         for kind in KINDS {
             let mut world = world::<f64>(&body, &moved, InstructionSet::default_set().unwrap());
-            evaluate::<f64>(&mut world, points.len(), kind);
-            let topology = world.resource::<Topology>();
-            let v: Vec<[f64; 4]> = (0..topology.vertex_count())
+            respond::<f64>(&mut world, points.len(), kind);
+            let v: Vec<[f64; 4]> = (0..world.resource::<Topology>().vertex_count())
                 .map(|i| [(i as f64).sin(), (2.0 * i as f64).cos(), (0.3 * i as f64).sin(), 0.0])
                 .collect();
-            let mut assembled = vec![[0.0; 4]; v.len()];
-            let matrix = &world.resource::<Tangent<f64>>().matrix;
-            let mut spans = ProductSpans::default();
-            matrix.multiply(topology, world.resource::<Workers>(), &mut spans, &v, &mut assembled);
+            let assembled = common::assembled(&world, &v);
             let mut free = vec![[0.0; 4]; v.len()];
             match model {
                 MembraneModel::Quadratic => {
@@ -357,17 +275,17 @@ fn single_precision_follows() {
     let (points, tetrahedra, triangles, moved) = skinned_box();
     let n = points.len();
     for (model, evaluation) in MEMBRANES {
-        let membrane = sheet(&triangles, (model, evaluation), material(8e4, 0.3));
+        let membrane = skin(&triangles, (model, evaluation), material(8e4, 0.3));
         let body = BodyDescription {
             membrane: Some(membrane),
             evaluation: POOLED,
             ..BodyDescription::from_parts("both", &points, &tetrahedra, material(5e3, 0.4))
         };
         let best = InstructionSet::default_set().unwrap();
-        let wide = evaluate::<f64>(&mut world::<f64>(&body, &moved, best), n, TangentKind::Exact);
-        for set in available() {
+        let wide = respond::<f64>(&mut world::<f64>(&body, &moved, best), n, TangentKind::Exact);
+        for set in InstructionSet::available() {
             let mut narrow = world::<f32>(&body, &moved, set);
-            let narrow = evaluate::<f32>(&mut narrow, n, TangentKind::Exact);
+            let narrow = respond::<f32>(&mut narrow, n, TangentKind::Exact);
             let error = max_difference(&wide.force, &narrow.force) / max_abs(&wide.force);
             assert!(error < 1e-5, "{model:?} {evaluation:?} {set:?}: {error:e}");
         }
@@ -377,15 +295,10 @@ fn single_precision_follows() {
 #[test]
 fn several_bodies_share_the_tables() {
     let (points, tetrahedra, triangles, moved) = skinned_box();
-    let mut together = World::new();
-    install::<f64>(&mut together, Executor::SingleThreaded);
+    let mut together = common::empty::<f64>();
     let mut energies = Vec::new();
-    for (i, (model, evaluation)) in MEMBRANES.iter().chain(&MEMBRANES).enumerate() {
-        let membrane = MembraneDescription {
-            model: *model,
-            evaluation: *evaluation,
-            ..MembraneDescription::new(&triangles, 0.01, material(8e4 + i as f64, 0.3))
-        };
+    for (i, kind) in MEMBRANES.iter().chain(&MEMBRANES).enumerate() {
+        let membrane = skin(&triangles, *kind, material(8e4 + i as f64, 0.3));
         let name = format!("body {i}");
         let tetrahedra = if i % 3 == 0 { &[][..] } else { &tetrahedra[..] };
         let body = BodyDescription {
@@ -395,20 +308,9 @@ fn several_bodies_share_the_tables() {
         };
         spawn_body(&mut together, &body).unwrap();
         let mut alone = world::<f64>(&body, &moved, InstructionSet::default_set().unwrap());
-        energies.push(evaluate::<f64>(&mut alone, points.len(), TangentKind::Exact).energy);
+        energies.push(respond::<f64>(&mut alone, points.len(), TangentKind::Exact).energy);
     }
-    let orders: Vec<MeshVertex> = together
-        .resource::<Topology>()
-        .bodies
-        .iter()
-        .flat_map(|b| b.vertex_order.iter().copied())
-        .collect();
-    let mut query = together.query::<&mut Displacement<f64>>();
-    let mut rows = single_table(query.contiguous_iter_mut(&mut together)).unwrap();
-    for (u, v) in rows.iter_mut().zip(orders) {
-        let [x, y, z] = moved[v.index()].to_array();
-        u.0 = [x, y, z, 0.0];
-    }
+    common::displace::<f64>(&mut together, &moved);
     together.insert_resource(EvaluationRequest { energy: true, force: false, tangent: None });
     together.run_schedule(ForceSchedule);
     let by_body = &together.resource::<ElasticEnergy>().by_body;
@@ -422,44 +324,41 @@ fn bad_membranes_are_refused() {
     let points = [DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::new(2.0, 0.0, 0.0)];
     let good = [[0, 1, 2]];
     let try_spawn = |membrane: MembraneDescription| {
-        let mut world = World::new();
-        install::<f64>(&mut world, Executor::SingleThreaded);
-        let body = BodyDescription {
-            membrane: Some(membrane),
-            ..BodyDescription::from_parts("sheet", &points, &[], material(1.0, 0.3))
-        };
+        let mut world = common::empty::<f64>();
+        // another material than that of the membrane, which may be bad
+        let body = BodyDescription { material: material(1.0, 0.3), ..sheet(&points, membrane) };
         let result = spawn_body(&mut world, &body);
         if result.is_err() {
             assert!(world.resource::<Topology>().bodies.is_empty());
         }
         result.map(|_| ())
     };
-    let skin = material(100.0, 0.3);
+    let hard = material(100.0, 0.3);
     let refused = |result| match result {
         Err(BodyError::Membrane { source, .. }) => source,
         other => panic!("{other:?}"),
     };
-    let sheet = MembraneDescription::new(&good, 0.01, skin);
-    assert!(try_spawn(sheet).is_ok());
+    let whole = MembraneDescription::new(&good, 0.01, hard);
+    assert!(try_spawn(whole).is_ok());
     for thickness in [0.0, -1.0, f64::NAN, f64::INFINITY] {
-        let source = refused(try_spawn(MembraneDescription { thickness, ..sheet }));
+        let source = refused(try_spawn(MembraneDescription { thickness, ..whole }));
         assert!(matches!(source, MembraneError::Thickness { .. }));
     }
-    let bad = MembraneDescription { material: material(-1.0, 0.3), ..sheet };
+    let bad = MembraneDescription { material: material(-1.0, 0.3), ..whole };
     assert!(matches!(refused(try_spawn(bad)), MembraneError::Material(_)));
     let pooled =
-        MembraneDescription { model: MembraneModel::Quadratic, evaluation: POOLED, ..sheet };
+        MembraneDescription { model: MembraneModel::Quadratic, evaluation: POOLED, ..whole };
     assert!(matches!(refused(try_spawn(pooled)), MembraneError::Evaluation { .. }));
     for triangle in [[0, 1, 9], [0, 1, 1]] {
-        let source = refused(try_spawn(MembraneDescription::new(&[triangle], 0.01, skin)));
+        let source = refused(try_spawn(MembraneDescription::new(&[triangle], 0.01, hard)));
         assert!(matches!(source, MembraneError::Index { triangle: 0, .. }));
     }
     let line = [[0, 1, 2], [0, 1, 3]];
-    let source = refused(try_spawn(MembraneDescription::new(&line, 0.01, skin)));
+    let source = refused(try_spawn(MembraneDescription::new(&line, 0.01, hard)));
     assert!(matches!(source, MembraneError::Triangle { triangle: 1, .. }));
     let twice = [[0, 1, 2], [2, 1, 0]];
-    let source = refused(try_spawn(MembraneDescription::new(&twice, 0.01, skin)));
+    let source = refused(try_spawn(MembraneDescription::new(&twice, 0.01, hard)));
     assert!(matches!(source, MembraneError::Duplicate { .. }));
-    let none = try_spawn(MembraneDescription::new(&[], 0.01, skin));
+    let none = try_spawn(MembraneDescription::new(&[], 0.01, hard));
     assert!(matches!(none, Err(BodyError::Empty { .. })));
 }

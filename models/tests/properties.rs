@@ -6,7 +6,7 @@ use crate::common;
 
 use std::f64::consts::TAU;
 
-use common::{config, max_abs, max_difference, symmetric_eigen};
+use common::{config, max_abs, max_difference, symmetric_eigen, vector};
 use proptest::prelude::*;
 use sinew_engine::scalar::{Scalar, add, cross, dot, mat_vec, scale, sub};
 use sinew_models::element::precompute::{
@@ -55,10 +55,6 @@ fn rotation(axis: [f64; 3], angle: f64) -> [f64; 9] {
         d * y * z + s * x,
         c + d * z * z,
     ]
-}
-
-fn vector() -> impl Strategy<Value = [f64; 3]> {
-    prop::array::uniform3(-1.0..1.0_f64)
 }
 
 fn unit_axis() -> impl Strategy<Value = [f64; 3]> {

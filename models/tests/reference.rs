@@ -70,24 +70,21 @@ fn tetrahedra() {
         let stvk = Element { compression: 0.0, ..c.element };
 
         // Rest shape and material.
-        let same = |worst: &mut Worst, what, ours: &[f64], theirs: &[f64]| {
-            worst.note(what, max_difference(ours, theirs), max_abs(theirs), name);
-        };
-        same(
-            &mut worst,
+        worst.same(
             "Lamé parameters",
             &[c.lame.lambda, c.lame.mu],
             &[number(&case["lambda"]), number(&case["mu"])],
+            name,
         );
-        same(&mut worst, "rest volume", &[c.rest.volume], &[number(&case["rest_volume"])]);
+        worst.same("rest volume", &[c.rest.volume], &[number(&case["rest_volume"])], name);
         let gradients = c.rest.gradients.as_flattened();
-        same(&mut worst, "shape vectors", gradients, &flat(&case["shape_vectors"]));
+        worst.same("shape vectors", gradients, &flat(&case["shape_vectors"]), name);
 
         // Springs.
         let tbs = &case["tbs"];
         let springs = SpringConstants::new(&c.rest, c.lame);
-        same(&mut worst, "k", &springs.tensile, &numbers(&tbs["k"]));
-        same(&mut worst, "c", &springs.angular, &numbers(&tbs["c"]));
+        worst.same("k", &springs.tensile, &numbers(&tbs["k"]), name);
+        worst.same("c", &springs.angular, &numbers(&tbs["c"]), name);
         // For a regular shape and nu = 0 some d vanish: measured against k.
         let k_unit = max_abs(&springs.tensile);
         worst.note("d", max_difference(&springs.volumetric, &numbers(&tbs["d"])), k_unit, name);
@@ -110,35 +107,32 @@ fn tetrahedra() {
         // Small strains leave the reference's own delta with few digits: the unit is its size
         // before cancellation.
         let unit = unit.max(k_unit * size);
-        let theirs = numbers(&tbs["edge_tension"]);
-        worst.note("edge tension", max_difference(&tension, &theirs), unit, name);
+        worst.beside("edge tension", &tension, &numbers(&tbs["edge_tension"]), unit, name);
 
         // Elastic element.
         let (w, f) = tetrahedron::energy_and_forces(&stvk, &u);
         assert_eq!(w, tetrahedron::energy(&stvk, &u));
         assert_eq!(f, tetrahedron::forces(&stvk, &u));
         worst.note("energy", (w - number(&tbs["energy"])).abs(), c.energy_unit, name);
-        let theirs = flat(&tbs["forces"]);
-        worst.note("forces", max_difference(f.as_flattened(), &theirs), c.force_unit, name);
+        worst.beside("forces", f.as_flattened(), &flat(&tbs["forces"]), c.force_unit, name);
         let exact = tetrahedron::tangent(&stvk, &u, TangentKind::Exact).to_dense();
         let hessian = flat(&tbs["hessian"]);
-        same(&mut worst, "exact tangent", exact.as_flattened(), &hessian);
+        worst.same("exact tangent", exact.as_flattened(), &hessian, name);
         let gauss_newton = tetrahedron::tangent(&stvk, &u, TangentKind::GaussNewton).to_dense();
         let material = flat(&tbs["hessian_material"]);
-        same(&mut worst, "material tangent", gauss_newton.as_flattened(), &material);
+        worst.same("material tangent", gauss_newton.as_flattened(), &material, name);
 
         // Quadratic springs; where an edge has no length their tangent is singular.
         let tqs = &case["tqs"];
         let chi: Vec<f64> =
             (0..6).map(|e| 4.0 * springs.tensile[e] * number(&case["rest_len2"][e])).collect();
-        same(&mut worst, "chi", &chi, &numbers(&tqs["chi_printed"]));
+        worst.same("chi", &chi, &numbers(&tqs["chi_printed"]), name);
         let w_tqs = QuadraticSprings::energy(&stvk, &u);
         worst.note("TQS energy", (w_tqs - number(&tqs["energy"])).abs(), c.energy_unit, name);
         let f_tqs = QuadraticSprings::forces(&stvk, &u).unwrap();
-        let theirs = flat(&tqs["forces"]);
-        worst.note("TQS forces", max_difference(f_tqs.as_flattened(), &theirs), c.force_unit, name);
+        worst.beside("TQS forces", f_tqs.as_flattened(), &flat(&tqs["forces"]), c.force_unit, name);
         let t_tqs = QuadraticSprings::tangent(&stvk, &u, TangentKind::Exact).to_dense();
-        same(&mut worst, "TQS tangent", t_tqs.as_flattened(), &flat(&tqs["hessian"]));
+        worst.same("TQS tangent", t_tqs.as_flattened(), &flat(&tqs["hessian"]), name);
 
         // Compression term, alone and in the sum.
         let comp = &case["compression"];
@@ -149,9 +143,13 @@ fn tetrahedra() {
         let theirs = number(&comp["energy"]);
         worst.note("compression energy", (w_comp - theirs).abs(), c.energy_unit, name);
         let f_comp = compression::forces(&c.element, &u);
-        let theirs = flat(&comp["forces"]);
-        let error = max_difference(f_comp.as_flattened(), &theirs);
-        worst.note("compression forces", error, c.force_unit, name);
+        worst.beside(
+            "compression forces",
+            f_comp.as_flattened(),
+            &flat(&comp["forces"]),
+            c.force_unit,
+            name,
+        );
         // Near J = 1 this tangent is tiny and its terms J - 1 noise: the unit is the elastic one.
         let k_unit = max_abs(&hessian);
         let k_comp = compression::tangent(&c.element, &u, TangentKind::Exact).to_dense();
@@ -178,7 +176,7 @@ fn tetrahedra() {
         for (kind, elastic, more) in sums {
             let k = tetrahedron::tangent(&c.element, &u, kind).to_dense();
             let sum: Vec<f64> = elastic.iter().zip(&more).map(|(a, b)| a + b).collect();
-            same(&mut worst, "sum tangents", k.as_flattened(), &sum);
+            worst.same("sum tangents", k.as_flattened(), &sum, name);
         }
     }
     worst.check(TOLERANCE);

@@ -4,18 +4,18 @@
 use crate::common;
 
 use bevy_ecs::prelude::*;
-use common::{Motion, max_abs, max_difference, strip};
+use common::{KINDS, Motion, max_abs, max_difference, noise, strip};
 use glam::DVec3;
 use proptest::prelude::*;
 use sinew_engine::columns::single_table;
 use sinew_engine::element::{TETRAHEDRON_EDGES, TetrahedronVertices};
 use sinew_engine::lanes::InstructionSet;
 use sinew_engine::law::{ElasticEnergy, EvaluationRequest, TangentKind};
-use sinew_engine::matrix::{ProductSpans, Tangent};
+use sinew_engine::matrix::Tangent;
 use sinew_engine::mesh::Mesh;
 use sinew_engine::mesh::generate::box_tets;
 use sinew_engine::scalar::Scalar;
-use sinew_engine::schedule::{Executor, ForceSchedule, install};
+use sinew_engine::schedule::ForceSchedule;
 use sinew_engine::topology::Topology;
 use sinew_engine::vertex::{Displacement, ElasticForce, RestPosition};
 use sinew_engine::workers::Workers;
@@ -28,9 +28,6 @@ use sinew_models::frame::tetrahedra;
 use sinew_models::laws::quadratic::{MassSpring, QuadraticSprings};
 use sinew_models::laws::svk::FusedStVK;
 use sinew_models::material::YoungPoisson;
-
-const KINDS: [TangentKind; 3] =
-    [TangentKind::Exact, TangentKind::GaussNewton, TangentKind::Projected];
 
 const LAWS: [(Model, Evaluation); 5] = [
     (Model::CompressibleStVK, Evaluation::Fused),
@@ -196,7 +193,7 @@ fn add_spring(
 fn compare<S: Scalar>(count: usize, noise: &[f64], motion: Motion) {
     let (points, tetrahedra, moved) = strip(count, noise, motion);
     for law in LAWS {
-        for set in InstructionSet::ALL.into_iter().filter(|set| set.is_available()) {
+        for set in InstructionSet::available() {
             let workers = Workers::serial().with_instruction_set(set).unwrap();
             let mut world = world::<S>(&points, &tetrahedra, &moved, law, workers);
             let mut displacements = world.query::<&Displacement<S>>();
@@ -245,10 +242,6 @@ proptest! {
         compare::<f64>(count, &noise, Motion::Random(size));
         compare::<f32>(count, &noise, Motion::Random(size));
     }
-}
-
-fn noise() -> Vec<f64> {
-    (0..97).map(|i| ((i * 37 + 11) % 97) as f64 / 48.5 - 1.0).collect()
 }
 
 #[test]
@@ -310,7 +303,7 @@ fn products<L: TetrahedronLaw, S: Scalar>(law: (Model, Evaluation), tolerance: f
     let (mesh, moved) = jittered();
     for size in [0.0, 0.3, 1.0, 3.0] {
         let moved: Vec<DVec3> = moved.iter().map(|u| size * *u).collect();
-        for set in InstructionSet::ALL.into_iter().filter(|set| set.is_available()) {
+        for set in InstructionSet::available() {
             for kind in KINDS {
                 let workers = Workers::serial().with_instruction_set(set).unwrap();
                 let mut w = world::<S>(&mesh.points, &mesh.tetrahedra, &moved, law, workers);
@@ -328,14 +321,7 @@ fn products<L: TetrahedronLaw, S: Scalar>(law: (Model, Evaluation), tolerance: f
                     continue;
                 }
                 outcome.unwrap();
-                let mut expected = vec![[S::ZERO; 4]; v.len()];
-                w.resource::<Tangent<S>>().matrix.multiply(
-                    w.resource::<Topology>(),
-                    w.resource::<Workers>(),
-                    &mut ProductSpans::default(),
-                    &v,
-                    &mut expected,
-                );
+                let expected = common::assembled(&w, &v);
                 let wide = |rows: &[[S; 4]]| -> Vec<f64> {
                     rows.as_flattened().iter().map(|x| x.to_f64()).collect()
                 };
@@ -358,8 +344,7 @@ fn products_without_assembly() {
 #[test]
 fn quadratic_springs_have_no_pooled_evaluation() {
     for model in [Model::QuadraticSprings, Model::MassSpring] {
-        let mut world = World::new();
-        install::<f64>(&mut world, Executor::SingleThreaded);
+        let mut world = common::empty::<f64>();
         let (points, tetrahedra, _) = strip(3, &noise(), Motion::Rest);
         let evaluation = Evaluation::Pooled;
         let error = spawn_body(&mut world, &body("b", &points, &tetrahedra, model, evaluation))
@@ -372,8 +357,7 @@ fn quadratic_springs_have_no_pooled_evaluation() {
 /// Bodies of all kinds in one world keep to themselves.
 #[test]
 fn all_kinds_side_by_side() {
-    let mut together = World::new();
-    install::<f64>(&mut together, Executor::SingleThreaded);
+    let mut together = common::empty::<f64>();
     let mesh = box_tets(DVec3::new(0.2, 0.1, 0.1), [4, 2, 2]).unwrap();
     let moved: Vec<DVec3> = jittered().1[..mesh.points.len()].to_vec();
     let mut expected = Vec::new();
@@ -386,21 +370,11 @@ fn all_kinds_side_by_side() {
         expected.extend(sums.force);
         energies.push(sums.energy);
         let (model, evaluation) = law;
-        let name = &i.to_string();
-        let (points, tetrahedra) = (&mesh.points[..], &mesh.tetrahedra[..]);
-        let material = material();
-        spawn_body(
-            &mut together,
-            &BodyDescription { material, ..body(name, points, tetrahedra, model, evaluation) },
-        )
-        .unwrap();
+        let name = i.to_string();
+        let own = body(&name, &mesh.points, &mesh.tetrahedra, model, evaluation);
+        spawn_body(&mut together, &own).unwrap();
     }
-    let order = together.resource::<Topology>().bodies[0].vertex_order.clone();
-    let mut query = together.query::<&mut Displacement<f64>>();
-    for (mut u, v) in query.iter_mut(&mut together).zip(order.iter().cycle()) {
-        let [x, y, z] = moved[v.index()].to_array();
-        u.0 = [x, y, z, 0.0];
-    }
+    common::displace::<f64>(&mut together, &moved);
     let sums = evaluate::<f64>(&mut together, TangentKind::Exact);
     assert!(max_difference(&expected, &sums.force) < 1e-13 * max_abs(&expected));
     let by_body = &together.resource::<ElasticEnergy>().by_body;

@@ -6,19 +6,22 @@ pub mod json;
 
 use bevy_ecs::prelude::*;
 use glam::DVec3;
-use proptest::prelude::ProptestConfig;
+use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
 use sinew_engine::element::{TETRAHEDRON_EDGES, TetrahedronShapes};
 use sinew_engine::element_kind::ByKind;
 use sinew_engine::lanes::InstructionSet;
-use sinew_engine::law::{EvaluationRequest, LawBuffer};
+use sinew_engine::law::{ElasticEnergy, EvaluationRequest, LawBuffer};
 use sinew_engine::layout::BodyElements;
+use sinew_engine::matrix::{ProductSpans, Tangent};
+use sinew_engine::precision::Precision;
 use sinew_engine::row::{LocalRow, MeshVertex};
 use sinew_engine::scalar::Scalar;
-use sinew_engine::schedule::{Executor, install};
+use sinew_engine::schedule::{Executor, ForceSchedule, install};
 use sinew_engine::topology::{BodyRows, Topology};
-use sinew_engine::vertex::Displacement;
+use sinew_engine::vertex::{Displacement, ElasticForce, Mass};
 use sinew_engine::workers::Workers;
+use sinew_models::body::sheet::MembraneDescription;
 use sinew_models::body::{BodyDescription, spawn_body};
 use sinew_models::element::tetrahedron::{self, Element, TangentKind};
 use sinew_models::frame::law::TetrahedronLaw;
@@ -40,6 +43,23 @@ impl Worst {
             Some(w) => (w.1, w.2) = (ratio, name.to_owned()),
             None => self.0.push((quantity, ratio, name.to_owned())),
         }
+    }
+
+    /// Notes how far numbers are from those of the reference, in units of `unit`.
+    pub fn beside(
+        &mut self,
+        quantity: &'static str,
+        ours: &[f64],
+        theirs: &[f64],
+        unit: f64,
+        name: &str,
+    ) {
+        self.note(quantity, max_difference(ours, theirs), unit, name);
+    }
+
+    /// The same in units of the largest of the reference.
+    pub fn same(&mut self, quantity: &'static str, ours: &[f64], theirs: &[f64], name: &str) {
+        self.beside(quantity, ours, theirs, max_abs(theirs), name);
     }
 
     /// Fails if any quantity is off by more than `tolerance` of its units. Lists all of them when
@@ -108,6 +128,20 @@ pub fn symmetric_eigen<const N: usize>(mut a: [[f64; N]; N]) -> ([f64; N], [[f64
         values[i] = a[i][i];
     }
     (values, v)
+}
+
+/// Every kind of tangent.
+pub const KINDS: [TangentKind; 3] =
+    [TangentKind::Exact, TangentKind::GaussNewton, TangentKind::Projected];
+
+/// Numbers between -1 and 1, as many as [`strip`] takes.
+pub fn noise() -> Vec<f64> {
+    (0..97).map(|i| ((i * 37 + 11) % 97) as f64 / 48.5 - 1.0).collect()
+}
+
+/// Three numbers between -1 and 1.
+pub fn vector() -> impl Strategy<Value = [f64; 3]> {
+    prop::array::uniform3(-1.0..1.0_f64)
 }
 
 /// The same cases in every run unless `PROPTEST_RNG_SEED` asks for others.
@@ -230,19 +264,106 @@ impl<S: Scalar> Columns<S> {
     }
 }
 
-/// A world with one body, displaced by `moved` (user's order).
-pub fn world<S: Scalar>(body: &BodyDescription, moved: &[DVec3], workers: Workers) -> World {
+/// A world without bodies.
+pub fn empty<S: Scalar>() -> World {
     let mut world = World::new();
     install::<S>(&mut world, Executor::SingleThreaded);
+    world.insert_resource(Precision::of::<S>());
+    world
+}
+
+/// A world with one body, displaced by `moved` (user's order).
+pub fn world<S: Scalar>(body: &BodyDescription, moved: &[DVec3], workers: Workers) -> World {
+    let mut world = empty::<S>();
     world.insert_resource(workers);
     spawn_body(&mut world, body).unwrap();
-    let order = world.resource::<Topology>().bodies[0].vertex_order.clone();
+    displace::<S>(&mut world, moved);
+    world
+}
+
+/// Displaces all bodies alike (user's order).
+pub fn displace<S: Scalar>(world: &mut World, moved: &[DVec3]) {
+    let bodies = &world.resource::<Topology>().bodies;
+    let order: Vec<MeshVertex> =
+        bodies.iter().flat_map(|body| body.vertex_order.iter().copied()).collect();
     let mut query = world.query::<&mut Displacement<S>>();
-    for (mut u, v) in query.iter_mut(&mut world).zip(&order) {
+    for (mut u, v) in query.iter_mut(world).zip(order) {
         let [x, y, z] = moved[v.index()].to_array().map(S::from_f64);
         u.0 = [x, y, z, S::ZERO];
     }
-    world
+}
+
+/// What the only body gives where it is, in the user's order.
+pub struct Response {
+    pub energy: f64,
+    pub force: Vec<f64>,
+    pub mass: Vec<f64>,
+    /// Row by row; rows and columns are `3 vertex + axis`.
+    pub tangent: Vec<f64>,
+    pub clamped: u64,
+}
+
+/// Evaluates the only body, of `count` vertices.
+pub fn respond<S: Scalar>(world: &mut World, count: usize, kind: TangentKind) -> Response {
+    world.insert_resource(EvaluationRequest { energy: true, force: true, tangent: Some(kind) });
+    world.run_schedule(ForceSchedule);
+    let order = world.resource::<Topology>().bodies[0].vertex_order.clone();
+    let n = 3 * count;
+    let mut all = Response {
+        energy: world.resource::<ElasticEnergy>().total,
+        force: vec![0.0; n],
+        mass: vec![0.0; count],
+        tangent: vec![0.0; n * n],
+        clamped: world.resource::<Tangent<S>>().clamped,
+    };
+    let mut rows = world.query::<(&ElasticForce<S>, &Mass<S>)>();
+    for ((f, m), v) in rows.iter(world).zip(&order) {
+        all.mass[v.index()] = m.0.to_f64();
+        (0..3).for_each(|k| all.force[3 * v.index() + k] = f.0[k].to_f64());
+    }
+    let Tangent { matrix, low_rank, .. } = world.resource::<Tangent<S>>();
+    let place = |row: u32| 3 * order[LocalRow(row)].index();
+    let mut add = |[a, b]: [u32; 2], block: &[S; 9]| {
+        let (i, j) = (place(a), place(b));
+        for k in 0..9 {
+            let (p, q, own) = (i + k / 3, j + k % 3, block[k].to_f64());
+            all.tangent[p * n + q] += own;
+            if a != b {
+                all.tangent[q * n + p] += own;
+            }
+        }
+    };
+    (0..).zip(&matrix.diagonal).for_each(|(row, own)| add([row, row], own));
+    let edges = &world.resource::<Topology>().edges;
+    edges.iter().zip(&matrix.off_diagonal).for_each(|(&edge, own)| add(edge, own));
+    for part in low_rank {
+        for vector in 0..part.pattern.start.len() - 1 {
+            let mut whole = vec![0.0; n];
+            for entry in part.pattern.entries(vector) {
+                let at = place(part.pattern.rows[entry]);
+                (0..3).for_each(|k| whole[at + k] = part.vectors[entry][k].to_f64());
+            }
+            for (row, a) in all.tangent.chunks_mut(n).zip(&whole) {
+                row.iter_mut().zip(&whole).for_each(|(x, b)| *x += a * b);
+            }
+        }
+    }
+    all
+}
+
+/// The assembled tangent times a vector, by rows.
+pub fn assembled<S: Scalar>(world: &World, v: &[[S; 4]]) -> Vec<[S; 4]> {
+    let mut product = vec![[S::ZERO; 4]; v.len()];
+    let (topology, workers) = (world.resource::<Topology>(), world.resource::<Workers>());
+    let matrix = &world.resource::<Tangent<S>>().matrix;
+    matrix.multiply(topology, workers, &mut ProductSpans::default(), v, &mut product);
+    product
+}
+
+/// A body that is all membrane, of the membrane's material.
+pub fn sheet<'a>(points: &'a [DVec3], membrane: MembraneDescription<'a>) -> BodyDescription<'a> {
+    let plain = BodyDescription::from_parts("sheet", points, &[], membrane.material);
+    BodyDescription { membrane: Some(membrane), ..plain }
 }
 
 /// What a law makes of the tetrahedra of [`Columns`]: energy, forces, diagonal and off-diagonal blocks, clamped
