@@ -15,6 +15,7 @@ use sinew_scene::probe::PROBES;
 use sinew_scene::scene::{LoadedScene, Scene};
 use sinew_scene::scene_folder;
 use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
 
 const GOOD: &str = r#"name = "beam"
 gravity = [0.0, 0.0, -9.81]
@@ -87,6 +88,7 @@ macro_rules! bad {
 
 use SceneProblem::*;
 
+const SHAPE: &str = "generate = { box = { size = [0.2, 0.04, 0.04], cells = [4, 1, 1] } }";
 const MATERIAL: &str = "{ young_modulus = 1e5, poisson_ratio = 0.4, density = 1000.0 }";
 
 bad! {
@@ -132,12 +134,10 @@ bad! {
     dt_longer_than_duration: "dt = 0.01" => "dt = 1.0", Value { .. }, 3, ["longer", "shorter step"];
     infinite_duration: "duration = 0.1" => "duration = inf", Value { .. }, 4, ["duration"];
     infinite_gravity: "-9.81" => "-inf", Value { .. }, 2, ["gravity", "finite"];
-    missing_mesh: "generate = { box = { size = [0.2, 0.04, 0.04], cells = [4, 1, 1] } }"
-        => "mesh = \"nowhere.msh\"", Mesh { .. }, 11, ["nowhere.msh", "check that the path exists"];
+    missing_mesh: SHAPE => "mesh = \"nowhere.msh\"", Mesh { .. }, 11, ["nowhere.msh", "check that the path exists"];
     no_mesh: "generate = { box = { size = [0.2, 0.04, 0.04], cells = [4, 1, 1] } }\n" => "",
         Missing { .. }, 9, ["mesh", "generate"];
-    not_a_mesh: "generate = { box = { size = [0.2, 0.04, 0.04], cells = [4, 1, 1] } }"
-        => "mesh = \"README.md\"", Mesh { .. }, 11, ["README.md", "format"];
+    not_a_mesh: SHAPE => "mesh = \"README.md\"", Mesh { .. }, 11, ["README.md", "format"];
     flat_box: "0.2, 0.04, 0.04" => "0.2, 0.0, 0.04", Mesh { .. }, 11, ["size.y = 0"];
     box_without_cells: "[4, 1, 1]" => "[4, 0, 1]", Mesh { .. }, 11, ["cells[1]"];
     two_shapes: "{ box =" => "{ sphere = { radius = 1.0, shells = 2 }, box =",
@@ -363,6 +363,8 @@ fn fibres_that_cannot_be_used_are_named_with_line_and_key() {
         format!("{FIBRES}\n[body.axes]\nangles = [{{ between = {between}, modulus = 1e3 }}]")
     };
     let direction = |text: &str| FIBRES.replace("direction = [1.0, 0.0, 0.0]", text);
+    let angles = |text: &str| direction(&format!("azimuth_elevation = {{ {text} }}"));
+    let laplace = |text: &str| direction(&format!("laplace = {{ {text} }}"));
     let muscle = |text: &str| format!("{FIBRES}\nmuscle = {{ {text} }}");
     // line 14 is `[[body.fibres]]`
     let axes = |text: &str| format!("{FIBRES}\n[body.axes]\n{text}");
@@ -370,25 +372,13 @@ fn fibres_that_cannot_be_used_are_named_with_line_and_key() {
     let cases: [(String, usize, &[&str]); 30] = [
         (axes("form = \"printed\""), 19, &["form", "printed", "`sinew-papers`"]),
         (axes("volume_viscosity = 2.0"), 19, &["volume_viscosity", "`sinew-papers`"]),
-        (direction("azimuth_elevation = {}"), 17, &["not exactly one kind of angles"]),
-        (direction("azimuth_elevation = { data = [\"a\", \"e\"] }"), 17, &["cell data `a`", "VTU"]),
+        (angles(""), 17, &["not exactly one kind of angles"]),
+        (angles("data = [\"a\", \"e\"]"), 17, &["cell data `a`", "VTU"]),
+        (angles("formula = [\"x\", \"2*w\"]"), 17, &["formula of elevation", "variables"]),
+        (angles("formula = [\"0\", \"1/0\"]"), 17, &["element 0", "finite"]),
+        (angles("formula = [\"0\", \"0\"], axis = [0, 0, 0]"), 17, &["axis", "not zero"]),
         (
-            direction("azimuth_elevation = { formula = [\"x\", \"2*w\"] }"),
-            17,
-            &["formula of elevation", "variables"],
-        ),
-        (
-            direction("azimuth_elevation = { formula = [\"0\", \"1/0\"] }"),
-            17,
-            &["element 0", "finite"],
-        ),
-        (
-            direction("azimuth_elevation = { formula = [\"0\", \"0\"], axis = [0, 0, 0] }"),
-            17,
-            &["axis", "not zero"],
-        ),
-        (
-            direction("azimuth_elevation = { formula = [\"0\", \"0\"], zero = [0, 0, 2] }"),
+            angles("formula = [\"0\", \"0\"], zero = [0, 0, 2]"),
             17,
             &["azimuth 0", "not along the axis"],
         ),
@@ -400,11 +390,11 @@ fn fibres_that_cannot_be_used_are_named_with_line_and_key() {
         (direction("data = \"fibre\""), 17, &["fibre_x", "VTU"]),
         (direction("formula = [\"x\", \"2*w\", \"0\"]"), 17, &["variables", "use x, y and z"]),
         (direction("formula = [\"0\", \"0\", \"0\"]"), 17, &["element 0", "no direction"]),
-        (direction("laplace = { from = \"x0\", to = \"xx1\" }"), 17, &["did you mean `x1`"]),
-        (direction("laplace = { from = \"x0\", to = \"y0\" }"), 17, &["both surfaces"]),
-        (direction("laplace = { from = \"x0\", to = \"x1\", helix = [60, -60] }"), 17, &["`axis`"]),
+        (laplace("from = \"x0\", to = \"xx1\""), 17, &["did you mean `x1`"]),
+        (laplace("from = \"x0\", to = \"y0\""), 17, &["both surfaces"]),
+        (laplace("from = \"x0\", to = \"x1\", helix = [60, -60]"), 17, &["`axis`"]),
         (
-            direction("laplace = { from = \"x0\", to = \"x1\", helix = [0, 0], axis = [1, 0, 0] }"),
+            laplace("from = \"x0\", to = \"x1\", helix = [0, 0], axis = [1, 0, 0]"),
             17,
             &["helix rule", "no direction"],
         ),
@@ -451,23 +441,31 @@ fn fibres_that_cannot_be_used_are_named_with_line_and_key() {
     assert!(message.contains("group of faces"), "{message}");
 }
 
+/// A folder for the files of a test.
+fn folder(name: &str) -> PathBuf {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
+    std::fs::create_dir_all(&folder).unwrap();
+    folder
+}
+
+/// The scene with fibres of some direction in the mesh of a file.
+fn of_file(direction: &str) -> String {
+    with_fibres(&FIBRES.replace("direction = [1.0, 0.0, 0.0]", direction))
+        .replace(SHAPE, "mesh = \"beam.vtu\"")
+        .replace("{ group = \"x0\" }", "{ vertices = [0, 1, 2] }")
+        .replace("{ group = \"x1\" }", "{ vertices = [4] }")
+}
+
 #[test]
 fn fibre_vectors_of_other_lengths_are_a_warning() {
-    let folder = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("fibre_lengths");
-    std::fs::create_dir_all(&folder).unwrap();
+    let folder = folder("fibre_lengths");
     let mut mesh = box_tets(DVec3::new(0.2, 0.04, 0.04), [4, 1, 1]).unwrap();
     let mut vectors = vec![DVec3::X; mesh.tetrahedra.len()];
     vectors[3] *= 2.0;
     let data = to_cell_data("fibre", &vectors, &mesh);
     mesh.cell_data.extend(data);
     write(&folder.join("beam.vtu"), &mesh).unwrap();
-    let text = with_fibres(&FIBRES.replace("direction = [1.0, 0.0, 0.0]", "data = \"fibre\""))
-        .replace(
-            "generate = { box = { size = [0.2, 0.04, 0.04], cells = [4, 1, 1] } }",
-            "mesh = \"beam.vtu\"",
-        )
-        .replace("{ group = \"x0\" }", "{ vertices = [0, 1, 2] }")
-        .replace("{ group = \"x1\" }", "{ vertices = [4] }");
+    let text = of_file("data = \"fibre\"");
     let scene = LoadedScene::parse(&text, &folder.join("scene.toml")).unwrap();
     let built = build(&scene, &BuildOptions::default()).unwrap();
     let warning = built.warnings.iter().find(|w| w.code == "scene.fibres.length").unwrap();
@@ -483,8 +481,7 @@ fn fibre_vectors_of_other_lengths_are_a_warning() {
 /// Two maps in the file, and the same two as formulas, are directions by the documented convention.
 #[test]
 fn azimuth_and_elevation_are_read_from_the_mesh_file() {
-    let folder = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("azimuth_elevation");
-    std::fs::create_dir_all(&folder).unwrap();
+    let folder = folder("azimuth_elevation");
     let mut mesh = box_tets(DVec3::new(0.2, 0.04, 0.04), [4, 1, 1]).unwrap();
     let middle = |t: &[u32; 4]| t.iter().map(|&v| mesh.points[v as usize]).sum::<DVec3>() / 4.0;
     let centres: Vec<DVec3> = mesh.tetrahedra.iter().map(middle).collect();
@@ -503,14 +500,7 @@ fn azimuth_and_elevation_are_read_from_the_mesh_file() {
     let built = |angles: &str| {
         let fibres =
             format!("azimuth_elevation = {{ {angles}, axis = [2, 0, 0], zero = [1, 0, 3] }}");
-        let text = with_fibres(&FIBRES.replace("direction = [1.0, 0.0, 0.0]", &fibres))
-            .replace(
-                "generate = { box = { size = [0.2, 0.04, 0.04], cells = [4, 1, 1] } }",
-                "mesh = \"beam.vtu\"",
-            )
-            .replace("{ group = \"x0\" }", "{ vertices = [0, 1, 2] }")
-            .replace("{ group = \"x1\" }", "{ vertices = [4] }");
-        let scene = LoadedScene::parse(&text, &folder.join("scene.toml")).unwrap();
+        let scene = LoadedScene::parse(&of_file(&fibres), &folder.join("scene.toml")).unwrap();
         build(&scene, &BuildOptions::default()).map(|built| {
             let axes = built.bodies[0].axes.clone().unwrap();
             axes.families[0].directions.to_vec()
