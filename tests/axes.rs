@@ -12,7 +12,7 @@ use sinew::engine::vertex::FixedAxes;
 use sinew::models::axes::description::{AxesDescription, AxisFamily};
 use sinew::models::axes::muscle::MuscleSettings;
 use sinew::models::body::Evaluation;
-use sinew::models::resection::{Region, Removal};
+use sinew::models::resection::Region;
 use sinew::prelude::*;
 use sinew::simulation::SimulationError;
 
@@ -630,8 +630,7 @@ proptest! {
                 break;
             }
             let before = simulation.evaluate();
-            let removal = Removal::new(Region::Tetrahedra(chosen));
-            let report = simulation.remove_elements(body, &removal).unwrap();
+            let report = simulation.remove(body, Region::Tetrahedra(chosen));
             let after = simulation.evaluate();
             prop_assert!((before - after - report.elastic_energy).abs() < 1e-11 * before);
             let difference = simulation.verify_against_fresh(body).unwrap();

@@ -9,7 +9,7 @@ use sinew::engine::mesh::Mesh;
 use sinew::engine::mesh::generate::{box_hexahedra, box_tets};
 use sinew::models::body::VolumeRule;
 use sinew::models::frame::moduli::ClusterIndex;
-use sinew::models::resection::{Region, Removal};
+use sinew::models::resection::Region;
 use sinew::prelude::*;
 use sinew::solvers::settings::Preconditioner;
 use std::collections::BTreeMap;
@@ -212,7 +212,7 @@ fn no_cluster_falls_into_pieces() {
             round as u64,
         );
         let region = Region::Tetrahedra(chosen);
-        simulation.remove_elements(own, &Removal::new(region)).unwrap();
+        simulation.remove(own, region);
         most = most.max(check(&mut simulation));
     }
     assert!(most > before, "nothing was split: {before} clusters");
@@ -242,7 +242,7 @@ fn means_of_single_elements_outlive_cuts() {
                 false => ElementKind::Hexahedron,
             };
             let chosen = crate::common::pick(simulation.remaining(own, kind), 2, round);
-            simulation.remove_elements(own, &Removal::new(region(kind, chosen))).unwrap();
+            simulation.remove(own, region(kind, chosen));
             simulation.step().unwrap();
             assert_fresh(&mut simulation, own, 1e-12, &format!("{model:?} {round}"));
             let change = simulation.volume_report().largest_mean_change;

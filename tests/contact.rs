@@ -7,7 +7,7 @@ use sinew::engine::mesh::Mesh;
 use sinew::engine::mesh::generate::box_tets;
 use sinew::engine::precision::Precision;
 use sinew::models::body::sheet::MembraneDescription;
-use sinew::models::resection::{Region, Removal};
+use sinew::models::resection::Region;
 use sinew::prelude::*;
 use sinew::touch::tool::{Hinge, Part, Points, ToolMotion, ToolReport};
 
@@ -534,8 +534,7 @@ fn elements_are_removed_under_a_tool() {
     block.lead(ball, ABOVE, ABOVE - DVec3::Z * 0.006, 20);
     let before = block.tool(ball).force.z;
     let half = Region::Sphere { centre: DVec3::new(-1.0, 0.03, 0.015), radius: 1.03 };
-    let removal = Removal::new(half);
-    let report = block.simulation.remove_elements(block.body, &removal).unwrap();
+    let report = block.simulation.remove(block.body, half);
     assert!(report.tetrahedra.len() > 100);
     block.steps(100);
     let after = block.tool(ball).force.z;
@@ -565,10 +564,8 @@ fn two_bodies_rest_on_each_other() {
 fn a_body_touches_itself_where_it_is_told_to() {
     // a bar bent onto itself: ends of a strip held on top of each other would pass without
     let run = |own: bool| {
-        let mesh = box_tets(DVec3::new(0.2, 0.02, 0.01), [20, 2, 1]).unwrap();
-        let mut simulation = Simulation::new(one_thread()).unwrap();
-        let body = simulation.add_body(&BodyDescription::new("strip", &mesh, SOFT)).unwrap();
-        simulation.set_gravity(DVec3::ZERO);
+        let strip = Block::new(DVec3::new(0.2, 0.02, 0.01), [20, 2, 1], one_thread());
+        let Block { mut simulation, body, mesh } = strip;
         simulation.set_solver(solver!(Integrator::Auto, mass_damping = 10.0));
         let hold = simulation.group_rows(body, &mesh, "x0").unwrap();
         simulation.add_constraint(Constraint::hold("hold", hold));
@@ -693,11 +690,7 @@ fn jaws_of_one_tool_squeeze_with_opposite_forces() {
 #[test]
 fn bad_tools_are_named() {
     let mut block = Block::held(SLAB, CELLS, one_thread());
-    let error = |tool: Tool| block_error(&mut block.simulation, tool);
-    fn block_error(simulation: &mut Simulation, tool: Tool) -> String {
-        simulation.add_tool(tool).unwrap_err().to_string()
-    }
-    let mut error = error;
+    let mut error = |tool: Tool| block.add_tool(tool).unwrap_err().to_string();
     let ball = |radius: f64| Tool::new("ball", Shape::Sphere { radius }, ABOVE);
     assert!(error(ball(0.0)).contains("`ball`: its radius is 0 m"));
     assert!(error(ball(0.01).with_friction(-1.0)).contains("friction is -1"));
@@ -758,18 +751,15 @@ fn turning_tool_and_body_together_turns_the_force() {
 /// A ball that presses on a block ends its way a little elsewhere: its force changes as the local stiffness says.
 #[test]
 fn the_local_stiffness_is_the_derivative_of_the_force() {
-    let mesh = box_tets(DVec3::new(0.06, 0.06, 0.03), [6, 6, 3]).unwrap();
     let run = |extra: DVec3| {
-        let mut s = Simulation::new(SimulationOptions::default()).unwrap();
+        let mut s = Block::held(SLAB, CELLS, SimulationOptions::default()).simulation;
+        s.set_gravity(DVec3::NEG_Z * 9.81);
         s.set_dt(0.01);
         s.set_solver(solver!(
             Integrator::Newton,
             newton_tolerance = 1e-12,
             linear_tolerance = 1e-10
         ));
-        let body = s.add_body(&BodyDescription::new("block", &mesh, SOFT)).unwrap();
-        let floor = s.group_rows(body, &mesh, "z0").unwrap();
-        s.add_constraint(Constraint::hold("floor", floor));
         let above = DVec3::new(0.031, 0.029, 0.03 + 0.015);
         let mut ball = Tool::new("ball", Shape::Sphere { radius: 0.015 }, above);
         ball.local_stiffness = true;

@@ -13,30 +13,21 @@ use sinew::models::material::field::MaterialField;
 use sinew::models::resection::{Region, Removal, RemovalReport};
 use sinew::prelude::*;
 
+const FUSED: Evaluation = Evaluation::Fused;
+const POOLED: Evaluation = Evaluation::Pooled;
+
 /// Energies of solid and membrane, the way they are summed; `None` is a body that is all membrane.
 const KINDS: [(Option<(Model, Evaluation)>, MembraneModel, Evaluation); 10] = [
-    (
-        Some((Model::CompressibleStVK, Evaluation::Pooled)),
-        MembraneModel::CompressibleBiquadratic,
-        Evaluation::Pooled,
-    ),
-    (
-        Some((Model::CompressibleStVK, Evaluation::Fused)),
-        MembraneModel::Biquadratic,
-        Evaluation::Pooled,
-    ),
-    (Some((Model::StVK, Evaluation::Pooled)), MembraneModel::MassSpring, Evaluation::Fused),
-    (Some((Model::MassSpring, Evaluation::Fused)), MembraneModel::MassSpring, Evaluation::Fused),
-    (Some((Model::MassSpring, Evaluation::Fused)), MembraneModel::Biquadratic, Evaluation::Pooled),
-    (Some((Model::NeoHookean, Evaluation::Fused)), MembraneModel::Corotational, Evaluation::Fused),
-    (
-        Some((Model::Corotational, Evaluation::Fused)),
-        MembraneModel::CompressibleBiquadratic,
-        Evaluation::Fused,
-    ),
-    (Some((Model::StVKFem, Evaluation::Fused)), MembraneModel::Quadratic, Evaluation::Fused),
-    (Some((Model::WarpedStiffness, Evaluation::Fused)), MembraneModel::Linear, Evaluation::Fused),
-    (None, MembraneModel::CompressibleBiquadratic, Evaluation::Pooled),
+    (Some((Model::CompressibleStVK, POOLED)), MembraneModel::CompressibleBiquadratic, POOLED),
+    (Some((Model::CompressibleStVK, FUSED)), MembraneModel::Biquadratic, POOLED),
+    (Some((Model::StVK, POOLED)), MembraneModel::MassSpring, FUSED),
+    (Some((Model::MassSpring, FUSED)), MembraneModel::MassSpring, FUSED),
+    (Some((Model::MassSpring, FUSED)), MembraneModel::Biquadratic, POOLED),
+    (Some((Model::NeoHookean, FUSED)), MembraneModel::Corotational, FUSED),
+    (Some((Model::Corotational, FUSED)), MembraneModel::CompressibleBiquadratic, FUSED),
+    (Some((Model::StVKFem, FUSED)), MembraneModel::Quadratic, FUSED),
+    (Some((Model::WarpedStiffness, FUSED)), MembraneModel::Linear, FUSED),
+    (None, MembraneModel::CompressibleBiquadratic, POOLED),
 ];
 
 /// A box, and a skin with some triangles of its inside.

@@ -19,7 +19,7 @@ use sinew::models::body::{Evaluation, VolumeRule};
 use sinew::models::frame::law::TetrahedronLaw;
 use sinew::models::laws::pooled::TENSILE;
 use sinew::models::laws::svk::FusedStVK;
-use sinew::models::resection::{Region, Removal};
+use sinew::models::resection::Region;
 use sinew::prelude::*;
 use sinew::solvers::settings::Preconditioner;
 use std::path::Path;
@@ -309,8 +309,7 @@ impl Hashes {
         self.record("removal", 0.3, &body, &settings, |simulation, body| {
             let u: Vec<DVec3> = mesh.points.iter().map(|x| DVec3::X * x.x * x.x).collect();
             simulation.displace(body, &u);
-            let removal = Removal::new(Region::Strain { above: 0.55 });
-            simulation.remove_elements(body, &removal).unwrap();
+            simulation.remove(body, Region::Strain { above: 0.55 });
             let left = simulation.remaining(body, ElementKind::Tetrahedron).len();
             assert!(left > 0 && left < mesh.tetrahedra.len(), "{left}");
         });

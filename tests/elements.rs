@@ -3,7 +3,7 @@
 
 use crate::common::{
     Shortcuts, assert_as_fresh, assert_fresh, blow, disturb, guide, hold_end, options, pick,
-    random_field, refused, region, sheet,
+    random_field, recovers, refused, region, sheet,
 };
 use glam::DVec3;
 use sinew::engine::connectivity::ElementKind;
@@ -17,7 +17,7 @@ use sinew::models::axes::muscle::MuscleSettings;
 use sinew::models::body::MassRule;
 use sinew::models::body::lumped::{HexahedronSprings, SpringRule, UniformSprings};
 use sinew::models::body::sheet::{MembraneDescription, MembraneModel};
-use sinew::models::resection::{Region, Removal, RemovalReport};
+use sinew::models::resection::{Region, RemovalReport};
 use sinew::prelude::*;
 
 const SOFT: YoungPoisson =
@@ -84,8 +84,7 @@ fn remove_some(
 ) -> RemovalReport {
     let left = simulation.remaining(body, kind);
     let count = left.len().div_ceil(10);
-    let removal = Removal::new(region(kind, pick(left, count, seed)));
-    simulation.remove_elements(body, &removal).unwrap()
+    simulation.remove(body, region(kind, pick(left, count, seed)))
 }
 
 #[test]
@@ -119,7 +118,7 @@ fn the_same_bits_on_any_number_of_threads() {
         for step in 0..10 {
             if step == 4 {
                 let region = Region::Sphere { centre: DVec3::new(0.1, 0.0, 0.05), radius: 0.03 };
-                let report = simulation.remove_elements(body, &Removal::new(region)).unwrap();
+                let report = simulation.remove(body, region);
                 let kinds =
                     [&report.tetrahedra, &report.hexahedra, &report.triangles, &report.quads];
                 assert!(kinds.iter().all(|list| !list.is_empty()), "{report:?}");
@@ -307,7 +306,6 @@ fn springs_of_a_plate_and_negative_constants_stay_bounded() {
 fn crushed_hexahedra_recover() {
     let mesh = box_hexahedra(DVec3::splat(0.1), [4, 4, 4]).unwrap();
     for start in ["flat", "mirrored", "point"] {
-        let (mut simulation, body) = alone(&BodyDescription::new("cube", &mesh, SOFT));
         let away = |p: DVec3| match start {
             "flat" => p.z * DVec3::Z,
             "mirrored" => 2.0 * p.z * DVec3::Z,
@@ -316,13 +314,7 @@ fn crushed_hexahedra_recover() {
         let noise = random_field(mesh.points.len(), 2);
         let u: Vec<DVec3> =
             mesh.points.iter().zip(&noise).map(|(p, n)| 1e-6 * *n - away(*p)).collect();
-        simulation.displace(body, &u);
-        simulation.set_gravity(DVec3::ZERO);
-        simulation.set_dt(1.0 / 60.0);
-        simulation.integrate_by(Integrator::Safe);
-        simulation.steps(300);
-        assert_eq!(simulation.volume_report().inverted, 0, "{start}");
-        assert!(simulation.evaluate() < 1e-3 * SOFT.young_modulus * 1e-3, "{start}");
+        recovers(&BodyDescription::new("cube", &mesh, SOFT), &u, start);
     }
 }
 
@@ -351,7 +343,7 @@ fn a_balloon_pressure_pushes_hexahedra() {
     assert!(ratios.iter().all(|j| (j - ratios[0]).abs() < 1e-6), "{ratios:?}");
     // faces whose hexahedra are gone lose their pressure
     let region = Region::Hexahedra(vec![0]);
-    let report = simulation.remove_elements(body, &Removal::new(region)).unwrap();
+    let report = simulation.remove(body, region);
     assert_eq!(report.pressure_faces, 12);
 }
 
@@ -404,8 +396,7 @@ fn uniform_springs_are_one_for_every_pair() {
         // springs go with the last element that has them, and masses with the last of a vertex
         for removed in [vec![0, 1, 7], vec![30, 31, 62], vec![2, 3, 100]] {
             let before = simulation.evaluate();
-            let removal = Removal::new(Region::Hexahedra(removed));
-            let report = simulation.remove_elements(body, &removal).unwrap();
+            let report = simulation.remove(body, Region::Hexahedra(removed));
             let after = simulation.evaluate();
             let gone = report.elastic_energy;
             assert!(gone > 0.0 && (before - after - gone).abs() < 1e-12 * before, "{gone}");

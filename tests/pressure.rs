@@ -8,21 +8,15 @@ use sinew::engine::mesh::generate::{box_tets, disc_triangles, sphere_triangles, 
 use sinew::engine::step::StepError;
 use sinew::engine::vertex::FixedAxes;
 use sinew::models::body::Evaluation;
-use sinew::models::body::sheet::{MembraneDescription, MembraneModel};
+use sinew::models::body::sheet::MembraneDescription;
 use sinew::models::element::membrane::plane_stress;
 use sinew::prelude::*;
 use sinew::simulation::SimulationError;
 
 /// A body that is all membrane, without gravity.
-fn weightless(
-    options: SimulationOptions,
-    mesh: &Mesh,
-    thickness: f64,
-    material: YoungPoisson,
-    model: MembraneModel,
-) -> (Simulation, BodyHandle) {
+fn weightless(mesh: &Mesh, thickness: f64, material: YoungPoisson) -> (Simulation, BodyHandle) {
     let membrane = MembraneDescription::new(&mesh.triangles, thickness, material);
-    let membrane = MembraneDescription { model, ..membrane };
+    let options = SimulationOptions::default();
     let (mut simulation, body) = alone(options, &sheet(&mesh.points, membrane));
     simulation.set_gravity(DVec3::ZERO);
     (simulation, body)
@@ -46,13 +40,7 @@ fn evaluate(
 fn pressure_on_a_closed_surface_is_conservative() {
     let mesh = sphere_triangles(0.1, 3).unwrap();
     let n = mesh.points.len();
-    let (mut s, body) = weightless(
-        SimulationOptions::default(),
-        &mesh,
-        1e-3,
-        soft(1e4, 0.3),
-        MembraneModel::default(),
-    );
+    let (mut s, body) = weightless(&mesh, 1e-3, soft(1e4, 0.3));
     // soft walls: the pressure dominates what is compared
     blow(&mut s, body, &mesh.triangles, 3e3, Curve::Constant);
     let u: Vec<DVec3> = random_field(n, 1).iter().map(|x| 0.01 * *x).collect();
@@ -116,13 +104,7 @@ fn a_sphere_inflates_to_the_stretch_of_the_exact_solution() {
         // the paper's mu2 is twice the shear modulus
         let pressure = (2.0 * moduli.lambda + 2.0 * moduli.mu) * (stretch * stretch - 1.0)
             / (radius * stretch);
-        let (mut s, body) = weightless(
-            SimulationOptions::default(),
-            &mesh,
-            thickness,
-            soft(young, nu),
-            MembraneModel::default(),
-        );
+        let (mut s, body) = weightless(&mesh, thickness, soft(young, nu));
         hold_axes(&mut s, body, &mesh);
         blow(&mut s, body, &mesh.triangles, pressure, Curve::ramp(0.0, 1.0));
         s.set_solver(quasi_static());
@@ -151,13 +133,7 @@ fn pressure_work_is_booked_apart_and_energy_is_kept() {
         (Integrator::Newton, 5e-4, 200),
         (Integrator::Newton, 2.5e-4, 400),
     ] {
-        let (mut s, body) = weightless(
-            SimulationOptions::default(),
-            &mesh,
-            1e-3,
-            soft(1e5, 0.3),
-            MembraneModel::default(),
-        );
+        let (mut s, body) = weightless(&mesh, 1e-3, soft(1e5, 0.3));
         clamp(&mut s, body, &mesh, "rim");
         blow(&mut s, body, &mesh.triangles, 100.0, Curve::ramp(0.0, 0.05));
         s.set_solver(settings(integrator));
@@ -222,13 +198,7 @@ fn pressure_all_round_a_solid_has_the_closed_form() {
 #[test]
 fn pressures_come_and_go_and_bad_ones_are_refused() {
     let mesh = triangle_grid(glam::DVec2::ONE, [3, 3]).unwrap();
-    let (mut s, body) = weightless(
-        SimulationOptions::default(),
-        &mesh,
-        1e-3,
-        soft(1e4, 0.3),
-        MembraneModel::default(),
-    );
+    let (mut s, body) = weightless(&mesh, 1e-3, soft(1e4, 0.3));
     let air = blow(&mut s, body, &mesh.triangles, 10.0, Curve::Constant);
     let push = |s: &mut Simulation| {
         s.set_dt(1e-4);

@@ -1,13 +1,13 @@
 //! Bodies of ten-node tetrahedra: equilibria, steps, removals, pressure, contact, snapshots.
 
-use crate::common::{Shortcuts, assert_fresh, blow, disturb, guide, hold_end, options};
+use crate::common::{Shortcuts, assert_fresh, blow, disturb, guide, hold_end, options, recovers};
 use glam::DVec3;
 use sinew::engine::connectivity::ElementKind;
 use sinew::engine::mesh::Mesh;
 use sinew::engine::mesh::generate::{box_hexahedra, box_tets};
 use sinew::models::body::VolumeRule;
 use sinew::models::body::sheet::MembraneDescription;
-use sinew::models::resection::{Region, Removal};
+use sinew::models::resection::Region;
 use sinew::prelude::*;
 use sinew::solvers::settings::Preconditioner;
 
@@ -102,7 +102,7 @@ fn the_same_bits_on_any_number_of_threads_and_from_a_snapshot() {
             let (mut simulation, body) = build();
             simulation.steps(4);
             let region = Region::Sphere { centre: DVec3::new(0.1, 0.0, 0.05), radius: 0.02 };
-            let report = simulation.remove_elements(body, &Removal::new(region)).unwrap();
+            let report = simulation.remove(body, region);
             assert!(!report.tetrahedra.is_empty(), "{report:?}");
             simulation.steps(3);
             if from_snapshot {
@@ -142,8 +142,7 @@ fn what_is_left_equals_a_fresh_build() {
             let left = simulation.remaining(body, ElementKind::Tetrahedron);
             let some: Vec<u32> = left.iter().copied().skip(round).step_by(7).collect();
             let count = some.len();
-            let removal = Removal::new(Region::Tetrahedra(some));
-            let report = simulation.remove_elements(body, &removal).unwrap();
+            let report = simulation.remove(body, Region::Tetrahedra(some));
             assert_eq!((report.tetrahedra.len(), report.remaining), (count, left.len() - count));
             gone += report.elastic_energy;
             compacted |= report.compacted;
@@ -180,8 +179,7 @@ fn a_pressure_acts_on_four_triangles_of_every_face() {
     assert!(ratios.iter().all(|&j| j < 1.0), "{ratios:?} {expected}");
     // a tetrahedron that goes takes its faces with it
     let corner = mesh.tetrahedra.iter().position(|t| t.contains(&0)).unwrap() as u32;
-    let removal = Removal::new(Region::Tetrahedra(vec![corner]));
-    let report = simulation.remove_elements(body, &removal).unwrap();
+    let report = simulation.remove(body, Region::Tetrahedra(vec![corner]));
     assert!(report.pressure_faces > 0 && report.pressure_faces % 4 == 0, "{report:?}");
 }
 
@@ -216,7 +214,6 @@ fn a_ball_meets_the_vertices_on_edges_too() {
 fn crushed_bodies_recover() {
     let mesh = box_tets(DVec3::splat(0.1), [2, 2, 2]).unwrap().with_second_order();
     for start in ["flat", "mirrored"] {
-        let (mut simulation, body) = alone(&BodyDescription::new("cube", &mesh, SOFT));
         let noise = crate::common::random_field(mesh.points.len(), 5);
         let factor = if start == "flat" { -1.0 } else { -2.0 };
         let u: Vec<DVec3> = mesh
@@ -225,12 +222,6 @@ fn crushed_bodies_recover() {
             .zip(&noise)
             .map(|(p, n)| factor * p.z * DVec3::Z + 1e-6 * *n)
             .collect();
-        simulation.displace(body, &u);
-        simulation.set_gravity(DVec3::ZERO);
-        simulation.set_dt(1.0 / 60.0);
-        simulation.integrate_by(Integrator::Safe);
-        simulation.steps(300);
-        assert_eq!(simulation.volume_report().inverted, 0, "{start}");
-        assert!(simulation.evaluate() < 1e-3 * SOFT.young_modulus * 1e-3, "{start}");
+        recovers(&BodyDescription::new("cube", &mesh, SOFT), &u, start);
     }
 }

@@ -162,6 +162,18 @@ fn beam(
     simulation
 }
 
+/// A beam with all as by default.
+fn plain_beam(options: SimulationOptions) -> Simulation {
+    let mesh = beam_mesh();
+    let body = BodyDescription::new("beam", &mesh, soft(1e4, 0.35));
+    beam(options, &SolverSettings::default(), &body)
+}
+
+/// The portable instruction set, on one thread.
+fn portable_set() -> SimulationOptions {
+    SimulationOptions { instruction_set: Some(InstructionSet::Portable), ..threads(1) }
+}
+
 /// A beam by an integrator, fused and pooled, in both number types.
 fn by_integrator(integrator: Integrator) {
     let mesh = beam_mesh();
@@ -181,17 +193,18 @@ fn by_integrator(integrator: Integrator) {
     }
 }
 
+/// Tests of some kind, one for each integrator.
 macro_rules! integrators {
-    ($($(#[$slow:meta])? $name:ident: $integrator:ident;)+) => {$(
+    ($run:ident: $($(#[$slow:meta])? $name:ident: $integrator:ident;)+) => {$(
         #[test]
         $(#[$slow])?
         fn $name() {
-            by_integrator(Integrator::$integrator);
+            $run(Integrator::$integrator);
         }
     )+};
 }
 
-integrators! {
+integrators! { by_integrator:
     auto: Auto;
     safe: Safe;
     #[ignore = "slow"]
@@ -396,7 +409,7 @@ fn removals_under_pressure() {
         if step == 20 || step == 35 {
             let first = step as u32 - 10;
             let list = Region::Triangles((first..first + 10).collect());
-            simulation.remove_elements(BodyHandle(0), &Removal::new(list)).unwrap();
+            simulation.remove(BodyHandle(0), list);
         }
     };
     exact("sheet", threads(1), &Scene { build: &build, act: &act });
@@ -461,17 +474,7 @@ fn drag(integrator: Integrator) {
     }
 }
 
-macro_rules! drags {
-    ($($(#[$slow:meta])? $name:ident: $integrator:ident;)+) => {$(
-        #[test]
-        $(#[$slow])?
-        fn $name() {
-            drag(Integrator::$integrator);
-        }
-    )+};
-}
-
-drags! {
+integrators! { drag:
     drag_auto: Auto;
     drag_safe: Safe;
     drag_newton: Newton;
@@ -577,7 +580,7 @@ fn contact_of_bodies() {
         if step == 33 {
             let centre = DVec3::new(0.003, 0.002, 0.0401);
             let corner = Region::Sphere { centre, radius: 0.015 };
-            let report = simulation.remove_elements(BodyHandle(1), &Removal::new(corner)).unwrap();
+            let report = simulation.remove(BodyHandle(1), corner);
             assert!(!report.tetrahedra.is_empty());
         }
     };
@@ -587,10 +590,6 @@ fn contact_of_bodies() {
 /// Other settings, integrators, gravity and step lengths on the way, and a state set by hand.
 #[test]
 fn whatever_changes() {
-    let mesh = beam_mesh();
-    let body = BodyDescription::new("beam", &mesh, soft(1e4, 0.35));
-    let settings = SolverSettings::default();
-    let build = |options| beam(options, &settings, &body);
     let act = |simulation: &mut Simulation, step| match step {
         12 => simulation.set_dt(0.007),
         15 => simulation.integrate_by(Integrator::StormerVerlet),
@@ -601,27 +600,19 @@ fn whatever_changes() {
         52 => disturb(simulation, BodyHandle(0), 1e-3, 5),
         _ => {}
     };
-    exact("changes", threads(1), &Scene { build: &build, act: &act });
+    exact("changes", threads(1), &Scene { build: &plain_beam, act: &act });
 }
 
 /// With the portable instruction set, as with every other.
 #[test]
 fn portable() {
-    let mesh = beam_mesh();
-    let body = BodyDescription::new("beam", &mesh, soft(1e4, 0.35));
-    let settings = SolverSettings::default();
-    let build = |options| beam(options, &settings, &body);
-    let instruction_set = Some(InstructionSet::Portable);
-    let options = SimulationOptions { instruction_set, ..threads(1) };
-    exact("portable", options, &Scene { build: &build, act: &nothing });
+    exact("portable", portable_set(), &Scene { build: &plain_beam, act: &nothing });
 }
 
 /// Goes back over steps, also those that failed, and does them again.
 #[test]
 fn rollback() {
-    let mesh = beam_mesh();
-    let body = BodyDescription::new("beam", &mesh, soft(1e4, 0.35));
-    let mut simulation = beam(threads(1), &SolverSettings::default(), &body);
+    let mut simulation = plain_beam(threads(1));
     simulation.keep_history(8).unwrap();
     simulation.steps(12);
     let hash = simulation.state_hash();
@@ -692,9 +683,8 @@ fn what_does_not_fit_is_told() {
     ));
     let best = InstructionSet::best();
     if best != InstructionSet::Portable && simulation_set(&simulation) != InstructionSet::Portable {
-        let instruction_set = Some(InstructionSet::Portable);
-        let options = SimulationOptions { instruction_set, ..threads(1) };
-        let (mut other, _) = alone(options, &BodyDescription::new("beam", &mesh, soft(1e4, 0.35)));
+        let own = BodyDescription::new("beam", &mesh, soft(1e4, 0.35));
+        let (mut other, _) = alone(portable_set(), &own);
         let error = simulation.restore(&other.snapshot().unwrap()).unwrap_err();
         assert!(error.to_string().contains("instruction_set = \"portable\""), "{error}");
     }
@@ -730,11 +720,7 @@ fn what_does_not_fit_is_told() {
 #[test]
 fn stored_snapshots_are_read() {
     let mesh = box_tets(DVec3::new(0.06, 0.06, 0.02), [1, 1, 1]).unwrap();
-    let build = || {
-        let instruction_set = Some(InstructionSet::Portable);
-        let options = SimulationOptions { instruction_set, ..threads(1) };
-        alone(options, &BodyDescription::new("block", &mesh, soft(1e4, 0.35))).0
-    };
+    let build = || alone(portable_set(), &BodyDescription::new("block", &mesh, soft(1e4, 0.35))).0;
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/stored.sinew-snap");
     if std::env::var("SINEW_GOLDEN").as_deref() == Ok("write") {
         let mut simulation = build();
@@ -743,9 +729,7 @@ fn stored_snapshots_are_read() {
         simulation.add_tool(ball).unwrap();
         simulation.add_constraint(Constraint::hold("foot", [0, 1, 2].map(VertexRow).to_vec()));
         simulation.steps(3);
-        simulation
-            .remove_elements(BodyHandle(0), &Removal::new(Region::Tetrahedra(vec![1])))
-            .unwrap();
+        simulation.remove(BodyHandle(0), Region::Tetrahedra(vec![1]));
         simulation.steps(2);
         std::fs::write(path, simulation.snapshot().unwrap().to_bytes()).unwrap();
     }
@@ -817,10 +801,7 @@ proptest! {
     /// followed the snapshot.
     #[test]
     fn random_sequences(what in prop::collection::vec((0..6_u32, any::<u16>()), 4..20)) {
-        let mesh = jittered_box([0.3, 0.1, 0.1], [5, 2, 2]);
-        let body = BodyDescription::new("beam", &mesh, soft(1e4, 0.35));
-        let build = || beam(threads(1), &SolverSettings::default(), &body);
-        let mut simulation = build();
+        let mut simulation = plain_beam(threads(1));
         let handle = BodyHandle(0);
         let act = |simulation: &mut Simulation, (kind, number): (u32, u16)| match kind {
             0 => drop(simulation.set_material(handle, soft(5e3 + f64::from(number), 0.3)).unwrap()),
@@ -842,7 +823,7 @@ proptest! {
                     simulation.restore(snapshot).unwrap();
                     since.iter().for_each(|what| act(&mut simulation, *what));
                     prop_assert_eq!(simulation.state_hash(), hash);
-                    let mut new = build();
+                    let mut new = plain_beam(threads(1));
                     new.restore(&Snapshot::from_bytes(&snapshot.to_bytes()).unwrap()).unwrap();
                     since.iter().for_each(|what| act(&mut new, *what));
                     prop_assert_eq!(new.state_hash(), hash);

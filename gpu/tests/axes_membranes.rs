@@ -11,7 +11,7 @@ use sinew::models::axes::description::{AxesDescription, AxisFamily};
 use sinew::models::axes::muscle::{MuscleSettings, activate_at};
 use sinew::models::body::Evaluation;
 use sinew::models::body::sheet::{MembraneDescription, MembraneModel};
-use sinew::models::resection::{Region, Removal};
+use sinew::models::resection::Region;
 use sinew::prelude::*;
 use sinew_gpu::{GpuOptions, GpuReport};
 
@@ -295,7 +295,7 @@ fn removed_elements_take_their_axes_and_faces_along() {
         s.steps(3);
         cut_notch(s, body, &mesh);
         let torn = Region::Triangles(in_notch(&mesh, &skin));
-        s.remove_elements(body, &Removal::new(torn)).unwrap();
+        s.remove(body, torn);
     };
     let Some(runs) = run_both(&description, 10, &settings(), scene) else { return };
     agree(&runs, 1e-4, "notched");

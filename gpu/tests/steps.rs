@@ -7,7 +7,7 @@ use sinew::engine::mesh::Mesh;
 use sinew::engine::mesh::generate::box_hexahedra;
 use sinew::engine::report::StepReport;
 use sinew::models::body::{Evaluation, VolumeRule};
-use sinew::models::resection::{Region, Removal};
+use sinew::models::resection::Region;
 use sinew::prelude::*;
 use sinew::solvers::settings::Preconditioner;
 use sinew_gpu::{GpuOptions, GpuReport};
@@ -114,7 +114,7 @@ fn bodies_of_other_elements_are_cut_and_stiffened() {
             hold(s, body, mesh, "x0");
             s.steps(3);
             let notch = Region::Sphere { centre: DVec3::new(0.1, 0.025, 0.05), radius: 0.028 };
-            let removed = s.remove_elements(body, &Removal::new(notch)).unwrap();
+            let removed = s.remove(body, notch);
             assert!(removed.tetrahedra.len() + removed.hexahedra.len() > 2, "{name}: {removed:?}");
             s.steps(3);
             let stiffer = YoungPoisson { young_modulus: 3e4, ..MATERIAL };

@@ -1,13 +1,13 @@
 //! The two-level preconditioner on the device: iterations against the processor's, bodies that are not one whole, the
 //! smoother, when the coarse space is kept, its inverse against one by hand, and what is done without it.
 
-use crate::common::shared::guide;
+use crate::common::shared::{Shortcuts, guide};
 use crate::common::{MATERIAL, beam, hold, noise, on_device, relative, say, simulations};
 use glam::DVec3;
 use sinew::engine::mesh::Mesh;
 use sinew::engine::mesh::generate::box_tets;
 use sinew::engine::report::StepReport;
-use sinew::models::resection::{Region, Removal};
+use sinew::models::resection::Region;
 use sinew::prelude::*;
 use sinew::simulation::Backend;
 use sinew::solvers::coarse::Aggregates;
@@ -170,7 +170,7 @@ fn removal_time_step_and_binding_limit() {
                 near(t.iter().map(|&v| mesh.points[v as usize]).sum::<DVec3>() / 4.0)
             });
             let cut: Vec<u32> = cut.map(|(i, _)| i).collect();
-            simulation.remove_elements(body, &Removal::new(Region::Tetrahedra(cut))).unwrap();
+            simulation.remove(body, Region::Tetrahedra(cut));
             reports.extend(steps(&mut simulation, 3));
             // another factor of the masses: another matrix
             simulation.set_dt(0.004);

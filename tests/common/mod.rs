@@ -15,7 +15,7 @@ use sinew::engine::vertex::FixedAxes;
 use sinew::engine::workers::Workers;
 use sinew::models::body::Evaluation;
 use sinew::models::body::sheet::MembraneDescription;
-use sinew::models::resection::Region;
+use sinew::models::resection::{Region, Removal, RemovalReport};
 use sinew::prelude::*;
 
 /// Settings of a solver: the integrator, and what else is not as by default.
@@ -136,6 +136,8 @@ pub trait Shortcuts {
     fn displace(&mut self, body: BodyHandle, u: &[DVec3]);
     /// Finds the equilibrium under the loads at the end of a step.
     fn settle(&mut self);
+    /// Removes elements, with their mass.
+    fn remove(&mut self, body: BodyHandle, region: Region) -> RemovalReport;
 }
 
 impl Shortcuts for Simulation {
@@ -156,6 +158,22 @@ impl Shortcuts for Simulation {
         self.step().unwrap();
         assert!(!self.report().unconverged);
     }
+
+    fn remove(&mut self, body: BodyHandle, region: Region) -> RemovalReport {
+        self.remove_elements(body, &Removal::new(region)).unwrap()
+    }
+}
+
+/// A body that starts out of shape is whole and nearly at rest after 5 s.
+pub fn recovers(description: &BodyDescription, u: &[DVec3], what: &str) {
+    let (mut simulation, body) = alone(options(Precision::F64, 1), description);
+    simulation.displace(body, u);
+    simulation.set_gravity(DVec3::ZERO);
+    simulation.set_dt(1.0 / 60.0);
+    simulation.integrate_by(Integrator::Safe);
+    simulation.steps(300);
+    assert_eq!(simulation.volume_report().inverted, 0, "{what}");
+    assert!(simulation.evaluate() < 1e-6 * description.material.young_modulus, "{what}");
 }
 
 /// Displaces the vertices of a body at random, along every axis by `size` (m) at most.
