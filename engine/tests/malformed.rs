@@ -1,7 +1,7 @@
 //! Malformed files: the kind of the error, and the place that its message names.
 
 use sinew_engine::mesh::io::*;
-use sinew_engine::mesh::{Mesh, MeshError};
+use sinew_engine::mesh::{FileProblem, Mesh, MeshError};
 
 type Reader = fn(&[u8], &str) -> Result<Mesh, MeshError>;
 
@@ -14,15 +14,16 @@ fn ele(data: &[u8], source: &str) -> Result<Mesh, MeshError> {
 }
 
 fn kind(error: &MeshError) -> &'static str {
-    match error {
-        MeshError::Unsupported { .. } => "unsupported",
-        MeshError::UnexpectedEnd { .. } => "end",
-        MeshError::InvalidValue { .. } => "value",
-        MeshError::CountMismatch { .. } => "count",
-        MeshError::UnknownVertex { .. } => "vertex",
-        MeshError::RepeatedNumber { .. } => "repeated",
-        MeshError::MissingSection { .. } => "missing",
-        MeshError::Encoding { .. } => "encoding",
+    let MeshError::File { problem, .. } = error else { return "other" };
+    match problem {
+        FileProblem::Unsupported { .. } => "unsupported",
+        FileProblem::UnexpectedEnd { .. } => "end",
+        FileProblem::InvalidValue { .. } => "value",
+        FileProblem::CountMismatch { .. } => "count",
+        FileProblem::UnknownVertex { .. } => "vertex",
+        FileProblem::RepeatedNumber { .. } => "repeated",
+        FileProblem::MissingSection { .. } => "missing",
+        FileProblem::Encoding { .. } => "encoding",
         _ => "other",
     }
 }

@@ -5,7 +5,7 @@ use proptest::prelude::*;
 use sinew_engine::element_kind::ByKind;
 use sinew_engine::mesh::generate::{box_hexahedra, box_tets, triangle_grid};
 use sinew_engine::mesh::io::*;
-use sinew_engine::mesh::{CellData, FileLines, Group, Mesh, MeshError};
+use sinew_engine::mesh::{CellData, FileLines, FileProblem, Group, Mesh, MeshError};
 use std::io::ErrorKind;
 use std::path::Path;
 
@@ -98,8 +98,12 @@ fn gmsh_data_of_elements() {
     // without a value for the tetrahedron
     let mesh = data(1, "3 8\n").unwrap();
     assert!(mesh.data("stiffness").unwrap().values.tetrahedra[0].is_nan());
-    assert!(matches!(data(2, "3 8\n"), Err(MeshError::CountMismatch { .. })));
-    assert!(matches!(data(1, "3 x\n"), Err(MeshError::InvalidValue { .. })));
+    let problem = |count, values| match data(count, values) {
+        Err(MeshError::File { problem, .. }) => problem,
+        other => panic!("{other:?}"),
+    };
+    assert!(matches!(problem(2, "3 8\n"), FileProblem::CountMismatch { .. }));
+    assert!(matches!(problem(1, "3 x\n"), FileProblem::InvalidValue { .. }));
 }
 
 #[test]

@@ -52,107 +52,15 @@ pub enum MeshError {
         /// Name of the file.
         file: String,
     },
-    /// The file is sound as far as known, but uses a feature that no reader here understands.
-    #[error("{file}, {place}: {feature} is not supported; {remedy}")]
-    Unsupported {
+    /// A file cannot be read on from some place.
+    #[error("{file}, {place}: {problem}")]
+    File {
         /// Name of the file.
         file: String,
-        /// Where the feature is used.
+        /// Where.
         place: Place,
-        /// The feature and its value in the file.
-        feature: String,
-        /// What to do instead.
-        remedy: &'static str,
-    },
-    /// The file stops before its contents are complete.
-    #[error(
-        "{file}, {place}: the file ends where {expected} should follow; \
-         it was probably cut off, export or copy it again"
-    )]
-    UnexpectedEnd {
-        /// Name of the file.
-        file: String,
-        /// Where the file ends or where the missing data start.
-        place: Place,
-        /// What should have followed.
-        expected: String,
-    },
-    /// A value that cannot stand where it does, such as text in place of a number.
-    #[error(
-        "{file}, {place}: found `{found}` where {expected} should stand; correct or export the file again"
-    )]
-    InvalidValue {
-        /// Name of the file.
-        file: String,
-        /// Where the value stands.
-        place: Place,
-        /// The value as in the file, shortened.
-        found: String,
-        /// What should have stood there.
-        expected: String,
-    },
-    /// A count in the file disagrees with what is there.
-    #[error(
-        "{file}, {place}: {what} should be {expected} but is {found}; correct the count or export the file again"
-    )]
-    CountMismatch {
-        /// Name of the file.
-        file: String,
-        /// Where the disagreement shows.
-        place: Place,
-        /// What was counted.
-        what: String,
-        /// The count that the file announces.
-        expected: u64,
-        /// The count that was found.
-        found: u64,
-    },
-    /// A cell uses a vertex that the file does not define.
-    #[error(
-        "{file}, {place}: {cell} uses vertex {vertex}, which the file does not define; \
-         check whether the vertex numbers start at 0 or 1, or export the file again"
-    )]
-    UnknownVertex {
-        /// Name of the file.
-        file: String,
-        /// Where the cell stands.
-        place: Place,
-        /// The cell, by kind and number.
-        cell: String,
-        /// The vertex number in the file.
-        vertex: i64,
-    },
-    /// Two vertices of a file carry the same number.
-    #[error("{file}, {place}: vertex number {number} is used twice; renumber the vertices")]
-    RepeatedNumber {
-        /// Name of the file.
-        file: String,
-        /// Where the second one stands.
-        place: Place,
-        /// The number.
-        number: i64,
-    },
-    /// A part without which the file is no mesh is absent.
-    #[error("{file}, {place}: the file ends without {section}; it is incomplete, export it again")]
-    MissingSection {
-        /// Name of the file.
-        file: String,
-        /// The end of the file.
-        place: Place,
-        /// The missing part.
-        section: &'static str,
-    },
-    /// Base64 or zlib data that cannot be decoded.
-    #[error(
-        "{file}, {place}: {reason}; the file is damaged or was changed as text, export or copy it again"
-    )]
-    Encoding {
-        /// Name of the file.
-        file: String,
-        /// Where the data start.
-        place: Place,
-        /// What is wrong with them.
-        reason: String,
+        /// Why.
+        problem: FileProblem,
     },
     /// More vertices or cells than 32-bit indices or the memory hold.
     #[error("{file}: {count} {what} are too many (at most {limit}); use a coarser mesh")]
@@ -193,6 +101,88 @@ pub enum MeshError {
         /// How many values were given.
         found: usize,
     },
+}
+
+/// What is wrong with a file at some place.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum FileProblem {
+    /// The file is sound as far as known, but uses a feature that no reader here understands.
+    #[error("{feature} is not supported; {remedy}")]
+    Unsupported {
+        /// The feature and its value in the file.
+        feature: String,
+        /// What to do instead.
+        remedy: &'static str,
+    },
+    /// The file stops before its contents are complete.
+    #[error(
+        "the file ends where {expected} should follow; \
+         it was probably cut off, export or copy it again"
+    )]
+    UnexpectedEnd {
+        /// What should have followed.
+        expected: String,
+    },
+    /// A value that cannot stand where it does, such as text in place of a number.
+    #[error("found `{found}` where {expected} should stand; correct or export the file again")]
+    InvalidValue {
+        /// The value as in the file, shortened.
+        found: String,
+        /// What should have stood there.
+        expected: String,
+    },
+    /// A count in the file disagrees with what is there.
+    #[error(
+        "{what} should be {expected} but is {found}; correct the count or export the file again"
+    )]
+    CountMismatch {
+        /// What was counted.
+        what: String,
+        /// The count that the file announces.
+        expected: u64,
+        /// The count that was found.
+        found: u64,
+    },
+    /// A cell uses a vertex that the file does not define.
+    #[error(
+        "{cell} uses vertex {vertex}, which the file does not define; \
+         check whether the vertex numbers start at 0 or 1, or export the file again"
+    )]
+    UnknownVertex {
+        /// The cell, by kind and number.
+        cell: String,
+        /// The vertex number in the file.
+        vertex: i64,
+    },
+    /// Two vertices of a file carry the same number.
+    #[error("vertex number {number} is used twice; renumber the vertices")]
+    RepeatedNumber {
+        /// The number.
+        number: i64,
+    },
+    /// A part without which the file is no mesh is absent.
+    #[error("the file ends without {section}; it is incomplete, export it again")]
+    MissingSection {
+        /// The missing part.
+        section: &'static str,
+    },
+    /// Base64 or zlib data that cannot be decoded.
+    #[error("{reason}; the file is damaged or was changed as text, export or copy it again")]
+    Encoding {
+        /// What is wrong with them.
+        reason: String,
+    },
+}
+
+impl FileProblem {
+    pub(crate) fn invalid(found: &[u8], expected: &str) -> Self {
+        Self::InvalidValue { found: shown(found), expected: expected.to_owned() }
+    }
+
+    pub(crate) fn mismatch(what: &str, expected: u64, found: u64) -> Self {
+        Self::CountMismatch { what: what.to_owned(), expected, found }
+    }
 }
 
 /// A piece of a file as text for a message, at most 40 characters.

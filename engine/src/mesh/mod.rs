@@ -49,7 +49,7 @@ pub use check::{
     CheckError, CheckOptions, CheckReport, CheckedMesh, Finding, FindingCode, MeshStatistics,
     Severity, check,
 };
-pub use error::{MeshError, Place};
+pub use error::{FileProblem, MeshError, Place};
 pub use surface::{Surface, enclosed_volume};
 
 pub use cell::CellVertices;

@@ -12,7 +12,7 @@ use super::cells::{Builder, CellKind, component_names, too_many};
 use super::scan::{Cursor, Numbering, parse, words};
 use crate::element_kind::ElementKind;
 use crate::mesh::Mesh;
-use crate::mesh::error::{MeshError, shown};
+use crate::mesh::error::{FileProblem, MeshError, shown};
 use glam::DVec3;
 use std::collections::HashMap;
 use std::ops::Range;
@@ -233,6 +233,23 @@ impl<'a> Reader<'a> {
         if line == end { Ok(()) } else { Err(self.cursor.invalid(line, &expected)) }
     }
 
+    /// The line after `read` of `count` that a section lists, one for each of `what`.
+    fn listed(&mut self, what: &str, count: u64, read: u64) -> Result<&'a [u8], MeshError> {
+        match self.cursor.filled_line() {
+            None => Err(self.cursor.end(&format!("{what} {} of {count}", read + 1))),
+            Some(line) if line.starts_with(b"$") => {
+                Err(self.cursor.mismatch(&format!("the number of {what}s"), count, read))
+            }
+            Some(line) => Ok(line),
+        }
+    }
+
+    /// The count that a section begins with.
+    fn announced(&mut self, what: &str) -> Result<u64, MeshError> {
+        let line = self.cursor.expect_line(what)?;
+        self.cursor.count(line, what)
+    }
+
     /// Moves behind the end of a section that is of no use here.
     fn skip(&mut self, start: &[u8]) -> Result<(), MeshError> {
         let name = start.strip_prefix(b"$").unwrap_or(start);
@@ -250,8 +267,7 @@ impl<'a> Reader<'a> {
     }
 
     fn physical_names(&mut self) -> Result<(), MeshError> {
-        let line = self.cursor.expect_line("the number of physical names")?;
-        let count = self.cursor.count(line, "the number of physical names")?;
+        let count = self.announced("the number of physical names")?;
         for read in 0..count {
             let expected = format!("physical name {} of {count}", read + 1);
             let line = self.cursor.expect_line(&expected)?;
@@ -287,27 +303,16 @@ impl<'a> Reader<'a> {
 
     fn add_node(&mut self, number: i64, point: DVec3, line: usize) -> Result<(), MeshError> {
         if !self.numbering.push(number) {
-            return Err(MeshError::RepeatedNumber {
-                file: self.cursor.file.to_owned(),
-                place: self.cursor.place(),
-                number,
-            });
+            return Err(self.cursor.error(FileProblem::RepeatedNumber { number }));
         }
         self.builder.point(&self.cursor, point, line)
     }
 
     fn nodes_by_line(&mut self, end: &[u8]) -> Result<(), MeshError> {
         self.has_nodes = true;
-        let line = self.cursor.expect_line("the number of nodes")?;
-        let count = self.cursor.count(line, "the number of nodes")?;
+        let count = self.announced("the number of nodes")?;
         for read in 0..count {
-            let line = self.cursor.filled_line();
-            let Some(line) = line else {
-                return Err(self.cursor.end(&format!("node {} of {count}", read + 1)));
-            };
-            if line.starts_with(b"$") {
-                return Err(self.cursor.mismatch("the number of nodes", count, read));
-            }
+            let line = self.listed("node", count, read)?;
             let mut fields = words(line);
             let number = self.cursor.integer(fields.next().unwrap_or(b""), "a node number")?;
             let point = self.cursor.point(&mut fields)?;
@@ -320,17 +325,10 @@ impl<'a> Reader<'a> {
     /// (`number type n tags nodes`).
     fn elements_by_line(&mut self, end: &[u8]) -> Result<(), MeshError> {
         self.has_elements = true;
-        let line = self.cursor.expect_line("the number of elements")?;
-        let count = self.cursor.count(line, "the number of elements")?;
+        let count = self.announced("the number of elements")?;
         let mut fields: Vec<&[u8]> = Vec::new();
         for read in 0..count {
-            let line = self.cursor.filled_line();
-            let Some(line) = line else {
-                return Err(self.cursor.end(&format!("element {} of {count}", read + 1)));
-            };
-            if line.starts_with(b"$") {
-                return Err(self.cursor.mismatch("the number of elements", count, read));
-            }
+            let line = self.listed("element", count, read)?;
             fields.clear();
             fields.extend(words(line));
             let field = |i: usize| fields.get(i).copied().unwrap_or(b"");
@@ -371,17 +369,11 @@ impl<'a> Reader<'a> {
     }
 
     fn push_vertex(&mut self, node: i64, kind: CellKind, element: i64) -> Result<(), MeshError> {
-        match self.numbering.index(node) {
-            Some(index) => self.vertices.push(index),
-            None => {
-                return Err(MeshError::UnknownVertex {
-                    file: self.cursor.file.to_owned(),
-                    place: self.cursor.place(),
-                    cell: format!("element {element} ({})", kind.name),
-                    vertex: node,
-                });
-            }
-        }
+        let Some(index) = self.numbering.index(node) else {
+            let cell = format!("element {element} ({})", kind.name);
+            return Err(self.cursor.error(FileProblem::UnknownVertex { cell, vertex: node }));
+        };
+        self.vertices.push(index);
         Ok(())
     }
 
@@ -467,8 +459,7 @@ impl<'a> Reader<'a> {
 
     fn nodes_binary(&mut self) -> Result<(), MeshError> {
         self.has_nodes = true;
-        let line = self.cursor.expect_line("the number of nodes")?;
-        let count = self.cursor.count(line, "the number of nodes")?;
+        let count = self.announced("the number of nodes")?;
         self.cursor.room_for(count, 28, "nodes")?;
         for _ in 0..count {
             let number = self.int("a node number")?;
@@ -480,8 +471,7 @@ impl<'a> Reader<'a> {
 
     fn elements_binary(&mut self) -> Result<(), MeshError> {
         self.has_elements = true;
-        let line = self.cursor.expect_line("the number of elements")?;
-        let count = self.cursor.count(line, "the number of elements")?;
+        let count = self.announced("the number of elements")?;
         let mut read = 0;
         while read < count {
             let kind = self.int("an element type")?;
@@ -531,8 +521,8 @@ impl<'a> Reader<'a> {
         let mut tags: [Vec<&[u8]>; 3] = Default::default();
         for (of_kind, what) in tags.iter_mut().zip(["names", "real tags", "integer tags"]) {
             let expected = format!("the number of {what} of $ElementData");
-            let line = self.cursor.expect_line(&expected)?;
-            for _ in 0..self.cursor.count(line, &expected)? {
+            let count = self.announced(&expected)?;
+            for _ in 0..count {
                 of_kind.push(self.cursor.expect_line(what)?);
             }
         }
@@ -564,14 +554,7 @@ impl<'a> Reader<'a> {
                     values.push(self.double()?);
                 }
             } else {
-                let line = match self.cursor.filled_line() {
-                    None => return Err(self.cursor.end(&format!("value {} of {count}", read + 1))),
-                    Some(line) if line.starts_with(b"$") => {
-                        return Err(self.cursor.mismatch("the number of values", count, read));
-                    }
-                    Some(line) => line,
-                };
-                let mut fields = words(line);
+                let mut fields = words(self.listed("value", count, read)?);
                 number = self.cursor.integer(fields.next().unwrap_or(b""), "an element number")?;
                 for _ in &names {
                     values.push(self.cursor.real(fields.next().unwrap_or(b""), "a value")?);

@@ -8,7 +8,7 @@
 use super::cells::{Builder, CellKind, component_names};
 use super::scan::Cursor;
 use crate::element_kind::{ByKind, ElementKind};
-use crate::mesh::error::{MeshError, Place};
+use crate::mesh::error::{FileProblem, MeshError, Place};
 use crate::mesh::{Group, Mesh};
 use glam::DVec3;
 use std::collections::{BTreeMap, HashMap};
@@ -196,13 +196,8 @@ pub(crate) struct Assembly {
 
 /// A count of an array that does not fit: expected and found.
 fn mismatch(file: &str, place: Place, what: &str, [expected, found]: [usize; 2]) -> MeshError {
-    MeshError::CountMismatch {
-        file: file.to_owned(),
-        place,
-        what: what.to_owned(),
-        expected: expected as u64,
-        found: found as u64,
-    }
+    let problem = FileProblem::mismatch(what, expected as u64, found as u64);
+    MeshError::File { file: file.to_owned(), place, problem }
 }
 
 impl Piece {
@@ -235,15 +230,10 @@ impl Piece {
         let connectivity = &self.connectivity.values;
         let cell = usize::try_from(end).ok().and_then(|end| connectivity.get(*start..end));
         let Some(cell) = cell else {
-            return Err(MeshError::InvalidValue {
-                file: file.to_owned(),
-                place: self.ends.place,
-                found: end.to_string(),
-                expected: format!(
-                    "the end of cell {number}, from {start} to {}",
-                    connectivity.len()
-                ),
-            });
+            let most = connectivity.len();
+            let expected = format!("the end of cell {number}, from {start} to {most}");
+            let problem = FileProblem::InvalidValue { found: end.to_string(), expected };
+            return Err(MeshError::File { file: file.to_owned(), place: self.ends.place, problem });
         };
         *start += cell.len();
         let by_rows = matches!(self.types.values[number], PIXEL | VOXEL);
@@ -265,12 +255,9 @@ impl Piece {
             match usize::try_from(vertex) {
                 Ok(index) if index < n_points => vertices.push((base + index) as u32),
                 _ => {
-                    return Err(MeshError::UnknownVertex {
-                        file: file.to_owned(),
-                        place,
-                        cell: format!("cell {number} ({})", kind.name),
-                        vertex,
-                    });
+                    let cell = format!("cell {number} ({})", kind.name);
+                    let problem = FileProblem::UnknownVertex { cell, vertex };
+                    return Err(MeshError::File { file: file.to_owned(), place, problem });
                 }
             }
         }

@@ -3,7 +3,7 @@
 use super::cells::{Builder, CellKind};
 use super::scan::{Cursor, parse, words};
 use crate::mesh::Mesh;
-use crate::mesh::error::MeshError;
+use crate::mesh::error::{FileProblem, MeshError};
 use std::collections::HashMap;
 
 /// Reads an OBJ file from its bytes; `source` names it in messages.
@@ -91,11 +91,9 @@ fn vertex(cursor: &Cursor<'_>, corner: &[u8], n_points: usize) -> Result<u32, Me
     let index = if number > 0 { number - 1 } else { number.saturating_add(n_points as i64) };
     match u32::try_from(index) {
         Ok(index) if number != 0 && (index as usize) < n_points => Ok(index),
-        _ => Err(MeshError::UnknownVertex {
-            file: cursor.file.to_owned(),
-            place: cursor.place(),
-            cell: "a face, line or point".to_owned(),
-            vertex: number,
-        }),
+        _ => {
+            let cell = "a face, line or point".to_owned();
+            Err(cursor.error(FileProblem::UnknownVertex { cell, vertex: number }))
+        }
     }
 }

@@ -1,6 +1,6 @@
 //! A cursor over the bytes of a file that knows where it is, shared by all readers.
 
-use crate::mesh::error::{MeshError, Place, shown};
+use crate::mesh::error::{FileProblem, MeshError, Place};
 use glam::DVec3;
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
@@ -111,35 +111,25 @@ impl<'a> Cursor<'a> {
         Ok(count as usize)
     }
 
+    /// An error where the last item was read.
+    pub fn error(&self, problem: FileProblem) -> MeshError {
+        MeshError::File { file: self.file.to_owned(), place: self.place(), problem }
+    }
+
     pub fn end(&self, expected: &str) -> MeshError {
-        MeshError::UnexpectedEnd {
-            file: self.file.to_owned(),
-            place: self.place(),
-            expected: expected.to_owned(),
-        }
+        self.error(FileProblem::UnexpectedEnd { expected: expected.to_owned() })
     }
 
     pub fn invalid(&self, found: &[u8], expected: &str) -> MeshError {
-        MeshError::InvalidValue {
-            file: self.file.to_owned(),
-            place: self.place(),
-            found: shown(found),
-            expected: expected.to_owned(),
-        }
+        self.error(FileProblem::invalid(found, expected))
     }
 
     pub fn unsupported(&self, feature: String, remedy: &'static str) -> MeshError {
-        MeshError::Unsupported { file: self.file.to_owned(), place: self.place(), feature, remedy }
+        self.error(FileProblem::Unsupported { feature, remedy })
     }
 
     pub fn mismatch(&self, what: &str, expected: u64, found: u64) -> MeshError {
-        MeshError::CountMismatch {
-            file: self.file.to_owned(),
-            place: self.place(),
-            what: what.to_owned(),
-            expected,
-            found,
-        }
+        self.error(FileProblem::mismatch(what, expected, found))
     }
 
     pub fn missing(&self, section: &'static str) -> MeshError {
@@ -148,7 +138,8 @@ impl<'a> Cursor<'a> {
         } else {
             Place::Line(line_at(self.data, self.data.len()))
         };
-        MeshError::MissingSection { file: self.file.to_owned(), place, section }
+        let problem = FileProblem::MissingSection { section };
+        MeshError::File { file: self.file.to_owned(), place, problem }
     }
 
     pub fn integer(&self, word: &[u8], expected: &str) -> Result<i64, MeshError> {

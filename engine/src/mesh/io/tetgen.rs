@@ -3,7 +3,7 @@
 use super::cells::{Builder, CellKind};
 use super::scan::{Cursor, Numbering, words};
 use crate::mesh::Mesh;
-use crate::mesh::error::MeshError;
+use crate::mesh::error::{FileProblem, MeshError, shown};
 use std::collections::HashMap;
 
 /// Reads a TetGen mesh from the bytes of its files; `source` names it in messages.
@@ -22,24 +22,17 @@ pub fn read_tetgen(
     source: &str,
 ) -> Result<Mesh, MeshError> {
     let stem = source.strip_suffix(".node").or(source.strip_suffix(".ele")).unwrap_or(source);
-    let mut builder = Builder::new(source);
-    let mut groups = HashMap::new();
-    let name = format!("{stem}.node");
-    let numbering = nodes(&mut Cursor::new(&name, node), &mut builder, &mut groups)?;
-    let name = format!("{stem}.ele");
-    tetrahedra(&mut Cursor::new(&name, ele), &numbering, &mut builder, &mut groups)?;
+    let mut reader = Reader {
+        builder: Builder::new(source),
+        groups: HashMap::new(),
+        numbering: Numbering::default(),
+    };
+    reader.nodes(&mut Cursor::new(&format!("{stem}.node"), node))?;
+    reader.tetrahedra(&mut Cursor::new(&format!("{stem}.ele"), ele))?;
     if let Some(face) = face {
-        let name = format!("{stem}.face");
-        faces(&mut Cursor::new(&name, face), &numbering, &mut builder, &mut groups)?;
+        reader.faces(&mut Cursor::new(&format!("{stem}.face"), face))?;
     }
-    Ok(builder.finish())
-}
-
-/// Group positions by dimension and name.
-type Groups = HashMap<(u8, String), usize>;
-
-fn group(builder: &mut Builder, groups: &mut Groups, dimension: u8, name: String) -> usize {
-    *groups.entry((dimension, name.clone())).or_insert_with(|| builder.group(name, dimension))
+    Ok(reader.builder.finish())
 }
 
 /// The next line that holds more than a comment, without the comment.
@@ -58,120 +51,110 @@ fn field<'a>(fields: &[&'a [u8]], index: u64) -> &'a [u8] {
     usize::try_from(index).ok().and_then(|i| fields.get(i)).copied().unwrap_or(b"")
 }
 
-fn nodes(
-    cursor: &mut Cursor<'_>,
-    builder: &mut Builder,
-    groups: &mut Groups,
-) -> Result<Numbering, MeshError> {
-    let mut numbering = Numbering::default();
-    let head = line(cursor, "the number of nodes")?;
-    let count = cursor.count(field(&head, 0), "the number of nodes")?;
-    if field(&head, 1) != b"3" {
-        return Err(cursor.invalid(field(&head, 1), "dimension 3"));
+/// A count in the head of a file, 0 where it is left out.
+fn count(cursor: &Cursor<'_>, head: &[&[u8]], index: u64, what: &str) -> Result<u64, MeshError> {
+    match field(head, index) {
+        b"" => Ok(0),
+        word => cursor.count(word, what),
     }
-    let attributes = if head.len() > 2 {
-        cursor.count(field(&head, 2), "the number of attributes")?
-    } else {
-        0
-    };
-    let markers =
-        if head.len() > 3 { cursor.count(field(&head, 3), "the number of markers")? } else { 0 };
-    for read in 0..count {
-        let fields = line(cursor, &format!("node {} of {count}", read + 1))?;
-        let number = cursor.integer(field(&fields, 0), "a node number")?;
-        let point = cursor.point(&mut fields.iter().copied().skip(1))?;
-        if !numbering.push(number) {
-            let (file, place) = (cursor.file.to_owned(), cursor.place());
-            return Err(MeshError::RepeatedNumber { file, place, number });
+}
+
+struct Reader {
+    builder: Builder,
+    /// Group positions by dimension and name.
+    groups: HashMap<(u8, String), usize>,
+    numbering: Numbering,
+}
+
+impl Reader {
+    fn group(&mut self, dimension: u8, name: String) -> usize {
+        let builder = &mut self.builder;
+        let new = || builder.group(name.clone(), dimension);
+        *self.groups.entry((dimension, name.clone())).or_insert_with(new)
+    }
+
+    fn nodes(&mut self, cursor: &mut Cursor<'_>) -> Result<(), MeshError> {
+        let head = line(cursor, "the number of nodes")?;
+        let nodes = cursor.count(field(&head, 0), "the number of nodes")?;
+        if field(&head, 1) != b"3" {
+            return Err(cursor.invalid(field(&head, 1), "dimension 3"));
         }
-        builder.point(cursor, point, cursor.line)?;
-        if markers > 0 {
-            let marker = cursor
-                .integer(field(&fields, attributes.saturating_add(4)), "a boundary marker")?;
-            if marker != 0 {
-                let slot = group(builder, groups, 0, format!("marker {marker}"));
-                builder.join(None, 0..0, &[(numbering.len() - 1) as u32], &[slot]);
+        let attributes = count(cursor, &head, 2, "the number of attributes")?;
+        let markers = count(cursor, &head, 3, "the number of markers")?;
+        for read in 0..nodes {
+            let fields = line(cursor, &format!("node {} of {nodes}", read + 1))?;
+            let number = cursor.integer(field(&fields, 0), "a node number")?;
+            let point = cursor.point(&mut fields.iter().copied().skip(1))?;
+            if !self.numbering.push(number) {
+                return Err(cursor.error(FileProblem::RepeatedNumber { number }));
+            }
+            self.builder.point(cursor, point, cursor.line)?;
+            if markers > 0 {
+                let marker = field(&fields, attributes.saturating_add(4));
+                let marker = cursor.integer(marker, "a boundary marker")?;
+                if marker != 0 {
+                    let slot = self.group(0, format!("marker {marker}"));
+                    let vertex = (self.numbering.len() - 1) as u32;
+                    self.builder.join(None, 0..0, &[vertex], &[slot]);
+                }
             }
         }
+        Ok(())
     }
-    Ok(numbering)
-}
 
-fn vertices(
-    cursor: &Cursor<'_>,
-    numbering: &Numbering,
-    fields: &[&[u8]],
-    kind: CellKind,
-) -> Result<Vec<u32>, MeshError> {
-    let mut vertices = Vec::with_capacity(kind.vertices);
-    for i in 0..kind.vertices as u64 {
-        let vertex = cursor.integer(field(fields, i + 1), "a node number")?;
-        match numbering.index(vertex) {
-            Some(index) => vertices.push(index),
-            None => {
-                return Err(MeshError::UnknownVertex {
-                    file: cursor.file.to_owned(),
-                    place: cursor.place(),
-                    cell: format!("{} {}", kind.name, crate::mesh::error::shown(field(fields, 0))),
-                    vertex,
-                });
+    fn vertices(
+        &self,
+        cursor: &Cursor<'_>,
+        fields: &[&[u8]],
+        kind: CellKind,
+    ) -> Result<Vec<u32>, MeshError> {
+        let vertex = |i| {
+            let vertex = cursor.integer(field(fields, i + 1), "a node number")?;
+            self.numbering.index(vertex).ok_or_else(|| {
+                let cell = format!("{} {}", kind.name, shown(field(fields, 0)));
+                cursor.error(FileProblem::UnknownVertex { cell, vertex })
+            })
+        };
+        (0..kind.vertices as u64).map(vertex).collect()
+    }
+
+    fn tetrahedra(&mut self, cursor: &mut Cursor<'_>) -> Result<(), MeshError> {
+        let head = line(cursor, "the number of tetrahedra")?;
+        let tetrahedra = cursor.count(field(&head, 0), "the number of tetrahedra")?;
+        let kind = match field(&head, 1) {
+            b"4" => CellKind::TETRAHEDRON,
+            b"10" => CellKind::new("10-node tetrahedron of TetGen", 3, 10),
+            other => return Err(cursor.invalid(other, "4 or 10 nodes per tetrahedron")),
+        };
+        let attributes = count(cursor, &head, 2, "the number of attributes")?;
+        for read in 0..tetrahedra {
+            let fields = line(cursor, &format!("tetrahedron {} of {tetrahedra}", read + 1))?;
+            let vertices = self.vertices(cursor, &fields, kind)?;
+            let mut slot = None;
+            if attributes > 0 {
+                let region = field(&fields, kind.vertices as u64 + 1);
+                let region = cursor.real(region, "a region attribute")?;
+                slot = Some(self.group(3, format!("region {region}")));
             }
+            self.builder.cell(kind, &vertices, slot.as_slice(), cursor.line);
         }
+        Ok(())
     }
-    Ok(vertices)
-}
 
-fn tetrahedra(
-    cursor: &mut Cursor<'_>,
-    numbering: &Numbering,
-    builder: &mut Builder,
-    groups: &mut Groups,
-) -> Result<(), MeshError> {
-    let head = line(cursor, "the number of tetrahedra")?;
-    let count = cursor.count(field(&head, 0), "the number of tetrahedra")?;
-    let kind = match field(&head, 1) {
-        b"4" => CellKind::TETRAHEDRON,
-        b"10" => CellKind::new("10-node tetrahedron of TetGen", 3, 10),
-        other => return Err(cursor.invalid(other, "4 or 10 nodes per tetrahedron")),
-    };
-    let attributes = if head.len() > 2 {
-        cursor.count(field(&head, 2), "the number of attributes")?
-    } else {
-        0
-    };
-    for read in 0..count {
-        let fields = line(cursor, &format!("tetrahedron {} of {count}", read + 1))?;
-        let vertices = vertices(cursor, numbering, &fields, kind)?;
-        let mut slot = None;
-        if attributes > 0 {
-            let region =
-                cursor.real(field(&fields, kind.vertices as u64 + 1), "a region attribute")?;
-            slot = Some(group(builder, groups, 3, format!("region {region}")));
+    fn faces(&mut self, cursor: &mut Cursor<'_>) -> Result<(), MeshError> {
+        let head = line(cursor, "the number of faces")?;
+        let faces = cursor.count(field(&head, 0), "the number of faces")?;
+        let markers = count(cursor, &head, 1, "the number of markers")?;
+        for read in 0..faces {
+            let fields = line(cursor, &format!("face {} of {faces}", read + 1))?;
+            let vertices = self.vertices(cursor, &fields, CellKind::TRIANGLE)?;
+            let mut slot = None;
+            if markers > 0 {
+                let marker = cursor.integer(field(&fields, 4), "a boundary marker")?;
+                slot = (marker != 0).then(|| self.group(2, format!("marker {marker}")));
+            }
+            self.builder.cell(CellKind::TRIANGLE, &vertices, slot.as_slice(), cursor.line);
         }
-        builder.cell(kind, &vertices, slot.as_slice(), cursor.line);
+        Ok(())
     }
-    Ok(())
-}
-
-fn faces(
-    cursor: &mut Cursor<'_>,
-    numbering: &Numbering,
-    builder: &mut Builder,
-    groups: &mut Groups,
-) -> Result<(), MeshError> {
-    let head = line(cursor, "the number of faces")?;
-    let count = cursor.count(field(&head, 0), "the number of faces")?;
-    let markers =
-        if head.len() > 1 { cursor.count(field(&head, 1), "the number of markers")? } else { 0 };
-    for read in 0..count {
-        let fields = line(cursor, &format!("face {} of {count}", read + 1))?;
-        let vertices = vertices(cursor, numbering, &fields, CellKind::TRIANGLE)?;
-        let mut slot = None;
-        if markers > 0 {
-            let marker = cursor.integer(field(&fields, 4), "a boundary marker")?;
-            slot = (marker != 0).then(|| group(builder, groups, 2, format!("marker {marker}")));
-        }
-        builder.cell(CellKind::TRIANGLE, &vertices, slot.as_slice(), cursor.line);
-    }
-    Ok(())
 }

@@ -31,7 +31,7 @@ struct Reader<'a> {
     binary: bool,
 }
 
-impl Reader<'_> {
+impl<'a> Reader<'a> {
     fn read(&mut self) -> Result<Mesh, MeshError> {
         let head = self.cursor.next_line().unwrap_or(b"");
         if !head.trim_ascii().starts_with(b"# vtk DataFile Version") {
@@ -57,9 +57,8 @@ impl Reader<'_> {
         }
         let kind = self.cursor.expect_word("UNSTRUCTURED_GRID")?;
         if !kind.eq_ignore_ascii_case(b"UNSTRUCTURED_GRID") {
-            return Err(self
-                .cursor
-                .unsupported(format!("the data set {}", shown(kind)), ASK_FOR_GRID));
+            let feature = format!("the data set {}", shown(kind));
+            return Err(self.cursor.unsupported(feature, ASK_FOR_GRID));
         }
         self.grid()
     }
@@ -86,13 +85,7 @@ impl Reader<'_> {
                 }
                 b"POINT_DATA" => owner = (self.count("the number of points")?, false),
                 b"CELL_DATA" => owner = (self.count("the number of cells")?, true),
-                b"METADATA" => {
-                    // Ends with a blank line.
-                    self.cursor.next_line();
-                    while self.cursor.next_line().is_some_and(|line| !line.trim_ascii().is_empty())
-                    {
-                    }
-                }
+                b"METADATA" => self.skip_metadata(),
                 other => {
                     let arrays = if owner.1 { &mut cell_arrays } else { &mut point_arrays };
                     self.attribute(keyword, other, owner.0, arrays)?;
@@ -199,33 +192,15 @@ impl Reader<'_> {
                 self.reals(count.saturating_mul(components), number, "texture coordinates")
                     .map(drop)
             }
-            b"COLOR_SCALARS" => {
-                self.name()?;
-                let components = self.count("the number of components")?;
-                self.cursor.next_line();
-                let number = if self.binary { Number::Unsigned(1) } else { Number::Real(4) };
-                self.reals(count.saturating_mul(components), number, "colours").map(drop)
-            }
-            b"LOOKUP_TABLE" => {
-                self.name()?;
-                let size = self.count("the size of the table")?;
-                self.cursor.next_line();
-                let number = if self.binary { Number::Unsigned(1) } else { Number::Real(4) };
-                self.reals(size.saturating_mul(4), number, "colours").map(drop)
-            }
+            b"COLOR_SCALARS" => self.skip_colours(count, "the number of components"),
+            b"LOOKUP_TABLE" => self.skip_colours(4, "the size of the table"),
             b"FIELD" => {
                 self.name()?;
                 let fields = self.count("the number of arrays")?;
                 for _ in 0..fields {
                     let mut name = self.cursor.expect_word("the name of an array")?;
                     if name == b"METADATA" {
-                        self.cursor.next_line();
-                        while self
-                            .cursor
-                            .next_line()
-                            .is_some_and(|line| !line.trim_ascii().is_empty())
-                        {
-                        }
+                        self.skip_metadata();
                         name = self.cursor.expect_word("the name of an array")?;
                     }
                     let name = decode_name(name);
@@ -245,6 +220,21 @@ impl Reader<'_> {
             }
             _ => Err(self.cursor.invalid(keyword, "a keyword such as POINTS, CELLS or CELL_DATA")),
         }
+    }
+
+    /// Moves behind the blank line that ends them.
+    fn skip_metadata(&mut self) {
+        self.cursor.next_line();
+        while self.cursor.next_line().is_some_and(|line| !line.trim_ascii().is_empty()) {}
+    }
+
+    /// Reads past colours, so many times the number that `what` says.
+    fn skip_colours(&mut self, times: u64, what: &str) -> Result<(), MeshError> {
+        self.name()?;
+        let total = self.count(what)?.saturating_mul(times);
+        self.cursor.next_line();
+        let number = if self.binary { Number::Unsigned(1) } else { Number::Real(4) };
+        self.reals(total, number, "colours").map(drop)
     }
 
     fn plain_array(
@@ -327,9 +317,8 @@ impl Reader<'_> {
     ) -> Result<Located<i64>, MeshError> {
         let place = self.cursor.place();
         if self.binary {
-            let count = self.cursor.room_for(count, number.width() as u64, what)?;
-            let bytes = self.cursor.take(count * number.width(), what)?;
-            return Ok(Located { values: number.integers(bytes, true), place });
+            let values = number.integers(self.bytes(count, number, what)?, true);
+            return Ok(Located { values, place });
         }
         let values = self.ascii(count, what, |cursor, word| cursor.integer(word, what))?;
         Ok(Located { values, place })
@@ -338,12 +327,16 @@ impl Reader<'_> {
     fn reals(&mut self, count: u64, number: Number, what: &str) -> Result<Located<f64>, MeshError> {
         let place = self.cursor.place();
         if self.binary {
-            let count = self.cursor.room_for(count, number.width() as u64, what)?;
-            let bytes = self.cursor.take(count * number.width(), what)?;
-            return Ok(Located { values: number.reals(bytes, true), place });
+            let values = number.reals(self.bytes(count, number, what)?, true);
+            return Ok(Located { values, place });
         }
         let values = self.ascii(count, what, |cursor, word| cursor.real(word, what))?;
         Ok(Located { values, place })
+    }
+
+    fn bytes(&mut self, count: u64, number: Number, what: &str) -> Result<&'a [u8], MeshError> {
+        let count = self.cursor.room_for(count, number.width() as u64, what)?;
+        self.cursor.take(count * number.width(), what)
     }
 
     fn ascii<T>(

@@ -10,7 +10,7 @@ pub use write::{VtuData, encode_vtu, write_pvd, write_vtu};
 use super::grid::{self, Assembly, Located, Number, Piece, group_name, push_array};
 use super::scan::{Cursor, line_at, parse, words};
 use crate::mesh::Mesh;
-use crate::mesh::error::{MeshError, Place, shown, shown_up_to};
+use crate::mesh::error::{FileProblem, MeshError, Place, shown, shown_up_to};
 use quick_xml::XmlVersion;
 use quick_xml::events::{BytesStart, Event};
 use std::cell::Cell;
@@ -96,27 +96,28 @@ impl<'a> Reader<'a> {
         Place::Line(line_at(self.data, position))
     }
 
+    fn error(&self, place: Place, problem: FileProblem) -> MeshError {
+        MeshError::File { file: self.source.to_owned(), place, problem }
+    }
+
     fn invalid(&self, place: Place, found: &[u8], expected: &str) -> MeshError {
-        let (file, found) = (self.source.to_owned(), shown(found));
-        MeshError::InvalidValue { file, place, found, expected: expected.to_owned() }
+        self.error(place, FileProblem::invalid(found, expected))
     }
 
     fn end(&self, place: Place, expected: &str) -> MeshError {
-        let file = self.source.to_owned();
-        MeshError::UnexpectedEnd { file, place, expected: expected.to_owned() }
+        self.error(place, FileProblem::UnexpectedEnd { expected: expected.to_owned() })
     }
 
     fn encoding(&self, place: Place, reason: String) -> MeshError {
-        MeshError::Encoding { file: self.source.to_owned(), place, reason }
+        self.error(place, FileProblem::Encoding { reason })
     }
 
     fn unsupported(&self, place: Place, feature: String, remedy: &'static str) -> MeshError {
-        MeshError::Unsupported { file: self.source.to_owned(), place, feature, remedy }
+        self.error(place, FileProblem::Unsupported { feature, remedy })
     }
 
     fn missing(&self, section: &'static str) -> MeshError {
-        let place = self.line(self.head.len());
-        MeshError::MissingSection { file: self.source.to_owned(), place, section }
+        self.error(self.line(self.head.len()), FileProblem::MissingSection { section })
     }
 
     fn find_appended(&mut self, at: usize) -> Result<(), MeshError> {
@@ -391,13 +392,8 @@ impl<'a> Reader<'a> {
         ];
         for (what, expected, found, place) in counts {
             if expected != found as u64 {
-                return Err(MeshError::CountMismatch {
-                    file: self.source.to_owned(),
-                    place,
-                    what: what.to_owned(),
-                    expected,
-                    found: found as u64,
-                });
+                let problem = FileProblem::mismatch(what, expected, found as u64);
+                return Err(self.error(place, problem));
             }
         }
         let (point_arrays, cell_arrays) = (draft.point_arrays, draft.cell_arrays);

@@ -5,7 +5,7 @@ use super::super::scan::words;
 use super::{CellKind, Reader, SAVE_AGAIN, UNKNOWN_KIND, cell_kind, in_order_of_vtk};
 use crate::mesh::error::MeshError;
 
-impl<'a> Reader<'a> {
+impl Reader<'_> {
     /// Physical tags of the geometric entities (4.1).
     pub(super) fn entities(&mut self) -> Result<(), MeshError> {
         let mut counts = [0; 4];
@@ -139,11 +139,11 @@ impl<'a> Reader<'a> {
                 }
             } else {
                 for i in 0..count {
-                    let line = self.node_line(total, read + i)?;
+                    let line = self.listed("node", total, read + i)?;
                     numbers.push(self.cursor.integer(line, "a node number")?);
                 }
                 for (i, &number) in (0..).zip(&numbers) {
-                    let line = self.node_line(total, read + i)?;
+                    let line = self.listed("node", total, read + i)?;
                     let point = self.cursor.point(&mut words(line))?;
                     self.add_node(number, point, self.cursor.line)?;
                 }
@@ -154,16 +154,6 @@ impl<'a> Reader<'a> {
             return Err(self.cursor.mismatch("the number of nodes", total, read));
         }
         self.expect_end(b"$EndNodes", "nodes", total)
-    }
-
-    fn node_line(&mut self, total: u64, read: u64) -> Result<&'a [u8], MeshError> {
-        match self.cursor.filled_line() {
-            None => Err(self.cursor.end(&format!("node {} of {total}", read + 1))),
-            Some(line) if line.starts_with(b"$") => {
-                Err(self.cursor.mismatch("the number of nodes", total, read))
-            }
-            Some(line) => Ok(line),
-        }
     }
 
     pub(super) fn elements_by_block(&mut self) -> Result<(), MeshError> {
@@ -246,14 +236,7 @@ impl<'a> Reader<'a> {
             }
             return Ok(number);
         }
-        let line = match self.cursor.filled_line() {
-            None => return Err(self.cursor.end(&format!("element {} of {total}", read + 1))),
-            Some(line) if line.starts_with(b"$") => {
-                return Err(self.cursor.mismatch("the number of elements", total, read));
-            }
-            Some(line) => line,
-        };
-        let mut fields = words(line);
+        let mut fields = words(self.listed("element", total, read)?);
         let number = self.cursor.integer(fields.next().unwrap_or(b""), "an element number")?;
         if kind == UNKNOWN_KIND {
             return Ok(number);
