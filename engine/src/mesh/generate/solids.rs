@@ -9,6 +9,9 @@ use crate::mesh::{Mesh, sorted};
 use glam::{DVec2, DVec3};
 use std::collections::BTreeMap;
 
+/// Paths from the first to the last corner of a cell along the three axes, one for each order.
+const STEPS: [[usize; 3]; 6] = [[0, 1, 2], [0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]];
+
 /// A box with one corner at the origin, each of its cells cut into six tetrahedra.
 ///
 /// `size` in metres; vertex `(i, j, k)` has the index `(i (ny + 1) + j) (nz + 1) + k`. Groups `x0`,
@@ -22,10 +25,7 @@ pub fn box_tets(size: DVec3, n: [usize; 3]) -> Result<Mesh, MeshError> {
     let [n_points, n_tets] = box_counts(NAME, "tetrahedra", size, n, 6)?;
     let [nx, ny, nz] = n;
     let points = box_points(size, n, n_points);
-    // Paths from the first to the last corner of a cell along the three axes, one for each order;
-    // odd orders wind the other way.
-    const STEPS: [[usize; 3]; 6] =
-        [[0, 1, 2], [0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]];
+    // odd orders wind the other way
     const EVEN: [bool; 6] = [true, false, false, true, true, false];
     let stride = [((ny + 1) * (nz + 1)) as u32, (nz + 1) as u32, 1];
     let mut tetrahedra = Vec::with_capacity(n_tets);
@@ -100,15 +100,6 @@ pub fn box_hexahedra(size: DVec3, n: [usize; 3]) -> Result<Mesh, MeshError> {
     let mut mesh = Mesh { source, points, hexahedra: grid_hexahedra(n), ..Mesh::default() };
     name_grid_sides(&mut mesh, n);
     Ok(mesh)
-}
-
-/// A beam along x: the same as [`box_tets`].
-///
-/// # Errors
-///
-/// As [`box_tets`].
-pub fn beam_tets(size: DVec3, n: [usize; 3]) -> Result<Mesh, MeshError> {
-    box_tets(size, n)
 }
 
 /// A cylinder along x from the origin, of `rings` rings around its axis and `layers` layers along it.
@@ -305,8 +296,6 @@ pub fn sphere_tets(radius: f64, n: usize) -> Result<Mesh, MeshError> {
                 (points.len() - 1) as u32
             })
         };
-        const STEPS: [[usize; 3]; 6] =
-            [[0, 1, 2], [0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]];
         for x in 0..n {
             for y in 0..=x {
                 for z in 0..=y {

@@ -4,7 +4,7 @@ use super::*;
 use crate::element::TETRAHEDRON_FACES;
 use crate::mesh::cell::quad_triangles;
 use crate::mesh::{CheckOptions, check};
-use glam::DVec2;
+use glam::{DVec2, Vec3Swizzles};
 use std::f64::consts::PI;
 
 #[test]
@@ -36,12 +36,10 @@ fn discs_and_spheres_of_triangles() {
 
 /// All volumes positive, their sum as enclosed by the surface, and every vertex used.
 fn sound(mesh: &Mesh) -> f64 {
-    let p = |i: u32| mesh.points[i as usize];
     for &tet in &mesh.tetrahedra {
         assert!(volume(&mesh.points, tet) > 0.0, "{}", mesh.source);
     }
-    let enclosed: f64 =
-        mesh.triangles.iter().map(|&[a, b, c]| p(a).dot(p(b).cross(p(c))) / 6.0).sum();
+    let enclosed = enclosed(mesh);
     let total = mesh.total_volume();
     // Sums of n rounded terms.
     assert!((enclosed - total).abs() <= 1e-12 * total, "{} {enclosed} {total}", mesh.source);
@@ -252,22 +250,12 @@ fn cylinder_of_hexahedra_fills_its_polygon() {
         assert_eq!(mesh.group("x0").unwrap().cells.quads.len(), per_layer);
         let side = mesh.group("side").unwrap();
         assert_eq!(side.cells.quads.len(), 4 * core * layers);
-        let radius = |&v: &u32| mesh.points[v as usize].truncate_x().length();
+        let radius = |&v: &u32| mesh.points[v as usize].yz().length();
         assert!(side.vertices.iter().map(radius).all(|r| (r - 0.5).abs() < 1e-15));
         let split = mesh.split_into_simplices();
         assert!((sound_solid(&split, &["x0", "x1", "side"]) - volume).abs() < 1e-13);
         let quality = check(&mesh, &CheckOptions::default()).unwrap().report.statistics;
         assert!(quality.worst_quality > 0.45, "{core} {rings} {}", quality.worst_quality);
-    }
-}
-
-trait TruncateX {
-    fn truncate_x(self) -> DVec2;
-}
-
-impl TruncateX for DVec3 {
-    fn truncate_x(self) -> DVec2 {
-        DVec2::new(self.y, self.z)
     }
 }
 
