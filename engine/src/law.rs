@@ -271,7 +271,7 @@ pub enum ViscousRequest<S> {
 }
 
 /// Contribution of one law to forces, tangent and energy.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct LawBuffer<S> {
     /// Fixed ranges of elements with their private arrays.
     pub spans: Vec<Span<S>>,
@@ -283,18 +283,6 @@ pub struct LawBuffer<S> {
     pub low_rank: Option<LowRank<S>>,
     /// What its vectors are derivatives of (J^1/2), as [`LowRank::values`], at every evaluation.
     pub values: Vec<f64>,
-}
-
-impl<S> Default for LawBuffer<S> {
-    fn default() -> Self {
-        Self {
-            spans: Vec::new(),
-            time: Duration::ZERO,
-            viscous: ViscousRequest::Matrix,
-            low_rank: None,
-            values: Vec::new(),
-        }
-    }
 }
 
 /// Elements per range: enough work to be worth a task, few enough ranges to keep overlaps small.
@@ -395,17 +383,11 @@ pub(crate) struct Slot<S> {
 }
 
 /// The buffers of all active laws, summed up in the order of the laws' places.
-#[derive(Resource)]
+#[derive(Resource, Default)]
 pub struct LawBuffers<S: Scalar> {
     pub(crate) slots: Vec<Slot<S>>,
     /// Slots by place.
     pub(crate) order: Vec<usize>,
-}
-
-impl<S: Scalar> Default for LawBuffers<S> {
-    fn default() -> Self {
-        Self { slots: Vec::new(), order: Vec::new() }
-    }
 }
 
 impl<S: Scalar> LawBuffers<S> {
