@@ -278,7 +278,7 @@ pub fn explicit_step<S: Scalar>(
         Ok(())
     } else {
         let contact = world.remove_resource::<ContactSet>();
-        let result = substep(world, settings, report, &mut scratch, contact.as_ref());
+        let result = scratch.substep(world, settings, report, contact.as_ref());
         let (contact, result) = match result {
             Ok(new) => (new, Ok(())),
             Err(error) => (contact, Err(error)),
@@ -330,63 +330,397 @@ fn with_dampers(limit: f64, c: f64) -> f64 {
     if c > 0.0 { 4.0 / (c + c.hypot(4.0 / limit)) } else { limit }
 }
 
-fn substep<S: Scalar>(
-    world: &mut World,
-    settings: &SolverSettings,
-    report: &mut StepReport,
-    scratch: &mut ExplicitScratch<S>,
-    contact: Option<&ContactSet>,
-) -> Result<Option<ContactSet>, StepError> {
-    let clock = *world.resource::<StepClock>();
-    let prepared = |contact| prepare(contact, world, scratch, settings.integrator);
-    let contact = contact.map(prepared).transpose()?;
-    scratch.within.read(world, &scratch.node.u, &scratch.node.prescribed, &scratch.node.fixed);
-    let elastic = recall(world, report, scratch);
-    let limit = scratch.limit.get(world, &scratch.node, &scratch.force, &mut report.evaluations);
-    let touch = contact.as_ref().map_or([0.0; 2], |contact| {
-        let mass = |row: VertexRow| scratch.node.mass[row.index()].to_f64();
-        contact.rates(&mass)
-    });
-    // omega^2 of contact adds to that of the elements
-    let limit = 2.0 / (2.0 / limit).hypot(touch[0]);
-    let limit = with_dampers(limit, viscous_rate(world, &scratch.node) + touch[1]);
-    report.stable_step = limit;
-    let mut substeps = scratch.caution.substeps(&clock, limit, settings)?;
-    for refinement in 0..=MAX_REFINEMENTS {
-        if substeps > settings.max_substeps {
-            return Err(too_many(&clock, f64::from(substeps), limit, settings));
+impl<S: Scalar> ExplicitScratch<S> {
+    fn substep(
+        &mut self,
+        world: &mut World,
+        settings: &SolverSettings,
+        report: &mut StepReport,
+        contact: Option<&ContactSet>,
+    ) -> Result<Option<ContactSet>, StepError> {
+        let clock = *world.resource::<StepClock>();
+        let prepared = |contact| self.prepare(contact, world, settings.integrator);
+        let contact = contact.map(prepared).transpose()?;
+        self.within.read(world, &self.node.u, &self.node.prescribed, &self.node.fixed);
+        let elastic = self.bring_up_to_date(world, report);
+        let limit = self.limit.get(world, &self.node, &self.force, &mut report.evaluations);
+        let touch = contact.as_ref().map_or([0.0; 2], |contact| {
+            let mass = |row: VertexRow| self.node.mass[row.index()].to_f64();
+            contact.rates(&mass)
+        });
+        // omega^2 of contact adds to that of the elements
+        let limit = 2.0 / (2.0 / limit).hypot(touch[0]);
+        let limit = with_dampers(limit, viscous_rate(world, &self.node) + touch[1]);
+        report.stable_step = limit;
+        let mut substeps = self.caution.substeps(&clock, limit, settings)?;
+        for refinement in 0..=MAX_REFINEMENTS {
+            if substeps > settings.max_substeps {
+                return Err(too_many(&clock, f64::from(substeps), limit, settings));
+            }
+            let mut contact = contact.clone();
+            let tried = self.attempt(world, settings, report, &mut contact, elastic, substeps);
+            if let Some(growth) = tried {
+                report.substeps = substeps;
+                report.refinements = refinement;
+                self.finish(world, report, growth, refinement > 0);
+                return Ok(contact);
+            }
+            substeps = substeps.saturating_mul(2);
         }
-        let mut contact = contact.clone();
-        let tried = attempt(world, settings, report, scratch, &mut contact, elastic, substeps);
-        if let Some(growth) = tried {
-            report.substeps = substeps;
-            report.refinements = refinement;
-            finish(world, report, scratch, growth, refinement > 0);
-            return Ok(contact);
-        }
-        substeps = substeps.saturating_mul(2);
+        self.limit.forget();
+        Err(unstable(&clock, substeps / 2, limit))
     }
-    scratch.limit.forget();
-    Err(unstable(&clock, substeps / 2, limit))
-}
 
-/// Finds the points of contact of the coming step.
-fn prepare<S: Scalar>(
-    contact: &ContactSet,
-    world: &mut World,
-    scratch: &ExplicitScratch<S>,
-    integrator: Integrator,
-) -> Result<ContactSet, StepError> {
-    let mut contact = contact.clone();
-    let x = position(&scratch.rest, &scratch.node.u);
-    let v = |row: VertexRow| vector(&scratch.node.v[row.index()]);
-    contact.prepare(world, &scratch.rest, &x, &v, false)?;
-    integrator.check_contact(&contact)?;
-    Ok(contact)
+    /// Finds the points of contact of the coming step.
+    fn prepare(
+        &self,
+        contact: &ContactSet,
+        world: &mut World,
+        integrator: Integrator,
+    ) -> Result<ContactSet, StepError> {
+        let mut contact = contact.clone();
+        let x = position(&self.rest, &self.node.u);
+        let v = |row: VertexRow| vector(&self.node.v[row.index()]);
+        contact.prepare(world, &self.rest, &x, &v, false)?;
+        integrator.check_contact(&contact)?;
+        Ok(contact)
+    }
+
+    /// Brings the elastic force (`self.force`) and the elastic energy (J, returned) at the start up to date: those of
+    /// the last step if they still hold.
+    fn bring_up_to_date(&mut self, world: &mut World, report: &mut StepReport) -> f64 {
+        let n = self.node.len();
+        if self.made_of.0 != self.node.mass || self.made_of.1 != self.node.fixed {
+            let (mass, fixed) = (self.node.mass.clone(), self.node.fixed.clone());
+            self.use_masses(mass, fixed);
+            self.limit.forget();
+        }
+        let Some(last) = self.last.as_ref().filter(|last| holds(last, world)) else {
+            self.limit.forget();
+            self.caution = Caution::default();
+            self.low_start.clear();
+            self.low_start.resize(n, [S::ZERO; 4]);
+            return self.evaluate_start(world, report);
+        };
+        if bytemuck::cast_slice::<_, u8>(&last.u) == bytemuck::cast_slice::<_, u8>(&self.node.u) {
+            return last.elastic;
+        }
+        // somebody moved vertices: what their displacements could not hold is void
+        for ((low, then), now) in self.low_start.iter_mut().zip(&last.u).zip(&self.node.u) {
+            if then != now {
+                *low = [S::ZERO; 4];
+            }
+        }
+        self.evaluate_start(world, report)
+    }
+
+    fn evaluate_start(&mut self, world: &mut World, report: &mut StepReport) -> f64 {
+        report.evaluations += 1;
+        let start = world.resource::<StepClock>().time;
+        world.insert_resource(LoadTime(start));
+        evaluate(world, &self.node.u, true, true, None);
+        read_force(world, &mut self.force);
+        self.swept = world.get_resource::<SweptVolumes>().cloned().unwrap_or_default();
+        world.resource::<ElasticEnergy>().elastic()
+    }
+
+    /// One step with a given number of substeps from the remembered start. Returns the growth of the energy and the
+    /// energies that it is measured by (J); `None` when it grew too much or a number is not finite.
+    fn attempt(
+        &mut self,
+        world: &mut World,
+        settings: &SolverSettings,
+        report: &mut StepReport,
+        contact: &mut Option<ContactSet>,
+        elastic0: f64,
+        substeps: u32,
+    ) -> Option<[f64; 2]> {
+        let n = self.node.len();
+        let StepClock { dt, time, .. } = *world.resource::<StepClock>();
+        let h = dt / f64::from(substeps);
+        let mut swept = self.swept.clone();
+        let verlet = settings.integrator == Integrator::StormerVerlet;
+        let damped = has_dampers(world);
+        let [first, middle, last] = KickFactors::of(settings, h);
+
+        // the start of the step
+        write_state(world, &self.node.u, &self.node.v);
+        self.low.clone_from(&self.low_start);
+        self.external.clone_from(&self.node.external);
+        self.viscous.clear();
+        let [kinetic0, held0] = self.node.kinetic_energy(0..n, &self.node.v);
+        let mut state = State::<S>::new(world);
+        let before = [elastic0, kinetic0, held0];
+        let mut books = Bookkeeping { before, ..Bookkeeping::default() };
+        self.within.load_differences(0.0, &mut books.differences);
+        let half = if verlet { 0.5 * h } else { h };
+        if damped {
+            // before held unknowns lose the velocity that they had
+            books.dissipated += half * self.damp(&mut state, world);
+        }
+        self.stop_held(&mut state, world);
+        touch(contact, &self.rest, &self.node.u, (0.0, 0.0));
+        // the substeps
+        for i in 1..=substeps {
+            let part = f64::from(i) / f64::from(substeps);
+            if damped && i > 1 {
+                books.dissipated += h * self.damp(&mut state, world);
+            }
+            // kick and drift
+            self.load(&books, contact.as_ref());
+            self.within.ways(part, &mut books.ways);
+            {
+                let (workers, mut columns) = state.get_mut(world).expect("engine resources");
+                let (mut u, mut v, f) =
+                    single_table(columns.contiguous_iter_mut()).expect("there are vertices");
+                let u = Displacement::peel_slice_mut(u.bypass_change_detection());
+                let v = Velocity::peel_slice_mut(v.bypass_change_detection());
+                let start = i == 1;
+                let force = if start { &self.force[..] } else { ElasticForce::peel_slice(f) };
+                self.open_books(&mut books, u, force);
+                let factors = if start { first } else { middle };
+                advance(
+                    &workers,
+                    pieces(u, v, &mut self.low, [force, &self.external, &self.weight]),
+                    factors,
+                );
+                self.place_held(&mut books, u, v, h, i == substeps);
+                settle(contact, &self.rest, u, (1.0 / f64::from(substeps - i + 1), h));
+            }
+            self.within.load_differences(part, &mut books.differences);
+            let end = i == substeps;
+            if damped && end && verlet {
+                books.dissipated += half * self.damp(&mut state, world);
+            }
+            // forces at the new place
+            self.load(&books, contact.as_ref());
+            world.insert_resource(EvaluationRequest { energy: end, force: true, tangent: None });
+            world.insert_resource(LoadTime(time + part * dt));
+            world.run_schedule(ForceSchedule);
+            if let Some(now) = world.get_resource::<SweptVolumes>() {
+                books.load_work += now.work_since(&swept);
+                swept.clone_from(now);
+            }
+            report.evaluations += 1;
+            // energy books, and the last half kick of Störmer-Verlet
+            let (workers, mut columns) = state.get_mut(world).expect("engine resources");
+            let (mut u, mut v, f) =
+                single_table(columns.contiguous_iter_mut()).expect("there are vertices");
+            let u = Displacement::peel_slice_mut(u.bypass_change_detection());
+            let force = ElasticForce::peel_slice(f);
+            self.close_books(&mut books, u, force);
+            if end && verlet {
+                let v = Velocity::peel_slice_mut(v.bypass_change_detection());
+                advance(
+                    &workers,
+                    pieces(u, v, &mut self.low, [force, &self.external, &self.weight]),
+                    last,
+                );
+            }
+        }
+
+        self.close_step(&mut state, world, settings, report, contact, &books)
+    }
+
+    /// Writes the energies at the end of a step into the report. Returns the growth of the energy and the energies that it
+    /// is measured by (J); `None` when it grew too much or a number is not finite.
+    fn close_step(
+        &self,
+        state: &mut State<S>,
+        world: &mut World,
+        settings: &SolverSettings,
+        report: &mut StepReport,
+        contact: &mut Option<ContactSet>,
+        books: &Bookkeeping,
+    ) -> Option<[f64; 2]> {
+        let (n, dt) = (self.node.len(), world.resource::<StepClock>().dt);
+        let verlet = settings.integrator == Integrator::StormerVerlet;
+        let [elastic0, kinetic0, held0] = books.before;
+        let elastic = world.resource::<ElasticEnergy>().elastic();
+        let (_, mut columns) = state.get_mut(world).expect("engine resources");
+        let (u, v, _) = single_table(columns.contiguous_iter_mut()).expect("there are vertices");
+        let (u, v) = (Displacement::peel_slice(&u), Velocity::peel_slice(&v));
+        let [kinetic, held] = self.node.kinetic_energy(0..n, v);
+        let [stored, tool_work] = contact.as_ref().map_or([0.0; 2], ContactSet::books);
+        let load_work = books.load_work
+            + (0..n)
+                .map(|row| {
+                    let mut way = [S::ZERO; 4];
+                    for k in 0..3 {
+                        way[k] = u[row][k] - self.node.u[row][k]
+                            + (self.low[row][k] - self.low_start[row][k]);
+                    }
+                    dot3(&self.node.external[row], &way)
+                })
+                .sum::<f64>();
+        let change = elastic - elastic0 - load_work + stored - tool_work;
+        let scale = kinetic0 + kinetic + elastic.abs() + change.abs() + books.constraint_work.abs();
+        let grown = kinetic - kinetic0 + change - books.constraint_work;
+        if !grown.is_finite() || grown > GROWTH[usize::from(verlet)] * scale {
+            return None;
+        }
+        let finite = |rows: &[[S; 4]]| {
+            // a sum is finite only if its terms are, but may overflow
+            rows.iter().all(|x| x[0].is_finite() & x[1].is_finite() & x[2].is_finite())
+        };
+        if !(finite(u) && finite(v)) {
+            return None;
+        }
+        report.elastic_energy = elastic;
+        report.kinetic_energy = kinetic + held;
+        // what holds vertices also speeds them up and slows them down
+        report.constraint_work = books.constraint_work + held - held0;
+        report.load_work = load_work;
+        report.dissipation = -grown;
+        report.damping_dissipation =
+            settings.mass_damping * dt * (kinetic0 + kinetic) + books.dissipated;
+        book_momentum(report, &self.rest, &self.node.mass, u, v);
+        if let Some(contact) = contact {
+            let u = u.to_vec();
+            let x = position(&self.rest, &u);
+            let figures = contact.finish(world, &RowPlaces { now: &x, start: &x }, dt);
+            report.contact = ContactFigures { work: tool_work, ..figures };
+        }
+        Some([grown, scale])
+    }
+
+    /// Keeps the end of the step for the next one.
+    fn finish(&mut self, world: &mut World, report: &StepReport, growth: [f64; 2], refined: bool) {
+        if self.caution.book(growth, refined) {
+            self.limit.forget();
+        }
+        std::mem::swap(&mut self.low, &mut self.low_start);
+        self.swept = world.get_resource::<SweptVolumes>().cloned().unwrap_or_default();
+        read_force(world, &mut self.force);
+        let mut u = self.last.take().map_or_else(Vec::new, |last| last.u);
+        u.clear();
+        let mut query = world.query::<&Displacement<S>>();
+        if let Some(column) = single_table(query.contiguous_iter(world)) {
+            u.extend_from_slice(Displacement::peel_slice(column));
+        }
+        self.last = Some(LastStep {
+            u,
+            elastic: report.elastic_energy,
+            revision: world.resource::<Topology>().revision,
+            laws: world.get_resource::<ActiveLaws>().map_or(0, |laws| laws.0.len()),
+            // what is changed from here on has a later tick
+            tick: world.increment_change_tick(),
+        });
+    }
+
+    /// Forces of the dampers at the state of the columns into `self.viscous`; the power (W) that they take.
+    fn damp(&mut self, state: &mut State<S>, world: &mut World) -> f64 {
+        let mut velocity = match std::mem::take(&mut self.known) {
+            ViscousRequest::Force(rows) => rows,
+            _ => Vec::new(),
+        };
+        velocity.clear();
+        {
+            let (_, mut columns) = state.get_mut(world).expect("engine resources");
+            let (_, v, _) =
+                single_table(columns.contiguous_iter_mut()).expect("there are vertices");
+            velocity.extend_from_slice(Velocity::peel_slice(&v));
+        }
+        self.known = ViscousRequest::Force(velocity);
+        evaluate_viscous(world, &self.known, &mut self.viscous);
+        let ViscousRequest::Force(velocity) = &self.known else { return 0.0 };
+        -self.viscous.iter().zip(velocity).map(|(f, v)| dot3(f, v)).sum::<f64>()
+    }
+
+    /// Velocities of held unknowns to zero: those that move get theirs substep by substep.
+    fn stop_held(&mut self, state: &mut State<S>, world: &mut World) {
+        let (_, mut columns) = state.get_mut(world).expect("engine resources");
+        let Some((_, mut v, _)) = single_table(columns.contiguous_iter_mut()) else { return };
+        let v = v.bypass_change_detection();
+        for (row, held) in self.node.fixed.iter().enumerate().filter(|(_, held)| held.0 != 0) {
+            for k in (0..3).filter(|&k| held.holds(k)) {
+                v[row].0[k] = S::ZERO;
+                self.low[row][k] = S::ZERO;
+            }
+        }
+    }
+
+    /// External forces of the present substep into `self.external`.
+    fn load(&mut self, books: &Bookkeeping, contact: Option<&ContactSet>) {
+        let contact = contact.filter(|contact| !contact.is_idle());
+        if contact.is_some() {
+            self.external.clone_from(&self.node.external);
+        }
+        if !self.viscous.is_empty() {
+            let known = self.node.external.iter().zip(&self.viscous);
+            self.external.clear();
+            self.external.extend(known.map(|(e, d)| [0, 1, 2, 3].map(|k| e[k] + d[k])));
+        }
+        for (&row, difference) in self.within.loaded.iter().zip(&books.differences) {
+            let (now, end) = (&mut self.external[row.index()], &self.node.external[row.index()]);
+            for k in 0..3 {
+                let viscous = self.viscous.get(row.index()).map_or(S::ZERO, |d| d[k]);
+                now[k] = end[k] + S::from_f64(difference[k]) + viscous;
+            }
+        }
+        if let Some(contact) = contact {
+            contact.for_forces(&contact.bodies(), |row, f| {
+                for k in 0..3 {
+                    self.external[row][k] += S::from_f64(f[k]);
+                }
+            });
+        }
+    }
+
+    fn reaction(&self, force: &[[S; 4]], row: VertexRow, axis: u32) -> f64 {
+        let (row, axis) = (row.index(), axis as usize);
+        -(force[row][axis] + self.external[row][axis]).to_f64()
+    }
+
+    /// Start of a substep: reactions, and where the loaded vertices are.
+    fn open_books(&self, books: &mut Bookkeeping, u: &[[S; 4]], force: &[[S; 4]]) {
+        books.reactions.clear();
+        let moving = &self.within.moving;
+        books.reactions.extend(moving.iter().map(|m| self.reaction(force, m.row, m.axis)));
+        books.differences_before.clone_from(&books.differences);
+        books.loaded.clear();
+        books.loaded.extend(self.within.loaded.iter().map(|row| vector(&u[row.index()])));
+    }
+
+    /// Puts the moving unknowns where their constraints want them.
+    fn place_held(
+        &mut self,
+        books: &mut Bookkeeping,
+        u: &mut [[S; 4]],
+        v: &mut [[S; 4]],
+        h: f64,
+        end: bool,
+    ) {
+        books.ways_before.resize(books.ways.len(), 0.0);
+        for ((m, way), before) in self.within.moving.iter().zip(&books.ways).zip(&books.ways_before)
+        {
+            let (row, k) = (m.row.index(), m.axis as usize);
+            u[row][k] = if end {
+                self.node.prescribed[row][k]
+            } else {
+                self.node.u[row][k] + S::from_f64(*way)
+            };
+            self.low[row][k] = S::ZERO;
+            v[row][k] = S::from_f64((way - before) / h);
+        }
+    }
+
+    /// End of a substep: work by the trapezoidal rule.
+    fn close_books(&self, books: &mut Bookkeeping, u: &[[S; 4]], force: &[[S; 4]]) {
+        for (i, m) in self.within.moving.iter().enumerate() {
+            let mean = 0.5 * (books.reactions[i] + self.reaction(force, m.row, m.axis));
+            books.constraint_work += mean * (books.ways[i] - books.ways_before[i]);
+        }
+        books.ways_before.clone_from(&books.ways);
+        for (i, &row) in self.within.loaded.iter().enumerate() {
+            let mean = 0.5 * (books.differences_before[i] + books.differences[i]);
+            books.load_work += mean.dot(vector(&u[row.index()]) - books.loaded[i]);
+        }
+    }
 }
 
 /// Forces of contact at displacements `u`, when the share `of_rest` of what is left of the step has passed; `h` (s) is
-/// the length of the substep. They are added by [`load`].
+/// the length of the substep. They are added by [`load`](ExplicitScratch::load).
 fn touch<S: Scalar>(
     contact: &mut Option<ContactSet>,
     rest: &[DVec3],
@@ -398,52 +732,6 @@ fn touch<S: Scalar>(
     let x = position(rest, u);
     let bodies = contact.bodies();
     contact.evaluate(&bodies, &RowPlaces { now: &x, start: &x }, Limits::Take);
-}
-
-/// Brings the elastic force (`scratch.force`) and the elastic energy (J, returned) at the start up to date: those of
-/// the last step if they still hold.
-fn recall<S: Scalar>(
-    world: &mut World,
-    report: &mut StepReport,
-    scratch: &mut ExplicitScratch<S>,
-) -> f64 {
-    let n = scratch.node.len();
-    if scratch.made_of.0 != scratch.node.mass || scratch.made_of.1 != scratch.node.fixed {
-        let (mass, fixed) = (scratch.node.mass.clone(), scratch.node.fixed.clone());
-        scratch.use_masses(mass, fixed);
-        scratch.limit.forget();
-    }
-    let Some(last) = scratch.last.as_ref().filter(|last| holds(last, world)) else {
-        scratch.limit.forget();
-        scratch.caution = Caution::default();
-        scratch.low_start.clear();
-        scratch.low_start.resize(n, [S::ZERO; 4]);
-        return evaluate_start(world, report, scratch);
-    };
-    if bytemuck::cast_slice::<_, u8>(&last.u) == bytemuck::cast_slice::<_, u8>(&scratch.node.u) {
-        return last.elastic;
-    }
-    // somebody moved vertices: what their displacements could not hold is void
-    for ((low, then), now) in scratch.low_start.iter_mut().zip(&last.u).zip(&scratch.node.u) {
-        if then != now {
-            *low = [S::ZERO; 4];
-        }
-    }
-    evaluate_start(world, report, scratch)
-}
-
-fn evaluate_start<S: Scalar>(
-    world: &mut World,
-    report: &mut StepReport,
-    scratch: &mut ExplicitScratch<S>,
-) -> f64 {
-    report.evaluations += 1;
-    let start = world.resource::<StepClock>().time;
-    world.insert_resource(LoadTime(start));
-    evaluate(world, &scratch.node.u, true, true, None);
-    read_force(world, &mut scratch.force);
-    scratch.swept = world.get_resource::<SweptVolumes>().cloned().unwrap_or_default();
-    world.resource::<ElasticEnergy>().elastic()
 }
 
 /// The columns that a substep works on.
@@ -522,104 +810,6 @@ struct Bookkeeping {
     before: [f64; 3],
 }
 
-/// One step with a given number of substeps from the remembered start. Returns the growth of the energy and the
-/// energies that it is measured by (J); `None` when it grew too much or a number is not finite.
-fn attempt<S: Scalar>(
-    world: &mut World,
-    settings: &SolverSettings,
-    report: &mut StepReport,
-    scratch: &mut ExplicitScratch<S>,
-    contact: &mut Option<ContactSet>,
-    elastic0: f64,
-    substeps: u32,
-) -> Option<[f64; 2]> {
-    let n = scratch.node.len();
-    let StepClock { dt, time, .. } = *world.resource::<StepClock>();
-    let h = dt / f64::from(substeps);
-    let mut swept = scratch.swept.clone();
-    let verlet = settings.integrator == Integrator::StormerVerlet;
-    let damped = has_dampers(world);
-    let [first, middle, last] = KickFactors::of(settings, h);
-
-    // the start of the step
-    write_state(world, &scratch.node.u, &scratch.node.v);
-    scratch.low.clone_from(&scratch.low_start);
-    scratch.external.clone_from(&scratch.node.external);
-    scratch.viscous.clear();
-    let [kinetic0, held0] = scratch.node.kinetic_energy(0..n, &scratch.node.v);
-    let mut state = State::<S>::new(world);
-    let before = [elastic0, kinetic0, held0];
-    let mut books = Bookkeeping { before, ..Bookkeeping::default() };
-    scratch.within.load_differences(0.0, &mut books.differences);
-    let half = if verlet { 0.5 * h } else { h };
-    if damped {
-        // before held unknowns lose the velocity that they had
-        books.dissipated += half * damp(&mut state, world, scratch);
-    }
-    stop_held(&mut state, world, scratch);
-    touch(contact, &scratch.rest, &scratch.node.u, (0.0, 0.0));
-    // the substeps
-    for i in 1..=substeps {
-        let part = f64::from(i) / f64::from(substeps);
-        if damped && i > 1 {
-            books.dissipated += h * damp(&mut state, world, scratch);
-        }
-        // kick and drift
-        load(scratch, &books, contact.as_ref());
-        scratch.within.ways(part, &mut books.ways);
-        {
-            let (workers, mut columns) = state.get_mut(world).expect("engine resources");
-            let (mut u, mut v, f) =
-                single_table(columns.contiguous_iter_mut()).expect("there are vertices");
-            let u = Displacement::peel_slice_mut(u.bypass_change_detection());
-            let v = Velocity::peel_slice_mut(v.bypass_change_detection());
-            let start = i == 1;
-            let force = if start { &scratch.force[..] } else { ElasticForce::peel_slice(f) };
-            open_books(&mut books, scratch, u, force);
-            let factors = if start { first } else { middle };
-            advance(
-                &workers,
-                pieces(u, v, &mut scratch.low, [force, &scratch.external, &scratch.weight]),
-                factors,
-            );
-            place_held(&mut books, scratch, u, v, h, i == substeps);
-            settle(contact, &scratch.rest, u, (1.0 / f64::from(substeps - i + 1), h));
-        }
-        scratch.within.load_differences(part, &mut books.differences);
-        let end = i == substeps;
-        if damped && end && verlet {
-            books.dissipated += half * damp(&mut state, world, scratch);
-        }
-        // forces at the new place
-        load(scratch, &books, contact.as_ref());
-        world.insert_resource(EvaluationRequest { energy: end, force: true, tangent: None });
-        world.insert_resource(LoadTime(time + part * dt));
-        world.run_schedule(ForceSchedule);
-        if let Some(now) = world.get_resource::<SweptVolumes>() {
-            books.load_work += now.work_since(&swept);
-            swept.clone_from(now);
-        }
-        report.evaluations += 1;
-        // energy books, and the last half kick of Störmer-Verlet
-        let (workers, mut columns) = state.get_mut(world).expect("engine resources");
-        let (mut u, mut v, f) =
-            single_table(columns.contiguous_iter_mut()).expect("there are vertices");
-        let u = Displacement::peel_slice_mut(u.bypass_change_detection());
-        let force = ElasticForce::peel_slice(f);
-        close_books(&mut books, scratch, u, force);
-        if end && verlet {
-            let v = Velocity::peel_slice_mut(v.bypass_change_detection());
-            advance(
-                &workers,
-                pieces(u, v, &mut scratch.low, [force, &scratch.external, &scratch.weight]),
-                last,
-            );
-        }
-    }
-
-    close_step(&mut state, world, settings, report, scratch, contact, &books)
-}
-
 /// Forces of contact at the end of a substep, from where friction goes on.
 fn settle<S: Scalar>(
     contact: &mut Option<ContactSet>,
@@ -631,98 +821,6 @@ fn settle<S: Scalar>(
     if let Some(contact) = contact.as_mut().filter(|contact| !contact.is_idle()) {
         contact.settle(&position(rest, u));
     }
-}
-
-/// Writes the energies at the end of a step into the report. Returns the growth of the energy and the energies that it
-/// is measured by (J); `None` when it grew too much or a number is not finite.
-fn close_step<S: Scalar>(
-    state: &mut State<S>,
-    world: &mut World,
-    settings: &SolverSettings,
-    report: &mut StepReport,
-    scratch: &ExplicitScratch<S>,
-    contact: &mut Option<ContactSet>,
-    books: &Bookkeeping,
-) -> Option<[f64; 2]> {
-    let (n, dt) = (scratch.node.len(), world.resource::<StepClock>().dt);
-    let verlet = settings.integrator == Integrator::StormerVerlet;
-    let [elastic0, kinetic0, held0] = books.before;
-    let elastic = world.resource::<ElasticEnergy>().elastic();
-    let (_, mut columns) = state.get_mut(world).expect("engine resources");
-    let (u, v, _) = single_table(columns.contiguous_iter_mut()).expect("there are vertices");
-    let (u, v) = (Displacement::peel_slice(&u), Velocity::peel_slice(&v));
-    let [kinetic, held] = scratch.node.kinetic_energy(0..n, v);
-    let [stored, tool_work] = contact.as_ref().map_or([0.0; 2], ContactSet::books);
-    let load_work = books.load_work
-        + (0..n)
-            .map(|row| {
-                let mut way = [S::ZERO; 4];
-                for k in 0..3 {
-                    way[k] = u[row][k] - scratch.node.u[row][k]
-                        + (scratch.low[row][k] - scratch.low_start[row][k]);
-                }
-                dot3(&scratch.node.external[row], &way)
-            })
-            .sum::<f64>();
-    let change = elastic - elastic0 - load_work + stored - tool_work;
-    let scale = kinetic0 + kinetic + elastic.abs() + change.abs() + books.constraint_work.abs();
-    let grown = kinetic - kinetic0 + change - books.constraint_work;
-    if !grown.is_finite() || grown > GROWTH[usize::from(verlet)] * scale {
-        return None;
-    }
-    let finite = |rows: &[[S; 4]]| {
-        // a sum is finite only if its terms are, but may overflow
-        rows.iter().all(|x| x[0].is_finite() & x[1].is_finite() & x[2].is_finite())
-    };
-    if !(finite(u) && finite(v)) {
-        return None;
-    }
-    report.elastic_energy = elastic;
-    report.kinetic_energy = kinetic + held;
-    // what holds vertices also speeds them up and slows them down
-    report.constraint_work = books.constraint_work + held - held0;
-    report.load_work = load_work;
-    report.dissipation = -grown;
-    report.damping_dissipation =
-        settings.mass_damping * dt * (kinetic0 + kinetic) + books.dissipated;
-    book_momentum(report, &scratch.rest, &scratch.node.mass, u, v);
-    if let Some(contact) = contact {
-        let u = u.to_vec();
-        let x = position(&scratch.rest, &u);
-        let figures = contact.finish(world, &RowPlaces { now: &x, start: &x }, dt);
-        report.contact = ContactFigures { work: tool_work, ..figures };
-    }
-    Some([grown, scale])
-}
-
-/// Keeps the end of the step for the next one.
-fn finish<S: Scalar>(
-    world: &mut World,
-    report: &StepReport,
-    scratch: &mut ExplicitScratch<S>,
-    growth: [f64; 2],
-    refined: bool,
-) {
-    if scratch.caution.book(growth, refined) {
-        scratch.limit.forget();
-    }
-    std::mem::swap(&mut scratch.low, &mut scratch.low_start);
-    scratch.swept = world.get_resource::<SweptVolumes>().cloned().unwrap_or_default();
-    read_force(world, &mut scratch.force);
-    let mut u = scratch.last.take().map_or_else(Vec::new, |last| last.u);
-    u.clear();
-    let mut query = world.query::<&Displacement<S>>();
-    if let Some(column) = single_table(query.contiguous_iter(world)) {
-        u.extend_from_slice(Displacement::peel_slice(column));
-    }
-    scratch.last = Some(LastStep {
-        u,
-        elastic: report.elastic_energy,
-        revision: world.resource::<Topology>().revision,
-        laws: world.get_resource::<ActiveLaws>().map_or(0, |laws| laws.0.len()),
-        // what is changed from here on has a later tick
-        tick: world.increment_change_tick(),
-    });
 }
 
 /// Cuts the columns into pieces of fixed size.
@@ -777,140 +875,8 @@ impl<S: Scalar> VectorKernel for Advance<'_, '_, S> {
     }
 }
 
-/// Forces of the dampers at the state of the columns into `scratch.viscous`; the power (W) that they take.
-fn damp<S: Scalar>(
-    state: &mut State<S>,
-    world: &mut World,
-    scratch: &mut ExplicitScratch<S>,
-) -> f64 {
-    let mut velocity = match std::mem::take(&mut scratch.known) {
-        ViscousRequest::Force(rows) => rows,
-        _ => Vec::new(),
-    };
-    velocity.clear();
-    {
-        let (_, mut columns) = state.get_mut(world).expect("engine resources");
-        let (_, v, _) = single_table(columns.contiguous_iter_mut()).expect("there are vertices");
-        velocity.extend_from_slice(Velocity::peel_slice(&v));
-    }
-    scratch.known = ViscousRequest::Force(velocity);
-    evaluate_viscous(world, &scratch.known, &mut scratch.viscous);
-    let ViscousRequest::Force(velocity) = &scratch.known else { return 0.0 };
-    -scratch.viscous.iter().zip(velocity).map(|(f, v)| dot3(f, v)).sum::<f64>()
-}
-
-/// Velocities of held unknowns to zero: those that move get theirs substep by substep.
-fn stop_held<S: Scalar>(state: &mut State<S>, world: &mut World, scratch: &mut ExplicitScratch<S>) {
-    let (_, mut columns) = state.get_mut(world).expect("engine resources");
-    let Some((_, mut v, _)) = single_table(columns.contiguous_iter_mut()) else { return };
-    let v = v.bypass_change_detection();
-    for (row, held) in scratch.node.fixed.iter().enumerate().filter(|(_, held)| held.0 != 0) {
-        for k in (0..3).filter(|&k| held.holds(k)) {
-            v[row].0[k] = S::ZERO;
-            scratch.low[row][k] = S::ZERO;
-        }
-    }
-}
-
-/// External forces of the present substep into `scratch.external`.
-fn load<S: Scalar>(
-    scratch: &mut ExplicitScratch<S>,
-    books: &Bookkeeping,
-    contact: Option<&ContactSet>,
-) {
-    let contact = contact.filter(|contact| !contact.is_idle());
-    if contact.is_some() {
-        scratch.external.clone_from(&scratch.node.external);
-    }
-    if !scratch.viscous.is_empty() {
-        let known = scratch.node.external.iter().zip(&scratch.viscous);
-        scratch.external.clear();
-        scratch.external.extend(known.map(|(e, d)| [0, 1, 2, 3].map(|k| e[k] + d[k])));
-    }
-    for (&row, difference) in scratch.within.loaded.iter().zip(&books.differences) {
-        let (now, end) = (&mut scratch.external[row.index()], &scratch.node.external[row.index()]);
-        for k in 0..3 {
-            let viscous = scratch.viscous.get(row.index()).map_or(S::ZERO, |d| d[k]);
-            now[k] = end[k] + S::from_f64(difference[k]) + viscous;
-        }
-    }
-    if let Some(contact) = contact {
-        contact.for_forces(&contact.bodies(), |row, f| {
-            for k in 0..3 {
-                scratch.external[row][k] += S::from_f64(f[k]);
-            }
-        });
-    }
-}
-
-fn reaction<S: Scalar>(
-    scratch: &ExplicitScratch<S>,
-    force: &[[S; 4]],
-    row: VertexRow,
-    axis: u32,
-) -> f64 {
-    let (row, axis) = (row.index(), axis as usize);
-    -(force[row][axis] + scratch.external[row][axis]).to_f64()
-}
-
 fn vector<S: Scalar>(x: &[S; 4]) -> DVec3 {
     DVec3::new(x[0].to_f64(), x[1].to_f64(), x[2].to_f64())
-}
-
-/// Start of a substep: reactions, and where the loaded vertices are.
-fn open_books<S: Scalar>(
-    books: &mut Bookkeeping,
-    scratch: &ExplicitScratch<S>,
-    u: &[[S; 4]],
-    force: &[[S; 4]],
-) {
-    books.reactions.clear();
-    let moving = &scratch.within.moving;
-    books.reactions.extend(moving.iter().map(|m| reaction(scratch, force, m.row, m.axis)));
-    books.differences_before.clone_from(&books.differences);
-    books.loaded.clear();
-    books.loaded.extend(scratch.within.loaded.iter().map(|row| vector(&u[row.index()])));
-}
-
-/// Puts the moving unknowns where their constraints want them.
-fn place_held<S: Scalar>(
-    books: &mut Bookkeeping,
-    scratch: &mut ExplicitScratch<S>,
-    u: &mut [[S; 4]],
-    v: &mut [[S; 4]],
-    h: f64,
-    end: bool,
-) {
-    books.ways_before.resize(books.ways.len(), 0.0);
-    for ((m, way), before) in scratch.within.moving.iter().zip(&books.ways).zip(&books.ways_before)
-    {
-        let (row, k) = (m.row.index(), m.axis as usize);
-        u[row][k] = if end {
-            scratch.node.prescribed[row][k]
-        } else {
-            scratch.node.u[row][k] + S::from_f64(*way)
-        };
-        scratch.low[row][k] = S::ZERO;
-        v[row][k] = S::from_f64((way - before) / h);
-    }
-}
-
-/// End of a substep: work by the trapezoidal rule.
-fn close_books<S: Scalar>(
-    books: &mut Bookkeeping,
-    scratch: &ExplicitScratch<S>,
-    u: &[[S; 4]],
-    force: &[[S; 4]],
-) {
-    for (i, m) in scratch.within.moving.iter().enumerate() {
-        let mean = 0.5 * (books.reactions[i] + reaction(scratch, force, m.row, m.axis));
-        books.constraint_work += mean * (books.ways[i] - books.ways_before[i]);
-    }
-    books.ways_before.clone_from(&books.ways);
-    for (i, &row) in scratch.within.loaded.iter().enumerate() {
-        let mean = 0.5 * (books.differences_before[i] + books.differences[i]);
-        books.load_work += mean.dot(vector(&u[row.index()]) - books.loaded[i]);
-    }
 }
 
 #[cfg(test)]
