@@ -445,9 +445,7 @@ impl PartNow {
         }
         (distance + self.drawn_in, gradient)
     }
-}
 
-impl PartNow {
     /// Second derivatives (1/m) of the distance, by differences of its gradient.
     pub fn curvature(&self, at: DVec3, side: &Side) -> DMat3 {
         let thickness = self.shape.thickness();

@@ -475,11 +475,6 @@ impl ContactSet {
         self.points.iter().any(|point| point.multiplier.is_some())
     }
 
-    /// Whether friction acts anywhere.
-    pub fn has_friction(&self) -> bool {
-        self.points.iter().any(|point| point.friction > 0.0)
-    }
-
     /// Name of a tool that wants exact contact.
     pub fn exact_tool(&self) -> Option<&str> {
         self.tools.iter().find(|now| now.tool.exact).map(|now| now.name.as_str())
