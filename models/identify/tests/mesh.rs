@@ -27,7 +27,7 @@ impl Random {
 }
 
 /// Grid of `n` cubes of `edge` along every axis: points and hexahedra.
-fn grid(n: usize, edge: f64) -> (Vec<[f64; 3]>, Vec<[u32; 8]>) {
+pub fn grid(n: usize, edge: f64) -> (Vec<[f64; 3]>, Vec<[u32; 8]>) {
     let m = n + 1;
     let index = |x: usize, y: usize, z: usize| (x + m * (y + m * z)) as u32;
     let points = (0..m * m * m)

@@ -1,6 +1,7 @@
 //! Virtual tests: linear finite elements against stored solutions, springs against finite elements.
 
 use crate::json::{indices, number, numbers, points};
+use crate::mesh::grid;
 use serde_json::Value;
 use sinew_identify::baselines::baudet_tension_correction;
 use sinew_identify::cells::Cells;
@@ -129,17 +130,7 @@ fn tractions() {
 
 /// Grid of `n` cubes along every axis, `size` m wide.
 fn cube(n: usize, size: f64) -> (Vec<[f64; 3]>, Vec<[u32; 8]>) {
-    let m = n + 1;
-    let h = size / n as f64;
-    let points = (0..m * m * m)
-        .map(|i| [(i % m) as f64 * h, (i / m % m) as f64 * h, (i / m / m) as f64 * h])
-        .collect();
-    let cells = (0..n * n * n).map(|c| {
-        let corner = c % n + m * (c / n % n + m * (c / n / n));
-        let face = [corner, corner + 1, corner + m + 1, corner + m];
-        std::array::from_fn(|a| (face[a % 4] + a / 4 * m * m) as u32)
-    });
-    (points, cells.collect())
+    grid(n, size / n as f64)
 }
 
 /// Paper B, Tables 1 and 3: the 2 cm cube of 512 hexahedra in tension. The Frobenius fit is printed
