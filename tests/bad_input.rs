@@ -88,7 +88,7 @@ fn meshes() {
     for t in [[a, b, c, n], [u32::MAX, b, c, d], [a, a, c, d], [a, b, c, b]] {
         let words = ["tetrahedron 17 ", "indices must be distinct and below", "mesh check"];
         let error = refuses_body("blob", &good.points, &replace(17, t), material, &words);
-        assert!(matches!(error, BodyError::Index { tetrahedron: 17, .. }));
+        assert!(matches!(error, BodyError::Index { index: 17, .. }));
     }
     let words = ["tetrahedron 17:", "swap two of the four vertices"];
     refuses_body("blob", &good.points, &replace(17, [b, a, c, d]), material, &words);

@@ -244,7 +244,7 @@ fn flat_by_index(setting: &CaseSetting, mesh: &Mesh) -> CaseOutcome {
     for indices in [[a, a, c, d], [a, b, c, b], [a, b, c, count], [u32::MAX, b, c, d]] {
         let mut spoilt = mesh.clone();
         spoilt.tetrahedra[17] = indices;
-        let kind = |e: &BodyError| matches!(e, BodyError::Index { tetrahedron: 17, .. });
+        let kind = |e: &BodyError| matches!(e, BodyError::Index { index: 17, .. });
         let words = ["tetrahedron 17 ", "distinct"];
         refusals.body(setting, mesh, &spoilt, tissue(1e4, 0.3), kind, &words)?;
     }

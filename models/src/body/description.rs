@@ -191,13 +191,15 @@ pub enum BodyError {
         /// What is wrong.
         source: RestTetrahedronError,
     },
-    /// A ten-node tetrahedron without a usable rest shape.
-    #[error("body `{body}`, tetrahedron {tetrahedron}: {source}")]
-    Tetrahedron10 {
+    /// A ten-node tetrahedron or hexahedron without a usable rest shape.
+    #[error("body `{body}`, {} {index}: {source}", .kind.name())]
+    Element {
         /// Name of the body.
         body: String,
+        /// Kind of the element.
+        kind: ElementKind,
         /// Index in the user's mesh.
-        tetrahedron: usize,
+        index: usize,
         /// What is wrong.
         source: RestShapeError,
     },
@@ -209,43 +211,21 @@ pub enum BodyError {
         /// What does not fit, and what to do.
         problem: String,
     },
-    /// A tetrahedron names a vertex that does not exist, or one twice.
+    /// A solid element names a vertex that does not exist, or one twice.
     #[error(
-        "body `{body}`, tetrahedron {tetrahedron} has vertices {vertices:?} of {count}: \
-         indices must be distinct and below the number of vertices; run the mesh check"
+        "body `{body}`, {} {index} has vertices {vertices:?} of {count}: \
+         indices must be distinct and below the number of vertices; run the mesh check",
+        .kind.name()
     )]
     Index {
         /// Name of the body.
         body: String,
+        /// Kind of the element.
+        kind: ElementKind,
         /// Index in the user's mesh.
-        tetrahedron: usize,
+        index: usize,
         /// Its vertices.
         vertices: Vec<u32>,
-        /// Number of vertices in the mesh.
-        count: usize,
-    },
-    /// A hexahedron without a usable rest shape.
-    #[error("body `{body}`, hexahedron {hexahedron}: {source}")]
-    Hexahedron {
-        /// Name of the body.
-        body: String,
-        /// Index in the user's mesh.
-        hexahedron: usize,
-        /// What is wrong.
-        source: RestShapeError,
-    },
-    /// A hexahedron names a vertex that does not exist, or one twice.
-    #[error(
-        "body `{body}`, hexahedron {hexahedron} has vertices {vertices:?} of {count}: \
-         indices must be distinct and below the number of vertices; run the mesh check"
-    )]
-    HexahedronIndex {
-        /// Name of the body.
-        body: String,
-        /// Index in the user's mesh.
-        hexahedron: usize,
-        /// Its vertices.
-        vertices: [u32; 8],
         /// Number of vertices in the mesh.
         count: usize,
     },

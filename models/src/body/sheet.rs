@@ -6,9 +6,7 @@ use serde::{Deserialize, Serialize};
 use sinew_engine::element::{
     MembraneBlocks, MembraneIndex, MembraneVertices, membrane_rest_bundle,
 };
-use sinew_engine::isoparametric::{
-    QUAD_PAIRS, QuadBlocks, QuadIndex, QuadVertices, RestQuad, RestShapeError,
-};
+use sinew_engine::isoparametric::{QuadBlocks, QuadIndex, QuadVertices, RestQuad, RestShapeError};
 use sinew_engine::layout::BodyLayout;
 use sinew_engine::ratios::report_areas;
 use sinew_engine::scalar::Scalar;
@@ -16,7 +14,7 @@ use thiserror::Error;
 
 use crate::body::lumped::SpringRule;
 use crate::element::membrane::{RestTriangle, RestTriangleError, plane_strain, plane_stress};
-use crate::frame::part::Offsets;
+use crate::frame::part::{Offsets, bad_vertices, rest_shapes};
 use crate::frame::quads::Quadrilateral;
 use crate::frame::row;
 use crate::frame::rules::Evaluation;
@@ -212,43 +210,26 @@ pub enum MembraneError {
         /// What was given, m.
         value: f64,
     },
-    /// A triangle names a vertex that does not exist, or one twice.
+    /// An element names a vertex that does not exist, or one twice.
     #[error(
-        "triangle {triangle} has vertices {vertices:?} of {count}: indices must be distinct and below \
+        "{kind} {index} has vertices {vertices:?} of {count}: indices must be distinct and below \
          the number of vertices; run the mesh check"
     )]
     Index {
+        /// `triangle` or `quadrilateral`.
+        kind: &'static str,
         /// Index in the user's list.
-        triangle: usize,
+        index: usize,
         /// Its vertices.
-        vertices: [u32; 3],
+        vertices: Vec<u32>,
         /// Number of vertices in the mesh.
         count: usize,
     },
-    /// A triangle is there twice, which would make the membrane twice as stiff there.
-    #[error("triangles {first} and {second} have the same vertices: remove one of them")]
+    /// An element is there twice, which would make the membrane twice as stiff there.
+    #[error("{kind}s {first} and {second} have the same vertices: remove one of them")]
     Duplicate {
-        /// Index in the user's list.
-        first: u32,
-        /// Index in the user's list.
-        second: u32,
-    },
-    /// A quadrilateral names a vertex that does not exist, or one twice.
-    #[error(
-        "quadrilateral {quad} has vertices {vertices:?} of {count}: indices must be distinct and below \
-         the number of vertices; run the mesh check"
-    )]
-    QuadIndex {
-        /// Index in the user's list.
-        quad: usize,
-        /// Its vertices.
-        vertices: [u32; 4],
-        /// Number of vertices in the mesh.
-        count: usize,
-    },
-    /// A quadrilateral is there twice.
-    #[error("quadrilaterals {first} and {second} have the same vertices: remove one of them")]
-    DuplicateQuad {
+        /// `triangle` or `quadrilateral`.
+        kind: &'static str,
         /// Index in the user's list.
         first: u32,
         /// Index in the user's list.
@@ -320,23 +301,40 @@ impl MembraneDescription<'_> {
         if !self.model.supports(self.evaluation) {
             return Err(MembraneError::Evaluation { model: self.model });
         }
-        for (triangle, &vertices) in self.triangles.iter().enumerate() {
-            let [a, b, c] = vertices;
-            if a == b || b == c || c == a || vertices.iter().any(|&v| v as usize >= count) {
-                return Err(MembraneError::Index { triangle, vertices, count });
-            }
+        let bad = |kind, (index, vertices): (usize, &[u32])| {
+            let vertices = vertices.to_vec();
+            Err(MembraneError::Index { kind, index, vertices, count })
+        };
+        if let Some(triangle) = bad_vertices(self.triangles, count) {
+            return bad("triangle", triangle);
         }
-        for (quad, &vertices) in self.quads.iter().enumerate() {
-            let distinct = QUAD_PAIRS.iter().all(|&[a, b]| vertices[a] != vertices[b]);
-            if !distinct || vertices.iter().any(|&v| v as usize >= count) {
-                return Err(MembraneError::QuadIndex { quad, vertices, count });
-            }
+        if let Some(quad) = bad_vertices(self.quads, count) {
+            return bad("quadrilateral", quad);
         }
         let springs = [MembraneModel::Quadratic];
         if !self.quads.is_empty() && springs.contains(&self.model) {
             return Err(MembraneError::QuadModel { model: self.model });
         }
         Ok(())
+    }
+}
+
+/// Equal elements are neighbours in the layout.
+fn no_twins<const N: usize>(
+    kind: &'static str,
+    nodes: &[[u32; N]],
+    order: &[u32],
+) -> Result<(), MembraneError> {
+    let sorted = |mut nodes: [u32; N]| {
+        nodes.sort_unstable();
+        nodes
+    };
+    let mut pairs = nodes.windows(2).zip(order.windows(2));
+    match pairs.find(|(pair, _)| sorted(pair[0]) == sorted(pair[1])) {
+        Some((_, order)) => {
+            Err(MembraneError::Duplicate { kind, first: order[0], second: order[1] })
+        }
+        None => Ok(()),
     }
 }
 
@@ -347,33 +345,17 @@ impl Sheet {
         layout: &BodyLayout,
         rest_of: impl Fn(u32) -> DVec3,
     ) -> Result<Self, MembraneError> {
-        for (t, order) in layout.triangles().windows(2).zip(layout.order.triangles.windows(2)) {
-            if t[0] == t[1] {
-                return Err(MembraneError::Duplicate { first: order[0], second: order[1] });
-            }
-        }
-        let rest = layout.triangles().iter().zip(&layout.order.triangles).map(|(t, &original)| {
-            let points = t.map(|row| rest_of(row).to_array());
-            let triangle = original as usize;
-            RestTriangle::new(points).map_err(|source| MembraneError::Triangle { triangle, source })
-        });
-        let rest = rest.collect::<Result<_, _>>()?;
-        let sorted = |q: &[u32; 4]| {
-            let mut q = *q;
-            q.sort_unstable();
-            q
-        };
-        for (q, order) in layout.quads().windows(2).zip(layout.order.quads.windows(2)) {
-            if sorted(&q[0]) == sorted(&q[1]) {
-                return Err(MembraneError::DuplicateQuad { first: order[0], second: order[1] });
-            }
-        }
-        let quads = layout.quads().iter().zip(&layout.order.quads).map(|(q, &original)| {
-            let points = q.map(|row| rest_of(row).to_array());
-            let quad = original as usize;
+        let order = &layout.order;
+        no_twins("triangle", layout.triangles(), &order.triangles)?;
+        let rest =
+            rest_shapes(layout.triangles(), &order.triangles, &rest_of, |points, triangle| {
+                RestTriangle::new(points)
+                    .map_err(|source| MembraneError::Triangle { triangle, source })
+            })?;
+        no_twins("quadrilateral", layout.quads(), &order.quads)?;
+        let quads = rest_shapes(layout.quads(), &order.quads, &rest_of, |points, quad| {
             RestQuad::new(points).map_err(|source| MembraneError::Quad { quad, source })
-        });
-        let quads = quads.collect::<Result<_, _>>()?;
+        })?;
         Ok(Self { rest, quads, settings: description.settings() })
     }
 

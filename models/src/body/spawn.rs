@@ -9,7 +9,7 @@ use sinew_engine::element::{
     EdgeBlock, EdgeChange, EdgeTension, EdgeVertices, TetrahedronEdges, TriangleEdges,
     rest_edge_bundle,
 };
-use sinew_engine::isoparametric::{HEXAHEDRON_PAIRS, RestHexahedron, RestTetrahedron10};
+use sinew_engine::isoparametric::{RestHexahedron, RestTetrahedron10};
 use sinew_engine::law::{BodiesWithoutRecovery, partition_laws};
 use sinew_engine::layout::BodyLayout;
 use sinew_engine::memory;
@@ -35,7 +35,8 @@ use crate::axes::spawn::spawn_axes;
 use crate::axes::systems::AxesOnly;
 use crate::element::precompute::{RestTetrahedron, SpringConstants};
 use crate::frame::part::{
-    Offsets, RestShapes, SolidPart, spawn_hexahedra, spawn_tetrahedra, spawn_tetrahedra10,
+    Offsets, RestShapes, SolidPart, are_vertices, bad_vertices, rest_shapes, spawn_hexahedra,
+    spawn_tetrahedra, spawn_tetrahedra10,
 };
 use crate::frame::row::{self, Elements, LawError, LawRow, LawTable};
 use crate::frame::rules::{Evaluation, VolumeRule};
@@ -284,23 +285,22 @@ fn ten(&[a, b, c, d]: &[u32; 4], &[e, f, g, h, i, j]: &[u32; 6]) -> [u32; 10] {
 }
 
 fn check_indices(body: &BodyDescription) -> Result<(), BodyError> {
-    let (name, count) = (|| body.name.to_string(), body.points.len());
+    let count = body.points.len();
+    let bad = |kind, index, vertices: &[u32]| {
+        let (body, vertices) = (body.name.to_string(), vertices.to_vec());
+        Err(BodyError::Index { body, kind, index, vertices, count })
+    };
     for (tetrahedron, corners) in body.tetrahedra.iter().enumerate() {
         let middles = body.middles.get(tetrahedron).map(|middles| ten(corners, middles));
         let vertices = middles.as_ref().map_or(&corners[..], |ten| &ten[..]);
-        let distinct = (0..vertices.len()).all(|i| !vertices[..i].contains(&vertices[i]));
-        if !distinct || vertices.iter().any(|&v| v as usize >= count) {
-            let vertices = vertices.to_vec();
-            return Err(BodyError::Index { body: name(), tetrahedron, vertices, count });
+        if !are_vertices(vertices, count) {
+            return bad(ElementKind::Tetrahedron, tetrahedron, vertices);
         }
     }
-    for (hexahedron, &vertices) in body.hexahedra.iter().enumerate() {
-        let distinct = HEXAHEDRON_PAIRS.iter().all(|&[a, b]| vertices[a] != vertices[b]);
-        if !distinct || vertices.iter().any(|&v| v as usize >= count) {
-            return Err(BodyError::HexahedronIndex { body: name(), hexahedron, vertices, count });
-        }
+    match bad_vertices(body.hexahedra, count) {
+        Some((index, vertices)) => bad(ElementKind::Hexahedron, index, vertices),
+        None => Ok(()),
     }
-    Ok(())
 }
 
 /// Whether every element of springs has constants, where these are given.
@@ -370,31 +370,27 @@ impl RestShapes {
         layout: &BodyLayout,
         rest_of: &dyn Fn(u32) -> DVec3,
     ) -> Result<Self, BodyError> {
-        let tetrahedra = layout.tetrahedra().iter().zip(&layout.order.tetrahedra);
-        let tetrahedra = tetrahedra.map(|(t, &original)| {
-            let tetrahedron = original as usize;
-            RestTetrahedron::new(t.map(|row| rest_of(row).to_array())).map_err(|source| {
-                BodyError::Tetrahedron { body: name.to_string(), tetrahedron, source }
+        let order = &layout.order;
+        let tetrahedron = |points, tetrahedron| {
+            RestTetrahedron::new(points).map_err(|source| BodyError::Tetrahedron {
+                body: name.to_string(),
+                tetrahedron,
+                source,
             })
-        });
-        let tens = layout.tetrahedra10().iter().zip(&layout.order.tetrahedra);
-        let tens = tens.map(|(t, &original)| {
-            let tetrahedron = original as usize;
-            RestTetrahedron10::new(t.map(|row| rest_of(row).to_array())).map_err(|source| {
-                BodyError::Tetrahedron10 { body: name.to_string(), tetrahedron, source }
-            })
-        });
-        let hexahedra = layout.hexahedra().iter().zip(&layout.order.hexahedra);
-        let hexahedra = hexahedra.map(|(h, &original)| {
-            let hexahedron = original as usize;
-            RestHexahedron::new(h.map(|row| rest_of(row).to_array())).map_err(|source| {
-                BodyError::Hexahedron { body: name.to_string(), hexahedron, source }
-            })
-        });
+        };
+        let at_points = |kind, index| {
+            move |source| BodyError::Element { body: name.to_string(), kind, index, source }
+        };
+        let ten = |points, index| {
+            RestTetrahedron10::new(points).map_err(at_points(ElementKind::Tetrahedron, index))
+        };
+        let hexahedron = |points, index| {
+            RestHexahedron::new(points).map_err(at_points(ElementKind::Hexahedron, index))
+        };
         Ok(Self {
-            tetrahedra: tetrahedra.collect::<Result<_, _>>()?,
-            tetrahedra10: tens.collect::<Result<_, _>>()?,
-            hexahedra: hexahedra.collect::<Result<_, _>>()?,
+            tetrahedra: rest_shapes(layout.tetrahedra(), &order.tetrahedra, rest_of, tetrahedron)?,
+            tetrahedra10: rest_shapes(layout.tetrahedra10(), &order.tetrahedra, rest_of, ten)?,
+            hexahedra: rest_shapes(layout.hexahedra(), &order.hexahedra, rest_of, hexahedron)?,
         })
     }
 }

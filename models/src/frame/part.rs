@@ -45,6 +45,32 @@ pub(crate) struct RestShapes {
     pub hexahedra: Vec<RestHexahedron>,
 }
 
+/// The first element that names a vertex which is none of `count`, or one twice.
+pub(crate) fn bad_vertices<const N: usize>(
+    elements: &[[u32; N]],
+    count: usize,
+) -> Option<(usize, &[u32])> {
+    let mut elements = elements.iter().map(|vertices| &vertices[..]).enumerate();
+    elements.find(|(_, vertices)| !are_vertices(vertices, count))
+}
+
+/// Whether they are different ones of `count` vertices.
+pub(crate) fn are_vertices(vertices: &[u32], count: usize) -> bool {
+    let distinct = (0..vertices.len()).all(|i| !vertices[..i].contains(&vertices[i]));
+    distinct && vertices.iter().all(|&v| (v as usize) < count)
+}
+
+/// Rest shapes of the elements of a kind, in the order of the layout, from their points (m) and indices in the user's mesh.
+pub(crate) fn rest_shapes<T, E, const N: usize>(
+    nodes: &[[u32; N]],
+    order: &[u32],
+    rest_of: impl Fn(u32) -> DVec3,
+    new: impl Fn([[f64; 3]; N], usize) -> Result<T, E>,
+) -> Result<Vec<T>, E> {
+    let points = |nodes: &[u32; N]| nodes.map(|row| rest_of(row).to_array());
+    nodes.iter().zip(order).map(|(nodes, &index)| new(points(nodes), index as usize)).collect()
+}
+
 /// A body on its way into the world, with what its solid elements are made of.
 pub struct SolidPart<'a> {
     pub(crate) layout: &'a BodyLayout,
