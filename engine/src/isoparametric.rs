@@ -292,6 +292,21 @@ pub fn load_points<L: Lanes, const N: usize>(of: &[L::Scalar; N], first: usize) 
     L::load(&padded)
 }
 
+/// Vectors at the quadrature points from `first` on, from their entries.
+#[inline(always)]
+fn point_vectors<L: Lanes, const N: usize, const M: usize, const Q: usize>(
+    entries: &[[L::Scalar; Q]; M],
+    first: usize,
+) -> [[L; 3]; N] {
+    let mut vectors = [[L::ZERO; 3]; N];
+    for i in 0..N {
+        for x in 0..3 {
+            vectors[i][x] = load_points(&entries[3 * i + x], first);
+        }
+    }
+    vectors
+}
+
 /// Weights of quadrature points from `first` on; 0 where there are no more.
 #[inline(always)]
 pub fn load_weights<L: Lanes, const N: usize>(of: &[L::Scalar; N], first: usize) -> L {
@@ -355,13 +370,7 @@ impl<S: Scalar, const Q: usize> PointsRest<S, Q> {
     /// Shape vectors of the points from `first` on.
     #[inline(always)]
     pub fn gradients<L: Lanes<Scalar = S>>(&self, first: usize) -> [[L; 3]; 3] {
-        let mut d = [[L::ZERO; 3]; 3];
-        for i in 0..3 {
-            for x in 0..3 {
-                d[i][x] = load_points(&self.gradients[3 * i + x], first);
-            }
-        }
-        d
+        point_vectors(&self.gradients, first)
     }
 
     /// In `f64`.
@@ -449,11 +458,14 @@ impl<const Q: usize> RestPoints<Q> {
     }
 }
 
-/// Edges `X_xi, X_eta, X_zeta` (m) from derivatives of shape functions and positions (m).
-fn edges_of<const N: usize>(derivatives: [[f64; 3]; N], points: &[[f64; 3]; N]) -> [[f64; 3]; 3] {
-    let mut edges = [[0.0; 3]; 3];
+/// Edges `X_xi`, `X_eta` and so on (m) from derivatives of shape functions and positions (m).
+fn edges_of<const N: usize, const D: usize>(
+    derivatives: [[f64; D]; N],
+    points: &[[f64; 3]; N],
+) -> [[f64; 3]; D] {
+    let mut edges = [[0.0; 3]; D];
     for (d, p) in derivatives.iter().zip(points) {
-        for j in 0..3 {
+        for j in 0..D {
             for x in 0..3 {
                 edges[j][x] += d[j] * (p[x] - points[0][x]);
             }
@@ -574,18 +586,22 @@ pub fn folded_tetrahedron(points: &[[f64; 3]; 10]) -> Option<(&'static str, f64)
 }
 
 /// Derivatives by the local coordinates of a nodal field at the points from `first` on, in the form of the
-/// tetrahedra that stand for the points: entry 0 is 0. `u` is taken relative to its first row, so that
-/// a translation costs no digits.
+/// tetrahedra (triangles) that stand for the points, whose number of vertices is `C`: entry 0 is 0. `u` is taken
+/// relative to its first row, so that a translation costs no digits.
 #[inline(always)]
-pub fn point_differences<L: Lanes, const N: usize, const Q: usize>(
-    derivatives: &Derivatives<L::Scalar, N, 3, Q>,
+pub fn point_differences<L, const C: usize, const N: usize, const D: usize, const Q: usize>(
+    derivatives: &Derivatives<L::Scalar, N, D, Q>,
     u: &[[L::Scalar; 3]; N],
     first: usize,
-) -> [[L; 3]; 4] {
-    let mut result = [[L::ZERO; 3]; 4];
+) -> [[L; 3]; C]
+where
+    L: Lanes,
+{
+    const { assert!(C == D + 1) };
+    let mut result = [[L::ZERO; 3]; C];
     for a in 1..N {
         let relative = sub(u[a], u[0]).map(L::splat);
-        for j in 0..3 {
+        for j in 0..D {
             let d: L = load_points(&derivatives.0[a][j], first);
             for x in 0..3 {
                 result[j + 1][x] = d.mul_add(relative[x], result[j + 1][x]);
@@ -610,13 +626,7 @@ impl<S: Scalar> QuadRest<S> {
     /// Rest edges of the points from `first` on.
     #[inline(always)]
     pub fn edges<L: Lanes<Scalar = S>>(&self, first: usize) -> [[L; 3]; 2] {
-        let mut edges = [[L::ZERO; 3]; 2];
-        for j in 0..2 {
-            for x in 0..3 {
-                edges[j][x] = load_points(&self.edges[3 * j + x], first);
-            }
-        }
-        edges
+        point_vectors(&self.edges, first)
     }
 }
 
@@ -638,17 +648,7 @@ impl RestQuad {
         if points.iter().flatten().any(|x| !x.is_finite()) {
             return Err(RestShapeError::NotFinite);
         }
-        let edges = |at: [f64; 2]| {
-            let mut edges = [[0.0; 3]; 2];
-            for (d, p) in quad_derivatives(at).iter().zip(&points) {
-                for j in 0..2 {
-                    for x in 0..3 {
-                        edges[j][x] += d[j] * (p[x] - points[0][x]);
-                    }
-                }
-            }
-            edges
-        };
+        let edges = |at: [f64; 2]| edges_of(quad_derivatives(at), &points);
         let [a, b] = edges([0.0, 0.0]);
         let middle = cross(a, b);
         let mut rest = Self { edges: [[[0.0; 3]; 2]; 4], area: [0.0; 4] };
@@ -699,27 +699,6 @@ impl RestQuad {
         }
         rest
     }
-}
-
-/// Derivatives by the local coordinates of a nodal field at the points from `first` on, in the form of the
-/// triangles that stand for the points; as [`point_differences`].
-#[inline(always)]
-pub fn quad_differences<L: Lanes>(
-    derivatives: &Derivatives<L::Scalar, 4, 2, 4>,
-    u: &[[L::Scalar; 3]; 4],
-    first: usize,
-) -> [[L; 3]; 3] {
-    let mut result = [[L::ZERO; 3]; 3];
-    for a in 1..4 {
-        let relative = sub(u[a], u[0]).map(L::splat);
-        for j in 0..2 {
-            let d: L = load_points(&derivatives.0[a][j], first);
-            for x in 0..3 {
-                result[j + 1][x] = d.mul_add(relative[x], result[j + 1][x]);
-            }
-        }
-    }
-    result
 }
 
 /// First three entries of the rows of some vertices.

@@ -10,7 +10,7 @@ use crate::element_kind::ElementKind;
 use crate::isoparametric::{
     Derivatives, HexahedronIndex, HexahedronRest, HexahedronVertices, PointsRest, QuadIndex,
     QuadRest, QuadVertices, Tetrahedron10Rest, Tetrahedron10Vertices, load_points,
-    point_differences, quad_differences, rows_of,
+    point_differences, rows_of,
 };
 use crate::lanes::{Batch, Batches, Kernel, Lanes, MAX_LANES, padded};
 use crate::report::{AreaReport, SystemTimes, VolumeReport};
@@ -114,7 +114,7 @@ pub fn point_ratios<S: Scalar, const N: usize, const Q: usize>(
 ) -> [f64; Q] {
     let u = rows_of(Displacement::peel_slice(displacement), nodes);
     std::array::from_fn(|q| {
-        let at = point_differences::<S::One, N, Q>(derivatives, &u, q);
+        let at = point_differences::<S::One, 4, _, _, _>(derivatives, &u, q);
         let d = rest.gradients::<S::One>(q);
         let mut ratio = [S::ZERO];
         (<S::One as Real>::ONE + volume_change(&displacement_gradient(&d, &at))).store(&mut ratio);
@@ -226,7 +226,7 @@ pub fn quad_ratios<S: Scalar>(
 ) -> [f64; 4] {
     let u = rows_of(Displacement::peel_slice(displacement), &nodes.0);
     std::array::from_fn(|q| {
-        let at = quad_differences::<S::One>(derivatives, &u, q);
+        let at = point_differences::<S::One, 3, _, _, _>(derivatives, &u, q);
         let area = load_points::<S::One, 4>(&rest.half_area, q);
         let mut ratio = [S::ZERO];
         area_ratio(&rest.edges(q), area, &at).store(&mut ratio);

@@ -375,7 +375,7 @@ where
         first: usize,
     ) -> Points<C::Element<L>, L> {
         let shared = self.0.shared();
-        let u = point_differences::<L, V, Q>(&shared.elements.derivatives, u, first);
+        let u = point_differences::<L, 4, _, _, _>(&shared.elements.derivatives, u, first);
         let share = load_weights::<L, Q>(&shared.rest[i].volume, first);
         (self.0.element::<L>(i, first, share), share, u)
     }
@@ -414,7 +414,7 @@ where
     let derivatives = &S::derivatives();
     (0..Q)
         .map(|q| {
-            let u = point_differences::<f64, V, Q>(derivatives, u, q);
+            let u = point_differences::<f64, 4, _, _, _>(derivatives, u, q);
             element(rest.gradients::<f64>(q), rest.volume[q]).energy(&u)
         })
         .sum()

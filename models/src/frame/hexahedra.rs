@@ -247,7 +247,7 @@ fn points<L: Lanes, const V: usize, const Q: usize>(
     u: &[[L::Scalar; 3]; V],
     first: usize,
 ) -> Point<L> {
-    let u = point_differences::<L, V, Q>(derivatives, u, first);
+    let u = point_differences::<L, 4, _, _, _>(derivatives, u, first);
     let volume = load_weights::<L, Q>(&rest.volume, first);
     let gradients = rest.gradients::<L>(first);
     let (folded, volume) = if folds_volume { (volume, L::ONE) } else { (L::ONE, volume) };
@@ -540,7 +540,7 @@ impl<S: Scalar, const V: usize, const P: usize, const Q: usize> Kernel<S>
             let (mut volume, mut change) = (0.0, 0.0);
             for first in (0..Q).step_by(L::COUNT) {
                 let own = load_weights::<L, Q>(&rest.volume, first);
-                let u = point_differences::<L, V, Q>(&elements.derivatives, &u, first);
+                let u = point_differences::<L, 4, _, _, _>(&elements.derivatives, &u, first);
                 let g = displacement_gradient(&rest.gradients::<L>(first), &u);
                 volume += total(own).to_f64();
                 change += total(own * self.measure.change(&g)).to_f64();
@@ -573,7 +573,7 @@ impl<S: Scalar, const V: usize, const P: usize, const Q: usize> Kernel<S>
             for first in (0..Q).step_by(L::COUNT) {
                 let own = load_weights::<L, Q>(&rest.volume, first);
                 let gradients = rest.gradients::<L>(first);
-                let u = point_differences::<L, V, Q>(&elements.derivatives, &u, first);
+                let u = point_differences::<L, 4, _, _, _>(&elements.derivatives, &u, first);
                 let slope = self.measure.slope(&displacement_gradient(&gradients, &u));
                 let d = gradients.map(|d| mat_vec(&slope, d).map(|x| own * x));
                 for a in 0..V {
@@ -689,7 +689,7 @@ pub(crate) fn tetrahedra<const V: usize, const Q: usize>(
     u: &[[f64; 3]; V],
 ) -> [(Element<f64>, [[f64; 3]; 4]); Q] {
     std::array::from_fn(|q| {
-        let u = point_differences::<f64, V, Q>(derivatives, u, q);
+        let u = point_differences::<f64, 4, _, _, _>(derivatives, u, q);
         (Element::plain(rest.gradients::<f64>(q), rest.volume[q], moduli), u)
     })
 }

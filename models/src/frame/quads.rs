@@ -6,7 +6,7 @@ use bevy_ecs::prelude::*;
 use bevy_ecs::query::ContiguousQueryData;
 use bytemuck::TransparentWrapper;
 use sinew_engine::isoparametric::{
-    Derivatives, QuadBlocks, QuadRest, QuadVertices, load_points, load_weights, quad_differences,
+    Derivatives, QuadBlocks, QuadRest, QuadVertices, load_points, load_weights, point_differences,
 };
 use sinew_engine::lanes::Lanes;
 use sinew_engine::law::{LawBuffer, LawInfo, RecoveringBodies, TangentKind};
@@ -52,7 +52,7 @@ fn points<L: Lanes>(
     u: &[[L::Scalar; 3]; 4],
     first: usize,
 ) -> Point<L> {
-    let u = quad_differences::<L>(derivatives, u, first);
+    let u = point_differences::<L, 3, _, _, _>(derivatives, u, first);
     // a point stands for twice the area of its triangle
     let weight = load_weights::<L, 4>(&[L::Scalar::ONE + L::Scalar::ONE; 4], first);
     let [lambda, mu, compression] = moduli.map(L::splat);
