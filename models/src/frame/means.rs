@@ -100,7 +100,7 @@ struct MeansOf<L: MeanLaw<S, V>, S: Scalar, const V: usize>(
 );
 
 /// Means of volumes of the elements of a law.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 struct MeanVolumes<S, const V: usize> {
     /// Name of the law.
     law: &'static str,
@@ -119,24 +119,6 @@ struct MeanVolumes<S, const V: usize> {
     change: Vec<S>,
     area: Vec<[[S; 3]; V]>,
     sums: Vec<Sums>,
-}
-
-impl<S, const V: usize> Default for MeanVolumes<S, V> {
-    fn default() -> Self {
-        Self {
-            law: "",
-            volume: VolumeMeasure::Jacobian,
-            index: Vec::new(),
-            nodes: Vec::new(),
-            cluster: Vec::new(),
-            slot: Vec::new(),
-            body: Vec::new(),
-            pattern: Arc::default(),
-            change: Vec::new(),
-            area: Vec::new(),
-            sums: Vec::new(),
-        }
-    }
 }
 
 /// What is summed over the elements of a cluster.

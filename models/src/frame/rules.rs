@@ -32,9 +32,10 @@ pub enum Evaluation {
 }
 
 /// The change of volume `m` that the volume term of a law is a function of, from `G = F - I`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum VolumeMeasure {
     /// `J - 1`.
+    #[default]
     Jacobian,
     /// `tr G`, which the turning of an element changes.
     TraceOfStrain,
