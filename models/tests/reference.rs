@@ -110,9 +110,7 @@ fn tetrahedra() {
         worst.beside("edge tension", &tension, &numbers(&tbs["edge_tension"]), unit, name);
 
         // Elastic element.
-        let (w, f) = tetrahedron::energy_and_forces(&stvk, &u);
-        assert_eq!(w, tetrahedron::energy(&stvk, &u));
-        assert_eq!(f, tetrahedron::forces(&stvk, &u));
+        let (w, f) = (tetrahedron::energy(&stvk, &u), tetrahedron::forces(&stvk, &u));
         worst.note("energy", (w - number(&tbs["energy"])).abs(), c.energy_unit, name);
         worst.beside("forces", f.as_flattened(), &flat(&tbs["forces"]), c.force_unit, name);
         let exact = tetrahedron::tangent(&stvk, &u, TangentKind::Exact).to_dense();
@@ -161,7 +159,8 @@ fn tetrahedra() {
         let error = max_difference(k_comp.as_flattened(), &theirs);
         worst.note("compression Gauss-Newton", error, k_unit.max(max_abs(&theirs)), name);
 
-        let (w_all, f_all) = tetrahedron::energy_and_forces(&c.element, &u);
+        let (w_all, f_all) =
+            (tetrahedron::energy(&c.element, &u), tetrahedron::forces(&c.element, &u));
         worst.note("sum energy", (w_all - w - w_comp).abs(), c.energy_unit, name);
         for a in 0..4 {
             for x in 0..3 {

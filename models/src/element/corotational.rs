@@ -45,7 +45,7 @@ use crate::element::projection::{
     Svd, is_positive_definite, rounding, signed_svd, symmetric_eigen,
 };
 use crate::element::tetrahedron::{
-    CORE, Element, TetrahedronTangent, assemble, cofactor, green_strain, nodal_forces,
+    CORE, Element, Nodes, TetrahedronTangent, assemble, cofactor, green_strain, nodal_forces,
     small_strain_density, small_strain_stress,
 };
 
@@ -281,14 +281,14 @@ fn inverse<R: Real>(s: &[R; 6]) -> [R; 6] {
 
 /// Energy (J).
 #[inline(always)]
-pub fn energy<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> R {
+pub fn energy<R: Real>(e: &Element<R>, u: &Nodes<R>) -> R {
     let polar = Polar::new(&displacement_gradient(&e.gradients, u));
     e.volume * small_strain_density(e, &polar.strain)
 }
 
 /// Forces (N).
 #[inline(always)]
-pub fn forces<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> [[R; 3]; 4] {
+pub fn forces<R: Real>(e: &Element<R>, u: &Nodes<R>) -> Nodes<R> {
     let polar = Polar::new(&displacement_gradient(&e.gradients, u));
     let stress = small_strain_stress(e, &polar.strain);
     nodal_forces(e, &polar.turned(&stress))
@@ -296,11 +296,7 @@ pub fn forces<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> [[R; 3]; 4] {
 
 /// Tangent (N/m); see the table of the module.
 #[inline(always)]
-pub fn tangent<R: Real>(
-    e: &Element<R>,
-    u: &[[R; 3]; 4],
-    kind: TangentKind,
-) -> TetrahedronTangent<R> {
+pub fn tangent<R: Real>(e: &Element<R>, u: &Nodes<R>, kind: TangentKind) -> TetrahedronTangent<R> {
     let g = displacement_gradient(&e.gradients, u);
     let rotation = rotation(&g);
     let (lambda, two_mu) = (e.lambda * e.volume, (e.mu + e.mu) * e.volume);
@@ -360,7 +356,7 @@ pub fn tangent<R: Real>(
 
 /// Where the exact tangent has a negative eigenvalue that `Projected` raises.
 #[inline(always)]
-pub fn is_clamped<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> R::Mask {
+pub fn is_clamped<R: Real>(e: &Element<R>, u: &Nodes<R>) -> R::Mask {
     let polar = Polar::new(&displacement_gradient(&e.gradients, u));
     let c = e.lambda.mul_add(polar.trace(), e.pressure - (e.mu + e.mu));
     clamped(e, c, &polar.sums())

@@ -217,6 +217,9 @@ impl<S: Scalar> Element<S> {
     }
 }
 
+/// Vectors of the three vertices, displacements (m) or forces (N).
+pub type Nodes<R> = [[R; 3]; 3];
+
 /// Symmetric 9x9 element matrix (N/m) as 3x3 blocks, each row-major.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TriangleTangent<S> {
@@ -276,7 +279,7 @@ fn inverse_determinant<R: Real>(e: &Element<R>) -> R {
 
 /// Displacements of vertices 1 and 2 relative to vertex 0.
 #[inline(always)]
-fn relative<R: Real>(u: &[[R; 3]; 3]) -> [[R; 3]; 2] {
+fn relative<R: Real>(u: &Nodes<R>) -> [[R; 3]; 2] {
     [sub(u[1], u[0]), sub(u[2], u[0])]
 }
 
@@ -329,7 +332,7 @@ fn elastic_energy<R: Real>(e: &Element<R>, s: &Pairs<R>, c: &Pairs<R>) -> R {
 
 /// `f_a = -A S^ab x_b`.
 #[inline(always)]
-fn nodal_forces<R: Real>(e: &Element<R>, s: &Pairs<R>, x: &[[R; 3]; 2]) -> [[R; 3]; 3] {
+fn nodal_forces<R: Real>(e: &Element<R>, s: &Pairs<R>, x: &[[R; 3]; 2]) -> Nodes<R> {
     let (s11, s22, s12) = (-(e.area * s[0]), -(e.area * s[1]), -(e.area * s[2]));
     let mut f = [[R::ZERO; 3]; 3];
     for i in 0..3 {
@@ -422,7 +425,7 @@ fn assemble<R: Real>([k11, k22, k12]: &[[R; 9]; 3]) -> TriangleTangent<R> {
 
 /// Ratio of deformed to rest area; zero when shrunk to a line or a point, never negative.
 #[inline(always)]
-pub fn area_ratio<R: Real>(e: &Element<R>, u: &[[R; 3]; 3]) -> R {
+pub fn area_ratio<R: Real>(e: &Element<R>, u: &Nodes<R>) -> R {
     sinew_engine::element::area_ratio(&e.edges, e.area, u)
 }
 
@@ -460,7 +463,7 @@ pub mod biquadratic {
 
     /// Energy, J.
     #[inline(always)]
-    pub fn energy<R: Real>(e: &Element<R>, u: &[[R; 3]; 3]) -> R {
+    pub fn energy<R: Real>(e: &Element<R>, u: &Nodes<R>) -> R {
         let (w, d) = (relative(u), dual(e));
         let c = gram_change(e, &w, &deformed(e, &w));
         let elastic = elastic_energy(e, &stress(e, &d, &c), &c);
@@ -474,7 +477,7 @@ pub mod biquadratic {
 
     /// Forces on the three vertices, N.
     #[inline(always)]
-    pub fn forces<R: Real>(e: &Element<R>, u: &[[R; 3]; 3]) -> [[R; 3]; 3] {
+    pub fn forces<R: Real>(e: &Element<R>, u: &Nodes<R>) -> Nodes<R> {
         let (w, d) = (relative(u), dual(e));
         let x = deformed(e, &w);
         let c = gram_change(e, &w, &x);
@@ -499,7 +502,7 @@ pub mod biquadratic {
 
     /// Where the projected tangent differs from the exact one.
     #[inline(always)]
-    pub fn is_clamped<R: Real>(e: &Element<R>, u: &[[R; 3]; 3]) -> R::Mask {
+    pub fn is_clamped<R: Real>(e: &Element<R>, u: &Nodes<R>) -> R::Mask {
         let (w, d) = (relative(u), dual(e));
         let c = gram_change(e, &w, &deformed(e, &w));
         let low = principal_stresses(e, &stress(e, &d, &c))[1];
@@ -509,11 +512,7 @@ pub mod biquadratic {
 
     /// Tangent `+d2W/du2`, N/m, or a semidefinite stand-in.
     #[inline(always)]
-    pub fn tangent<R: Real>(
-        e: &Element<R>,
-        u: &[[R; 3]; 3],
-        kind: TangentKind,
-    ) -> TriangleTangent<R> {
+    pub fn tangent<R: Real>(e: &Element<R>, u: &Nodes<R>, kind: TangentKind) -> TriangleTangent<R> {
         let (w, d) = (relative(u), dual(e));
         let x = deformed(e, &w);
         let c = gram_change(e, &w, &x);
@@ -572,12 +571,7 @@ pub mod biquadratic {
     /// Product `K v` (N when `v` is in m) of the exact or the Gauss-Newton tangent without forming it:
     /// `(K v)_a = A (dS^ab x_b + S^ab v_b)`. The compression term is formed.
     #[inline(always)]
-    pub fn product<R: Real>(
-        e: &Element<R>,
-        u: &[[R; 3]; 3],
-        v: &[[R; 3]; 3],
-        exact: bool,
-    ) -> [[R; 3]; 3] {
+    pub fn product<R: Real>(e: &Element<R>, u: &Nodes<R>, v: &Nodes<R>, exact: bool) -> Nodes<R> {
         if R::any(R::less(R::ZERO, e.compression)) {
             let kind = if exact { TangentKind::Exact } else { TangentKind::GaussNewton };
             return tangent(e, u, kind).product(v);
@@ -616,14 +610,14 @@ pub mod linear {
 
     /// Energy, J.
     #[inline(always)]
-    pub fn energy<R: Real>(e: &Element<R>, u: &[[R; 3]; 3]) -> R {
+    pub fn energy<R: Real>(e: &Element<R>, u: &Nodes<R>) -> R {
         let c = change(e, &relative(u));
         elastic_energy(e, &stress(e, &dual(e), &c), &c)
     }
 
     /// Forces on the three vertices, N.
     #[inline(always)]
-    pub fn forces<R: Real>(e: &Element<R>, u: &[[R; 3]; 3]) -> [[R; 3]; 3] {
+    pub fn forces<R: Real>(e: &Element<R>, u: &Nodes<R>) -> Nodes<R> {
         nodal_forces(e, &stress(e, &dual(e), &change(e, &relative(u))), &e.edges)
     }
 
@@ -643,7 +637,7 @@ pub mod quadratic {
 
     /// Edges 01, 02 and 12, each pointing to its higher vertex.
     #[inline(always)]
-    fn stretches<R: Real>(e: &Element<R>, u: &[[R; 3]; 3]) -> [Stretch<R>; 3] {
+    fn stretches<R: Real>(e: &Element<R>, u: &Nodes<R>) -> [Stretch<R>; 3] {
         let ([a, b], w) = (e.edges, relative(u));
         [Stretch::new(a, w[0]), Stretch::new(b, w[1]), Stretch::new(sub(b, a), sub(w[1], w[0]))]
     }
@@ -664,14 +658,14 @@ pub mod quadratic {
 
     /// Energy, J.
     #[inline(always)]
-    pub fn energy<R: Real>(e: &Element<R>, u: &[[R; 3]; 3]) -> R {
+    pub fn energy<R: Real>(e: &Element<R>, u: &Nodes<R>) -> R {
         let c = change(&stretches(e, u));
         elastic_energy(e, &stress(e, &dual(e), &c), &c)
     }
 
     /// Forces on the three vertices, N.
     #[inline(always)]
-    pub fn forces<R: Real>(e: &Element<R>, u: &[[R; 3]; 3]) -> [[R; 3]; 3] {
+    pub fn forces<R: Real>(e: &Element<R>, u: &Nodes<R>) -> Nodes<R> {
         let edges = stretches(e, u);
         let s = tensions(e, &stress(e, &dual(e), &change(&edges)));
         let mut pull = [[R::ZERO; 3]; 3];
@@ -689,7 +683,7 @@ pub mod quadratic {
     /// Where an edge is in compression: there the exact tangent may be indefinite, and the projected
     /// one, which leaves out the tensions of such edges, differs from it.
     #[inline(always)]
-    pub fn is_clamped<R: Real>(e: &Element<R>, u: &[[R; 3]; 3]) -> R::Mask {
+    pub fn is_clamped<R: Real>(e: &Element<R>, u: &Nodes<R>) -> R::Mask {
         let s = tensions(e, &stress(e, &dual(e), &change(&stretches(e, u))));
         R::less(s[0].min(s[1]).min(s[2]), R::ZERO)
     }
@@ -697,11 +691,7 @@ pub mod quadratic {
     /// Tangent `+d2W/du2`, N/m, or a semidefinite stand-in. Quadratic springs know edges, not
     /// stresses, so it is the tensions of compressed edges that `Projected` leaves out.
     #[inline(always)]
-    pub fn tangent<R: Real>(
-        e: &Element<R>,
-        u: &[[R; 3]; 3],
-        kind: TangentKind,
-    ) -> TriangleTangent<R> {
+    pub fn tangent<R: Real>(e: &Element<R>, u: &Nodes<R>, kind: TangentKind) -> TriangleTangent<R> {
         let (edges, d) = (stretches(e, u), dual(e));
         let s = tensions(e, &stress(e, &d, &change(&edges)));
         let half = R::from_f64(0.5);
@@ -762,7 +752,7 @@ pub mod corotational {
     }
 
     #[inline(always)]
-    fn polar<R: Real>(e: &Element<R>, u: &[[R; 3]; 3]) -> Polar<R> {
+    fn polar<R: Real>(e: &Element<R>, u: &Nodes<R>) -> Polar<R> {
         let (w, d) = (relative(u), dual(e));
         let x = deformed(e, &w);
         let c = gram_change(e, &w, &x);
@@ -810,7 +800,7 @@ pub mod corotational {
 
     /// Energy, J.
     #[inline(always)]
-    pub fn energy<R: Real>(e: &Element<R>, u: &[[R; 3]; 3]) -> R {
+    pub fn energy<R: Real>(e: &Element<R>, u: &Nodes<R>) -> R {
         let p = polar(e, u);
         let [[v11, v12], [v21, v22]] = mixed(e, &p.strain);
         let squares = v11.mul_add(v11, v22.mul_add(v22, R::from_f64(2.0) * v12 * v21));
@@ -820,7 +810,7 @@ pub mod corotational {
 
     /// Forces on the three vertices, N.
     #[inline(always)]
-    pub fn forces<R: Real>(e: &Element<R>, u: &[[R; 3]; 3]) -> [[R; 3]; 3] {
+    pub fn forces<R: Real>(e: &Element<R>, u: &Nodes<R>) -> Nodes<R> {
         let p = polar(e, u);
         nodal_forces(e, &p.s, &p.x)
     }
@@ -835,7 +825,7 @@ pub mod corotational {
 
     /// Where the projected tangent differs from the exact one.
     #[inline(always)]
-    pub fn is_clamped<R: Real>(e: &Element<R>, u: &[[R; 3]; 3]) -> R::Mask {
+    pub fn is_clamped<R: Real>(e: &Element<R>, u: &Nodes<R>) -> R::Mask {
         let p = polar(e, u);
         let low = principal_stresses(e, &p.s)[1];
         R::less(low.min(p.excess), R::ZERO)
@@ -845,11 +835,7 @@ pub mod corotational {
     /// stiffness turned by `R` (which alone is `GaussNewton`), the rotation in the plane, and the
     /// stress against motion along the normal; the last two are clamped at zero by `Projected`.
     #[inline(always)]
-    pub fn tangent<R: Real>(
-        e: &Element<R>,
-        u: &[[R; 3]; 3],
-        kind: TangentKind,
-    ) -> TriangleTangent<R> {
+    pub fn tangent<R: Real>(e: &Element<R>, u: &Nodes<R>, kind: TangentKind) -> TriangleTangent<R> {
         let p = polar(e, u);
         let [x1, x2] = p.x;
         // rest edges turned by R: R E_a = F U^-1 E_a = x_b (U^-1)^b_a

@@ -134,6 +134,9 @@ impl<S: Scalar> Element<S> {
     }
 }
 
+/// Vectors of the four vertices, displacements (m) or forces (N).
+pub type Nodes<S> = [[S; 3]; 4];
+
 /// Symmetric 12x12 element matrix (N/m) as 3x3 blocks, each row-major.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TetrahedronTangent<S> {
@@ -162,7 +165,7 @@ impl<S: Real> TetrahedronTangent<S> {
 
     /// Product `K v` (N when `v` is in m).
     #[inline(always)]
-    pub fn product(&self, v: &[[S; 3]; 4]) -> [[S; 3]; 4] {
+    pub fn product(&self, v: &Nodes<S>) -> Nodes<S> {
         let mut result = [[S::ZERO; 3]; 4];
         for a in 0..4 {
             for b in 0..4 {
@@ -183,42 +186,36 @@ impl<S: Real> TetrahedronTangent<S> {
 
 /// Ratio `J` of deformed to rest volume; zero when flat, negative when turned inside out.
 #[inline(always)]
-pub fn volume_ratio<S: Real>(e: &Element<S>, u: &[[S; 3]; 4]) -> S {
+pub fn volume_ratio<S: Real>(e: &Element<S>, u: &Nodes<S>) -> S {
     S::ONE + volume_change(&displacement_gradient(&e.gradients, u))
 }
 
 /// Energy, J.
 #[inline(always)]
-pub fn energy<S: Real>(e: &Element<S>, u: &[[S; 3]; 4]) -> S {
+pub fn energy<S: Real>(e: &Element<S>, u: &Nodes<S>) -> S {
     let g = displacement_gradient(&e.gradients, u);
     e.volume * (elastic_density(e, &green_strain(&g)) + compression_density(e, &g))
 }
 
 /// Forces on the four vertices, N.
 #[inline(always)]
-pub fn forces<S: Real>(e: &Element<S>, u: &[[S; 3]; 4]) -> [[S; 3]; 4] {
+pub fn forces<S: Real>(e: &Element<S>, u: &Nodes<S>) -> Nodes<S> {
     let g = displacement_gradient(&e.gradients, u);
     let mut p = elastic_stress(&g, &second_piola_kirchhoff(e, &green_strain(&g)));
     add_compression_stress(e, &g, &mut p);
     nodal_forces(e, &p)
 }
 
-/// Energy (J) and forces (N) together.
-#[inline(always)]
-pub fn energy_and_forces<S: Real>(e: &Element<S>, u: &[[S; 3]; 4]) -> (S, [[S; 3]; 4]) {
-    (energy(e, u), forces(e, u))
-}
-
 /// Exact tangent `+d2W/du2`, N/m, in any number type.
 #[inline(always)]
-pub fn exact_tangent<S: Real>(e: &Element<S>, u: &[[S; 3]; 4]) -> TetrahedronTangent<S> {
+pub fn exact_tangent<S: Real>(e: &Element<S>, u: &Nodes<S>) -> TetrahedronTangent<S> {
     tangent_parts(e, u, true, true)
 }
 
 /// Tangent `+d2W/du2` or a stand-in for it, N/m.
 pub fn tangent<S: Scalar>(
     e: &Element<S>,
-    u: &[[S; 3]; 4],
+    u: &Nodes<S>,
     kind: TangentKind,
 ) -> TetrahedronTangent<S> {
     tangent_of(e, &e.widen(), u, kind, true)
@@ -228,7 +225,7 @@ pub fn tangent<S: Scalar>(
 fn tangent_of<S: Scalar>(
     e: &Element<S>,
     wide: &Element<f64>,
-    u: &[[S; 3]; 4],
+    u: &Nodes<S>,
     kind: TangentKind,
     elastic: bool,
 ) -> TetrahedronTangent<S> {
@@ -248,11 +245,11 @@ fn tangent_of<S: Scalar>(
 #[inline(always)]
 pub(crate) fn product_parts<S: Real>(
     e: &Element<S>,
-    u: &[[S; 3]; 4],
-    v: &[[S; 3]; 4],
+    u: &Nodes<S>,
+    v: &Nodes<S>,
     elastic: bool,
     exact: bool,
-) -> [[S; 3]; 4] {
+) -> Nodes<S> {
     let g = displacement_gradient(&e.gradients, u);
     let h = displacement_gradient(&e.gradients, v);
     // dP; `nodal_forces` turns a stress into forces against it, hence the sign at the end
@@ -330,13 +327,13 @@ pub mod compression {
 
     /// Energy, J.
     #[inline(always)]
-    pub fn energy<S: Real>(e: &Element<S>, u: &[[S; 3]; 4]) -> S {
+    pub fn energy<S: Real>(e: &Element<S>, u: &Nodes<S>) -> S {
         e.volume * compression_density(e, &displacement_gradient(&e.gradients, u))
     }
 
     /// Forces on the four vertices, N; zero for `J >= 1`.
     #[inline(always)]
-    pub fn forces<S: Real>(e: &Element<S>, u: &[[S; 3]; 4]) -> [[S; 3]; 4] {
+    pub fn forces<S: Real>(e: &Element<S>, u: &Nodes<S>) -> Nodes<S> {
         let g = displacement_gradient(&e.gradients, u);
         let mut p = [S::ZERO; 9];
         add_compression_stress(e, &g, &mut p);
@@ -347,7 +344,7 @@ pub mod compression {
     #[inline(always)]
     pub fn tangent<S: Scalar>(
         e: &Element<S>,
-        u: &[[S; 3]; 4],
+        u: &Nodes<S>,
         kind: TangentKind,
     ) -> TetrahedronTangent<S> {
         let wide = Element { lambda: 0.0, mu: 0.0, ..e.widen() };
@@ -468,7 +465,7 @@ fn add_compression_stress<S: Real>(e: &Element<S>, g: &[S; 9], p: &mut [S; 9]) {
 
 /// `f_a = -V P D_a`.
 #[inline(always)]
-pub(crate) fn nodal_forces<S: Real>(e: &Element<S>, p: &[S; 9]) -> [[S; 3]; 4] {
+pub(crate) fn nodal_forces<S: Real>(e: &Element<S>, p: &[S; 9]) -> Nodes<S> {
     let mut f = [[S::ZERO; 3]; 4];
     for a in 0..3 {
         let pd = mat_vec(p, e.gradients[a]);
@@ -490,7 +487,7 @@ pub(crate) const CORE: [[usize; 2]; 6] = [[0, 0], [1, 1], [2, 2], [0, 1], [0, 2]
 #[inline(always)]
 pub(crate) fn tangent_parts<S: Real>(
     e: &Element<S>,
-    u: &[[S; 3]; 4],
+    u: &Nodes<S>,
     elastic: bool,
     indefinite: bool,
 ) -> TetrahedronTangent<S> {

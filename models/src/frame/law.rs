@@ -7,7 +7,7 @@ use sinew_engine::scalar::Real;
 
 use super::rules::VolumeMeasure;
 use crate::element::membrane::{self, TriangleTangent};
-use crate::element::tetrahedron::{Element, TetrahedronTangent};
+use crate::element::tetrahedron::{Element, Nodes, TetrahedronTangent};
 
 /// A law whose energy is a sum over tetrahedra of a function of their four displacements.
 ///
@@ -28,24 +28,15 @@ pub trait TetrahedronLaw: Send + Sync + 'static {
         true
     }
     /// Energy (J).
-    fn energy<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> R;
+    fn energy<R: Real>(e: &Element<R>, u: &Nodes<R>) -> R;
     /// Forces (N), `None` when there are none in any lane.
-    fn forces<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> Option<[[R; 3]; 4]>;
+    fn forces<R: Real>(e: &Element<R>, u: &Nodes<R>) -> Option<Nodes<R>>;
     /// Tangent (N/m). `Projected` is asked for only of laws that have no stress projection, and of
     /// elements in which that has nothing to clamp.
-    fn tangent<R: Real>(
-        e: &Element<R>,
-        u: &[[R; 3]; 4],
-        kind: TangentKind,
-    ) -> TetrahedronTangent<R>;
+    fn tangent<R: Real>(e: &Element<R>, u: &Nodes<R>, kind: TangentKind) -> TetrahedronTangent<R>;
     /// Product (N) of the tangent with the displacements `v` (m).
     #[inline(always)]
-    fn product<R: Real>(
-        e: &Element<R>,
-        u: &[[R; 3]; 4],
-        v: &[[R; 3]; 4],
-        kind: TangentKind,
-    ) -> [[R; 3]; 4] {
+    fn product<R: Real>(e: &Element<R>, u: &Nodes<R>, v: &Nodes<R>, kind: TangentKind) -> Nodes<R> {
         Self::tangent(e, u, kind).product(v)
     }
     /// Whether it is compiled for AVX-512 too ([`Kernel::WIDE`](sinew_engine::lanes::Kernel::WIDE)).
@@ -60,7 +51,7 @@ pub trait TetrahedronLaw: Send + Sync + 'static {
     const STRESS_PROJECTION: bool = true;
     /// Without stress projection: where the projected tangent differs from the exact one.
     #[inline(always)]
-    fn is_clamped<R: Real>(_: &Element<R>, _: &[[R; 3]; 4]) -> R::Mask {
+    fn is_clamped<R: Real>(_: &Element<R>, _: &Nodes<R>) -> R::Mask {
         R::less(R::ONE, R::ZERO)
     }
 }
@@ -80,28 +71,28 @@ pub trait TriangleLaw: Send + Sync + 'static {
         true
     }
     /// Energy (J).
-    fn energy<R: Real>(e: &membrane::Element<R>, u: &[[R; 3]; 3]) -> R;
+    fn energy<R: Real>(e: &membrane::Element<R>, u: &membrane::Nodes<R>) -> R;
     /// Forces (N).
-    fn forces<R: Real>(e: &membrane::Element<R>, u: &[[R; 3]; 3]) -> [[R; 3]; 3];
+    fn forces<R: Real>(e: &membrane::Element<R>, u: &membrane::Nodes<R>) -> membrane::Nodes<R>;
     /// Tangent (N/m).
     fn tangent<R: Real>(
         e: &membrane::Element<R>,
-        u: &[[R; 3]; 3],
+        u: &membrane::Nodes<R>,
         kind: TangentKind,
     ) -> TriangleTangent<R>;
     /// Product (N) of the tangent with the displacements `v` (m).
     #[inline(always)]
     fn product<R: Real>(
         e: &membrane::Element<R>,
-        u: &[[R; 3]; 3],
-        v: &[[R; 3]; 3],
+        u: &membrane::Nodes<R>,
+        v: &membrane::Nodes<R>,
         kind: TangentKind,
-    ) -> [[R; 3]; 3] {
+    ) -> membrane::Nodes<R> {
         Self::tangent(e, u, kind).product(v)
     }
     /// Where the projected tangent differs from the exact one.
     #[inline(always)]
-    fn is_clamped<R: Real>(_: &membrane::Element<R>, _: &[[R; 3]; 3]) -> R::Mask {
+    fn is_clamped<R: Real>(_: &membrane::Element<R>, _: &membrane::Nodes<R>) -> R::Mask {
         R::less(R::ONE, R::ZERO)
     }
 }

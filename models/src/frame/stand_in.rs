@@ -8,7 +8,7 @@ use sinew_engine::scalar::Real;
 use super::law::TetrahedronLaw;
 use super::rules::VolumeMeasure;
 use crate::element::corotational;
-use crate::element::tetrahedron::{Element, TetrahedronTangent};
+use crate::element::tetrahedron::{Element, Nodes, TetrahedronTangent};
 
 /// Corotational elasticity ([`corotational`]) with its exact tangent; also the mark of its tetrahedra.
 #[derive(Component, Clone, Copy, Debug, Default)]
@@ -22,23 +22,19 @@ impl TetrahedronLaw for Corotational {
     const STRESS_PROJECTION: bool = false;
     const VOLUME: Option<VolumeMeasure> = Some(VolumeMeasure::TraceOfStretch);
     #[inline(always)]
-    fn energy<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> R {
+    fn energy<R: Real>(e: &Element<R>, u: &Nodes<R>) -> R {
         corotational::energy(e, u)
     }
     #[inline(always)]
-    fn forces<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> Option<[[R; 3]; 4]> {
+    fn forces<R: Real>(e: &Element<R>, u: &Nodes<R>) -> Option<Nodes<R>> {
         Some(corotational::forces(e, u))
     }
     #[inline(always)]
-    fn tangent<R: Real>(
-        e: &Element<R>,
-        u: &[[R; 3]; 4],
-        kind: TangentKind,
-    ) -> TetrahedronTangent<R> {
+    fn tangent<R: Real>(e: &Element<R>, u: &Nodes<R>, kind: TangentKind) -> TetrahedronTangent<R> {
         corotational::tangent(e, u, kind)
     }
     #[inline(always)]
-    fn is_clamped<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> R::Mask {
+    fn is_clamped<R: Real>(e: &Element<R>, u: &Nodes<R>) -> R::Mask {
         corotational::is_clamped(e, u)
     }
 }

@@ -15,7 +15,7 @@ use sinew_engine::law::TangentKind;
 use sinew_engine::scalar::Real;
 
 use crate::element::corotational;
-use crate::element::tetrahedron::{Element, TetrahedronTangent};
+use crate::element::tetrahedron::{Element, Nodes, TetrahedronTangent};
 use crate::frame::law::TetrahedronLaw;
 use crate::frame::row::LawRow;
 use crate::frame::stand_in::Corotational;
@@ -53,15 +53,15 @@ impl TetrahedronLaw for WarpedStiffness {
     type Mark = Self;
     const STRESS_PROJECTION: bool = false;
     #[inline(always)]
-    fn energy<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> R {
+    fn energy<R: Real>(e: &Element<R>, u: &Nodes<R>) -> R {
         corotational::energy(e, u)
     }
     #[inline(always)]
-    fn forces<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> Option<[[R; 3]; 4]> {
+    fn forces<R: Real>(e: &Element<R>, u: &Nodes<R>) -> Option<Nodes<R>> {
         Some(corotational::forces(e, u))
     }
     #[inline(always)]
-    fn tangent<R: Real>(e: &Element<R>, u: &[[R; 3]; 4], _: TangentKind) -> TetrahedronTangent<R> {
+    fn tangent<R: Real>(e: &Element<R>, u: &Nodes<R>, _: TangentKind) -> TetrahedronTangent<R> {
         corotational::tangent(e, u, TangentKind::GaussNewton)
     }
 }

@@ -22,7 +22,8 @@ use sinew_engine::scalar::Real;
 use crate::element::corotational::warped;
 use crate::element::matrix::symmetric;
 use crate::element::tetrahedron::{
-    Element, TetrahedronTangent, assemble, nodal_forces, small_strain_density, small_strain_stress,
+    Element, Nodes, TetrahedronTangent, assemble, nodal_forces, small_strain_density,
+    small_strain_stress,
 };
 use crate::frame::law::TetrahedronLaw;
 use crate::frame::row::LawRow;
@@ -30,7 +31,7 @@ use crate::frame::rules::VolumeMeasure;
 
 /// Entries xx, yy, zz, yz, xz, xy of the strain.
 #[inline(always)]
-fn strain<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> [R; 6] {
+fn strain<R: Real>(e: &Element<R>, u: &Nodes<R>) -> [R; 6] {
     let g = displacement_gradient(&e.gradients, u);
     let half = R::from_f64(0.5);
     [g[0], g[4], g[8], half * (g[5] + g[7]), half * (g[2] + g[6]), half * (g[1] + g[3])]
@@ -61,15 +62,15 @@ impl TetrahedronLaw for Linear {
     const STRESS_PROJECTION: bool = false;
     const VOLUME: Option<VolumeMeasure> = Some(VolumeMeasure::TraceOfStrain);
     #[inline(always)]
-    fn energy<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> R {
+    fn energy<R: Real>(e: &Element<R>, u: &Nodes<R>) -> R {
         e.volume * small_strain_density(e, &strain(e, u))
     }
     #[inline(always)]
-    fn forces<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> Option<[[R; 3]; 4]> {
+    fn forces<R: Real>(e: &Element<R>, u: &Nodes<R>) -> Option<Nodes<R>> {
         Some(nodal_forces(e, &symmetric(small_strain_stress(e, &strain(e, u)))))
     }
     #[inline(always)]
-    fn tangent<R: Real>(e: &Element<R>, _: &[[R; 3]; 4], _: TangentKind) -> TetrahedronTangent<R> {
+    fn tangent<R: Real>(e: &Element<R>, _: &Nodes<R>, _: TangentKind) -> TetrahedronTangent<R> {
         assemble(&warped(&e.gradients, e.lambda * e.volume, e.mu * e.volume))
     }
 }

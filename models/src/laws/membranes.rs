@@ -8,53 +8,38 @@ use sinew_engine::law::TangentKind;
 use sinew_engine::scalar::Real;
 
 use crate::element::membrane::{
-    Element, TriangleTangent, biquadratic, corotational, linear, quadratic,
+    Element, Nodes, TriangleTangent, biquadratic, corotational, linear, quadratic,
 };
 use crate::frame::law::TriangleLaw;
 use crate::frame::row::LawRow;
 
-/// Biquadratic springs (TRBS), one triangle at a time; also the mark of its triangles.
-#[derive(Component, Clone, Copy, Debug, Default)]
-#[component(clone_behavior = Ignore)]
-pub struct BiquadraticMembrane;
+/// Laws, each the mark of its triangles too, with their rows in the table of laws.
+macro_rules! laws {
+    ($($(#[$doc:meta])* $law:ident in $row:ident;)+) => {$(
+        $(#[$doc])*
+        #[derive(Component, Clone, Copy, Debug, Default)]
+        #[component(clone_behavior = Ignore)]
+        pub struct $law;
 
-/// Quadratic springs (TRQS); also the mark of its triangles.
-#[derive(Component, Clone, Copy, Debug, Default)]
-#[component(clone_behavior = Ignore)]
-pub struct QuadraticMembrane;
+        #[doc = concat!("Row of [`", stringify!($law), "`] in the table of laws.")]
+        pub static $row: LawRow = LawRow::triangles::<$law>();
+    )+};
+}
+laws! {
+    /// Biquadratic springs (TRBS), one triangle at a time.
+    BiquadraticMembrane in BIQUADRATIC;
+    /// Quadratic springs (TRQS).
+    QuadraticMembrane in QUADRATIC;
+    /// Constant-strain triangles.
+    LinearMembrane in LINEAR;
+    /// Corotational triangles.
+    CorotationalMembrane in COROTATIONAL;
+    /// Projected tangent of pooled membranes.
+    PooledMembrane in PROJECTION;
+    /// The compression term of pooled membranes, an independent law beside their springs, without a mark of its own.
+    MembraneCompression in COMPRESSION;
+}
 
-/// Constant-strain triangles; also the mark of its triangles.
-#[derive(Component, Clone, Copy, Debug, Default)]
-#[component(clone_behavior = Ignore)]
-pub struct LinearMembrane;
-
-/// Corotational triangles; also the mark of its triangles.
-#[derive(Component, Clone, Copy, Debug, Default)]
-#[component(clone_behavior = Ignore)]
-pub struct CorotationalMembrane;
-
-/// Projected tangent of pooled membranes; also the mark of their triangles.
-#[derive(Component, Clone, Copy, Debug, Default)]
-#[component(clone_behavior = Ignore)]
-pub struct PooledMembrane;
-
-/// The compression term of pooled membranes, an independent law beside their springs.
-#[derive(Component, Clone, Copy, Debug, Default)]
-#[component(clone_behavior = Ignore)]
-pub struct MembraneCompression;
-
-/// Row of [`BiquadraticMembrane`] in the table of laws.
-pub static BIQUADRATIC: LawRow = LawRow::triangles::<BiquadraticMembrane>();
-/// Row of [`QuadraticMembrane`] in the table of laws.
-pub static QUADRATIC: LawRow = LawRow::triangles::<QuadraticMembrane>();
-/// Row of [`LinearMembrane`] in the table of laws.
-pub static LINEAR: LawRow = LawRow::triangles::<LinearMembrane>();
-/// Row of [`CorotationalMembrane`] in the table of laws.
-pub static COROTATIONAL: LawRow = LawRow::triangles::<CorotationalMembrane>();
-/// Row of [`PooledMembrane`] in the table of laws.
-pub static PROJECTION: LawRow = LawRow::triangles::<PooledMembrane>();
-/// Row of [`MembraneCompression`] in the table of laws.
-pub static COMPRESSION: LawRow = LawRow::triangles::<MembraneCompression>();
 /// Row of [`BiquadraticMembrane`] on quadrilaterals.
 pub static BIQUADRATIC_QUADS: LawRow =
     LawRow::quads::<BiquadraticMembrane>("St Venant-Kirchhoff quadrilaterals");
@@ -68,11 +53,11 @@ pub static COROTATIONAL_QUADS: LawRow =
 macro_rules! energy_of {
     ($module:ident) => {
         #[inline(always)]
-        fn energy<R: Real>(e: &Element<R>, u: &[[R; 3]; 3]) -> R {
+        fn energy<R: Real>(e: &Element<R>, u: &Nodes<R>) -> R {
             $module::energy(e, u)
         }
         #[inline(always)]
-        fn forces<R: Real>(e: &Element<R>, u: &[[R; 3]; 3]) -> [[R; 3]; 3] {
+        fn forces<R: Real>(e: &Element<R>, u: &Nodes<R>) -> Nodes<R> {
             $module::forces(e, u)
         }
     };
@@ -82,15 +67,11 @@ macro_rules! energy_of {
 macro_rules! tangent_of {
     ($module:ident) => {
         #[inline(always)]
-        fn tangent<R: Real>(
-            e: &Element<R>,
-            u: &[[R; 3]; 3],
-            kind: TangentKind,
-        ) -> TriangleTangent<R> {
+        fn tangent<R: Real>(e: &Element<R>, u: &Nodes<R>, kind: TangentKind) -> TriangleTangent<R> {
             $module::tangent(e, u, kind)
         }
         #[inline(always)]
-        fn is_clamped<R: Real>(e: &Element<R>, u: &[[R; 3]; 3]) -> R::Mask {
+        fn is_clamped<R: Real>(e: &Element<R>, u: &Nodes<R>) -> R::Mask {
             $module::is_clamped(e, u)
         }
     };
@@ -102,12 +83,7 @@ impl TriangleLaw for BiquadraticMembrane {
     energy_of!(biquadratic);
     tangent_of!(biquadratic);
     #[inline(always)]
-    fn product<R: Real>(
-        e: &Element<R>,
-        u: &[[R; 3]; 3],
-        v: &[[R; 3]; 3],
-        kind: TangentKind,
-    ) -> [[R; 3]; 3] {
+    fn product<R: Real>(e: &Element<R>, u: &Nodes<R>, v: &Nodes<R>, kind: TangentKind) -> Nodes<R> {
         match kind {
             TangentKind::Projected => biquadratic::tangent(e, u, kind).product(v),
             _ => biquadratic::product(e, u, v, kind == TangentKind::Exact),
@@ -128,7 +104,7 @@ impl TriangleLaw for LinearMembrane {
     type Mark = Self;
     energy_of!(linear);
     #[inline(always)]
-    fn tangent<R: Real>(e: &Element<R>, _: &[[R; 3]; 3], _: TangentKind) -> TriangleTangent<R> {
+    fn tangent<R: Real>(e: &Element<R>, _: &Nodes<R>, _: TangentKind) -> TriangleTangent<R> {
         linear::tangent(e)
     }
 }
@@ -149,11 +125,11 @@ impl TriangleLaw for PooledMembrane {
         kind == TangentKind::Projected
     }
     #[inline(always)]
-    fn energy<R: Real>(_: &Element<R>, _: &[[R; 3]; 3]) -> R {
+    fn energy<R: Real>(_: &Element<R>, _: &Nodes<R>) -> R {
         R::ZERO
     }
     #[inline(always)]
-    fn forces<R: Real>(_: &Element<R>, _: &[[R; 3]; 3]) -> [[R; 3]; 3] {
+    fn forces<R: Real>(_: &Element<R>, _: &Nodes<R>) -> Nodes<R> {
         [[R::ZERO; 3]; 3]
     }
     tangent_of!(biquadratic);
@@ -172,15 +148,15 @@ impl TriangleLaw for MembraneCompression {
         kind != TangentKind::Projected
     }
     #[inline(always)]
-    fn energy<R: Real>(e: &Element<R>, u: &[[R; 3]; 3]) -> R {
+    fn energy<R: Real>(e: &Element<R>, u: &Nodes<R>) -> R {
         biquadratic::energy(&compression_only(e), u)
     }
     #[inline(always)]
-    fn forces<R: Real>(e: &Element<R>, u: &[[R; 3]; 3]) -> [[R; 3]; 3] {
+    fn forces<R: Real>(e: &Element<R>, u: &Nodes<R>) -> Nodes<R> {
         biquadratic::forces(&compression_only(e), u)
     }
     #[inline(always)]
-    fn tangent<R: Real>(e: &Element<R>, u: &[[R; 3]; 3], kind: TangentKind) -> TriangleTangent<R> {
+    fn tangent<R: Real>(e: &Element<R>, u: &Nodes<R>, kind: TangentKind) -> TriangleTangent<R> {
         biquadratic::tangent(&compression_only(e), u, kind)
     }
 }

@@ -55,7 +55,7 @@ use sinew_engine::scalar::{Real, cross, dot, mat_vec};
 use crate::element::matrix::{add_identity, add_skew, deformation, rows};
 use crate::element::projection::{Spectrum, Svd, clamped_blocks, signed_svd};
 use crate::element::tetrahedron::{
-    CORE, Element, TetrahedronTangent, assemble, cofactor, green_strain, nodal_forces,
+    CORE, Element, Nodes, TetrahedronTangent, assemble, cofactor, green_strain, nodal_forces,
 };
 use crate::frame::law::TetrahedronLaw;
 use crate::frame::row::LawRow;
@@ -134,7 +134,7 @@ fn coefficients<R: Real>(e: &Element<R>, g: &[R; 9]) -> (R, R, R, R) {
 
 /// Whether eigenvalues were clamped, and the blocks of the rest.
 #[inline(always)]
-fn projected<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> (R::Mask, [[R; 9]; 6]) {
+fn projected<R: Real>(e: &Element<R>, u: &Nodes<R>) -> (R::Mask, [[R; 9]; 6]) {
     let g = displacement_gradient(&e.gradients, u);
     let f = deformation(&g);
     let (a, b, p, l) = coefficients(e, &g);
@@ -188,7 +188,7 @@ impl TetrahedronLaw for NeoHookean {
     const STRESS_PROJECTION: bool = false;
     const VOLUME: Option<VolumeMeasure> = Some(VolumeMeasure::Jacobian);
     #[inline(always)]
-    fn energy<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> R {
+    fn energy<R: Real>(e: &Element<R>, u: &Nodes<R>) -> R {
         let g = displacement_gradient(&e.gradients, u);
         let m = volume_change(&g);
         let strain = green_strain(&g);
@@ -209,7 +209,7 @@ impl TetrahedronLaw for NeoHookean {
         e.volume * (quadratic + e.quartic_density(m))
     }
     #[inline(always)]
-    fn forces<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> Option<[[R; 3]; 4]> {
+    fn forces<R: Real>(e: &Element<R>, u: &Nodes<R>) -> Option<Nodes<R>> {
         let g = displacement_gradient(&e.gradients, u);
         let (f, cof) = (deformation(&g), cofactor(&g));
         let q = stretch(&g);
@@ -225,11 +225,7 @@ impl TetrahedronLaw for NeoHookean {
     }
     /// `+d2W/du2` or, for the other kinds, the same with its negative eigenvalues clamped.
     #[inline(always)]
-    fn tangent<R: Real>(
-        e: &Element<R>,
-        u: &[[R; 3]; 4],
-        kind: TangentKind,
-    ) -> TetrahedronTangent<R> {
+    fn tangent<R: Real>(e: &Element<R>, u: &Nodes<R>, kind: TangentKind) -> TetrahedronTangent<R> {
         if kind != TangentKind::Exact {
             return assemble(&projected(e, u).1);
         }
@@ -260,7 +256,7 @@ impl TetrahedronLaw for NeoHookean {
         assemble(&core)
     }
     #[inline(always)]
-    fn is_clamped<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> R::Mask {
+    fn is_clamped<R: Real>(e: &Element<R>, u: &Nodes<R>) -> R::Mask {
         projected(e, u).0
     }
 }

@@ -17,14 +17,16 @@ use sinew_engine::law::TangentKind;
 use sinew_engine::scalar::{Real, dot, mat_vec};
 
 use crate::element::matrix::{add_identity, column, deformation, rows, symmetrise};
-use crate::element::tetrahedron::{CORE, Element, TetrahedronTangent, assemble, nodal_forces};
+use crate::element::tetrahedron::{
+    CORE, Element, Nodes, TetrahedronTangent, assemble, nodal_forces,
+};
 use crate::frame::law::TetrahedronLaw;
 use crate::frame::row::LawRow;
 use crate::laws::svk;
 
 /// `F` and `E`, row-major.
 #[inline(always)]
-fn kinematics<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> ([R; 9], [R; 9]) {
+fn kinematics<R: Real>(e: &Element<R>, u: &Nodes<R>) -> ([R; 9], [R; 9]) {
     let f = deformation(&displacement_gradient(&e.gradients, u));
     let half = R::from_f64(0.5);
     let mut strain = [R::ZERO; 9];
@@ -66,7 +68,7 @@ impl TetrahedronLaw for StVKFem {
     const NAME: &'static str = "St Venant-Kirchhoff by finite elements";
     type Mark = Self;
     #[inline(always)]
-    fn energy<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> R {
+    fn energy<R: Real>(e: &Element<R>, u: &Nodes<R>) -> R {
         let (_, strain) = kinematics(e, u);
         let trace = strain[0] + strain[4] + strain[8];
         let mut squares = R::ZERO;
@@ -76,7 +78,7 @@ impl TetrahedronLaw for StVKFem {
         e.volume * (R::from_f64(0.5) * e.lambda * trace).mul_add(trace, e.mu * squares)
     }
     #[inline(always)]
-    fn forces<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> Option<[[R; 3]; 4]> {
+    fn forces<R: Real>(e: &Element<R>, u: &Nodes<R>) -> Option<Nodes<R>> {
         let (f, strain) = kinematics(e, u);
         let s = stress(e, &strain);
         let mut p = [R::ZERO; 9];
@@ -89,11 +91,7 @@ impl TetrahedronLaw for StVKFem {
     }
     /// `+d2W/du2`, or for `GaussNewton` its first part.
     #[inline(always)]
-    fn tangent<R: Real>(
-        e: &Element<R>,
-        u: &[[R; 3]; 4],
-        kind: TangentKind,
-    ) -> TetrahedronTangent<R> {
+    fn tangent<R: Real>(e: &Element<R>, u: &Nodes<R>, kind: TangentKind) -> TetrahedronTangent<R> {
         let (f, strain) = kinematics(e, u);
         let s = stress(e, &strain);
         let (lambda, mu, o) = (e.lambda, e.mu, R::ZERO);

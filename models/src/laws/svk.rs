@@ -7,7 +7,7 @@ use sinew_engine::element::TetrahedronEdges;
 use sinew_engine::law::TangentKind;
 use sinew_engine::scalar::Real;
 
-use crate::element::tetrahedron::{self, Element, TetrahedronTangent};
+use crate::element::tetrahedron::{self, Element, Nodes, TetrahedronTangent};
 use crate::frame::law::TetrahedronLaw;
 use crate::frame::row::LawRow;
 
@@ -17,7 +17,7 @@ macro_rules! tangents {
         #[inline(always)]
         fn tangent<R: Real>(
             e: &Element<R>,
-            u: &[[R; 3]; 4],
+            u: &Nodes<R>,
             kind: TangentKind,
         ) -> TetrahedronTangent<R> {
             tetrahedron::tangent_parts(e, u, $elastic, kind != TangentKind::GaussNewton)
@@ -25,10 +25,10 @@ macro_rules! tangents {
         #[inline(always)]
         fn product<R: Real>(
             e: &Element<R>,
-            u: &[[R; 3]; 4],
-            v: &[[R; 3]; 4],
+            u: &Nodes<R>,
+            v: &Nodes<R>,
             kind: TangentKind,
-        ) -> [[R; 3]; 4] {
+        ) -> Nodes<R> {
             tetrahedron::product_parts(e, u, v, $elastic, kind != TangentKind::GaussNewton)
         }
     };
@@ -44,11 +44,11 @@ impl TetrahedronLaw for FusedStVK {
     const NAME: &'static str = "fused St Venant-Kirchhoff";
     type Mark = Self;
     #[inline(always)]
-    fn energy<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> R {
+    fn energy<R: Real>(e: &Element<R>, u: &Nodes<R>) -> R {
         tetrahedron::energy(e, u)
     }
     #[inline(always)]
-    fn forces<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> Option<[[R; 3]; 4]> {
+    fn forces<R: Real>(e: &Element<R>, u: &Nodes<R>) -> Option<Nodes<R>> {
         Some(tetrahedron::forces(e, u))
     }
     tangents!(elastic: true);
@@ -65,11 +65,11 @@ impl TetrahedronLaw for Compression {
         kind != TangentKind::Projected
     }
     #[inline(always)]
-    fn energy<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> R {
+    fn energy<R: Real>(e: &Element<R>, u: &Nodes<R>) -> R {
         tetrahedron::compression::energy(e, u)
     }
     #[inline(always)]
-    fn forces<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> Option<[[R; 3]; 4]> {
+    fn forces<R: Real>(e: &Element<R>, u: &Nodes<R>) -> Option<Nodes<R>> {
         let ratio = tetrahedron::volume_ratio(e, u);
         let acts = R::both(R::less(ratio, R::ONE), R::less(R::ZERO, e.compression));
         // no `then`: a closure would be compiled without the instruction set
@@ -90,11 +90,11 @@ impl TetrahedronLaw for PooledProjection {
         kind == TangentKind::Projected
     }
     #[inline(always)]
-    fn energy<R: Real>(_: &Element<R>, _: &[[R; 3]; 4]) -> R {
+    fn energy<R: Real>(_: &Element<R>, _: &Nodes<R>) -> R {
         R::ZERO
     }
     #[inline(always)]
-    fn forces<R: Real>(_: &Element<R>, _: &[[R; 3]; 4]) -> Option<[[R; 3]; 4]> {
+    fn forces<R: Real>(_: &Element<R>, _: &Nodes<R>) -> Option<Nodes<R>> {
         None
     }
     tangents!(elastic: true);

@@ -45,7 +45,7 @@ use sinew_engine::scalar::{Real, cross, dot, mat_vec};
 use crate::element::matrix::{add_identity, add_skew, deformation, rows, symmetric};
 use crate::element::projection::{Spectrum, Svd, clamped_blocks, signed_svd};
 use crate::element::tetrahedron::{
-    CORE, Element, TetrahedronTangent, assemble, cofactor, elastic_stress, green_strain,
+    CORE, Element, Nodes, TetrahedronTangent, assemble, cofactor, elastic_stress, green_strain,
     nodal_forces, second_piola_kirchhoff,
 };
 use crate::frame::law::TetrahedronLaw;
@@ -60,7 +60,7 @@ fn shear_only<R: Real>(e: &Element<R>) -> Element<R> {
 
 /// Whether eigenvalues were clamped, and the blocks of the rest.
 #[inline(always)]
-fn projected<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> (R::Mask, [[R; 9]; 6]) {
+fn projected<R: Real>(e: &Element<R>, u: &Nodes<R>) -> (R::Mask, [[R; 9]; 6]) {
     let g = displacement_gradient(&e.gradients, u);
     let m = volume_change(&g);
     let (lambda, mu, one) = (e.volume_curvature(m), e.mu, R::ONE);
@@ -123,7 +123,7 @@ impl TetrahedronLaw for StVKVolume {
     const STRESS_PROJECTION: bool = false;
     const VOLUME: Option<VolumeMeasure> = Some(VolumeMeasure::Jacobian);
     #[inline(always)]
-    fn energy<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> R {
+    fn energy<R: Real>(e: &Element<R>, u: &Nodes<R>) -> R {
         let g = displacement_gradient(&e.gradients, u);
         let [xx, yy, zz, yz, xz, xy] = green_strain(&g);
         let shear = dot([yz, xz, xy], [yz, xz, xy]);
@@ -133,7 +133,7 @@ impl TetrahedronLaw for StVKVolume {
         e.volume * (slope.mul_add(m, e.mu * squares) + e.quartic_density(m))
     }
     #[inline(always)]
-    fn forces<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> Option<[[R; 3]; 4]> {
+    fn forces<R: Real>(e: &Element<R>, u: &Nodes<R>) -> Option<Nodes<R>> {
         let g = displacement_gradient(&e.gradients, u);
         let mut p = elastic_stress(&g, &second_piola_kirchhoff(&shear_only(e), &green_strain(&g)));
         let m = volume_change(&g);
@@ -145,11 +145,7 @@ impl TetrahedronLaw for StVKVolume {
         Some(nodal_forces(e, &p))
     }
     #[inline(always)]
-    fn tangent<R: Real>(
-        e: &Element<R>,
-        u: &[[R; 3]; 4],
-        kind: TangentKind,
-    ) -> TetrahedronTangent<R> {
+    fn tangent<R: Real>(e: &Element<R>, u: &Nodes<R>, kind: TangentKind) -> TetrahedronTangent<R> {
         if kind == TangentKind::Projected {
             return assemble(&projected(e, u).1);
         }
@@ -192,7 +188,7 @@ impl TetrahedronLaw for StVKVolume {
         assemble(&core)
     }
     #[inline(always)]
-    fn is_clamped<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> R::Mask {
+    fn is_clamped<R: Real>(e: &Element<R>, u: &Nodes<R>) -> R::Mask {
         projected(e, u).0
     }
 }
