@@ -28,7 +28,7 @@ use sinew_models::body::{BodyDescription, BodyError, Evaluation, Model, VolumeRu
 use sinew_models::element::tetrahedron::{Element, TetrahedronTangent};
 use sinew_models::frame::law::TetrahedronLaw;
 use sinew_models::frame::row::{
-    Elements, LawError, LawRow, LawTable, activate, activate_elements, mark,
+    Elements, LawError, LawRow, LawTable, PlacedLaw, activate, activate_elements, mark,
 };
 use sinew_models::laws::LAWS;
 use sinew_models::laws::linear::Linear;
@@ -392,11 +392,10 @@ static TIES: LawRow = LawRow::of_systems(
     [ties::<f64>, ties::<f32>],
 );
 
-fn ties<S: Scalar>(world: &mut World, row: &'static LawRow, place: usize) {
+fn ties<S: Scalar>(world: &mut World, law: PlacedLaw) {
     activate_elements::<AxisVertices, S, (&AxisVertices, &AxisBlocks, &Tie)>(
         world,
-        row,
-        place,
+        law,
         |schedule::Evaluation { workers, .. }, u, (sites, blocks, ties), buffer| {
             let u = Displacement::peel_slice(u);
             workers.for_each(&mut buffer.spans, 100 * ties.len(), |_, span| {

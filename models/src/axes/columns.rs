@@ -9,10 +9,11 @@
 )]
 
 use bevy_ecs::prelude::*;
+use bevy_ecs::query::ContiguousQueryData;
 use bytemuck::TransparentWrapper;
 use sinew_engine::element::{
-    AxisBlocks, AxisVertices, ShapeGradientColumns, ShapeGradients, load_displacements,
-    load_vectors, shape_gradient_numbers,
+    AxisBlocks, AxisVertices, ShapeGradients, load_displacements, load_vectors,
+    shape_gradient_numbers,
 };
 use sinew_engine::lanes::Lanes;
 use sinew_engine::scalar::Scalar;
@@ -65,6 +66,21 @@ vector_columns!(
 );
 vector_columns!(
     AxisAngleStiffness: AngleStiffnesses, AngleColumns, AngleBundle, angle_bundle, angle_numbers
+);
+
+/// Slices of the query data `D`, as a contiguous query gives them.
+pub(super) type Slices<'a, D> = <D as ContiguousQueryData>::Contiguous<'a, 'a>;
+
+/// The axes of a triad: query data.
+pub type Directions<S> = (Direction<S, 0>, Direction<S, 1>, Direction<S, 2>);
+
+/// Constants of fibres: query data.
+pub type FibreConstants<S> = (
+    &'static AxialStiffness<S, 0>,
+    &'static FibreShortening<S>,
+    &'static FibreActive<S>,
+    &'static FibreOffset<S>,
+    &'static FibreInverseWidth<S>,
 );
 
 /// Columns of one table of axes as slices.
@@ -147,27 +163,17 @@ pub struct TriadColumns<'a, S> {
 pub type TriadData<S> = (
     (&'static AxisVertices, &'static AxisBlocks),
     ShapeGradients<S>,
-    (Direction<S, 0>, Direction<S, 1>, Direction<S, 2>),
+    Directions<S>,
     AxialStiffnesses<S>,
     AngleStiffnesses<S>,
     &'static VolumeStiffness<S>,
-);
-
-/// Slices of [`TriadData`].
-pub type TriadSlices<'a, S> = (
-    (&'a [AxisVertices], &'a [AxisBlocks]),
-    ShapeGradientColumns<'a, S>,
-    (DirectionColumns<'a, S, 0>, DirectionColumns<'a, S, 1>, DirectionColumns<'a, S, 2>),
-    AxialColumns<'a, S>,
-    AngleColumns<'a, S>,
-    &'a [VolumeStiffness<S>],
 );
 
 impl<'a, S: Scalar> TriadColumns<'a, S> {
     /// From table columns.
     pub fn new(
         displacement: &'a [Displacement<S>],
-        ((nodes, blocks), gradients, axes, axial, angular, volumetric): TriadSlices<'a, S>,
+        ((nodes, blocks), gradients, axes, axial, angular, volumetric): Slices<'a, TriadData<S>>,
     ) -> Self {
         let [a, b, c] = direction_numbers(axes.0);
         let [d, e, f] = direction_numbers(axes.1);
@@ -216,34 +222,14 @@ pub type FibreData<S> = (
     (&'static AxisVertices, &'static AxisBlocks),
     (&'static FibreShape<S, 1>, &'static FibreShape<S, 2>, &'static FibreShape<S, 3>),
     Direction<S, 0>,
-    (
-        &'static AxialStiffness<S, 0>,
-        &'static FibreShortening<S>,
-        &'static FibreActive<S>,
-        &'static FibreOffset<S>,
-        &'static FibreInverseWidth<S>,
-    ),
-);
-
-/// Slices of [`FibreData`].
-pub type FibreSlices<'a, S> = (
-    (&'a [AxisVertices], &'a [AxisBlocks]),
-    (&'a [FibreShape<S, 1>], &'a [FibreShape<S, 2>], &'a [FibreShape<S, 3>]),
-    DirectionColumns<'a, S, 0>,
-    (
-        &'a [AxialStiffness<S, 0>],
-        &'a [FibreShortening<S>],
-        &'a [FibreActive<S>],
-        &'a [FibreOffset<S>],
-        &'a [FibreInverseWidth<S>],
-    ),
+    FibreConstants<S>,
 );
 
 impl<'a, S: Scalar> FibreColumns<'a, S> {
     /// From table columns.
     pub fn new(
         displacement: &'a [Displacement<S>],
-        ((nodes, blocks), shape, axis, own): FibreSlices<'a, S>,
+        ((nodes, blocks), shape, axis, own): Slices<'a, FibreData<S>>,
     ) -> Self {
         let (stiffness, shortening, active, offset, inverse_width) = own;
         Self {
@@ -297,15 +283,11 @@ pub struct VolumeColumns<'a, S> {
 pub type VolumeData<S> =
     ((&'static AxisVertices, &'static AxisBlocks), ShapeGradients<S>, &'static VolumeStiffness<S>);
 
-/// Slices of [`VolumeData`].
-pub type VolumeSlices<'a, S> =
-    ((&'a [AxisVertices], &'a [AxisBlocks]), ShapeGradientColumns<'a, S>, &'a [VolumeStiffness<S>]);
-
 impl<'a, S: Scalar> VolumeColumns<'a, S> {
     /// From table columns.
     pub fn new(
         displacement: &'a [Displacement<S>],
-        ((nodes, blocks), gradients, volumetric): VolumeSlices<'a, S>,
+        ((nodes, blocks), gradients, volumetric): Slices<'a, VolumeData<S>>,
     ) -> Self {
         Self {
             shared: Shared::new(displacement, nodes, blocks),

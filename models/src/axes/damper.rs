@@ -25,7 +25,7 @@ use bytemuck::TransparentWrapper;
 
 use super::site::{AxisSite, Blocks, Nodes, add_blocks, add_spread, local, spread_over};
 use crate::element::matrix::add_outer;
-use crate::frame::row::{Elements, LawRow, mark, partition};
+use crate::frame::row::{Elements, LawRow, PlacedLaw, mark, partition};
 
 /// A damper along an axis of an element of `N` vertices.
 #[derive(Component, Clone, Copy, Debug, PartialEq)]
@@ -126,15 +126,11 @@ pub static IN_TETRAHEDRA10: LawRow = LawRow::of_dampers(
     ],
 );
 
-fn activate<S: Scalar, const N: usize, V: AxisSite<N>>(
-    world: &mut World,
-    row: &'static LawRow,
-    place: usize,
-) {
+fn activate<S: Scalar, const N: usize, V: AxisSite<N>>(world: &mut World, law: PlacedLaw) {
     let law = ElementLaw::<S, (&V, &V::Blocks, &AxialDamper<N>)> {
-        info: row.info,
-        place,
-        mark: Some(row.mark::<S>(world)),
+        info: law.row.info,
+        place: law.place,
+        mark: Some(law.row.mark::<S>(world)),
         partition: partition::<V, S>,
         evaluate: |with, u, (sites, blocks, dampers), buffer| {
             let u = Displacement::peel_slice(u);

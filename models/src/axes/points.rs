@@ -9,7 +9,6 @@
 //! [`PointsRest`] whose volumes are the shares of the points in it.
 
 use bevy_ecs::prelude::*;
-use bevy_ecs::query::ContiguousQueryData;
 use bytemuck::TransparentWrapper;
 use glam::DVec3;
 use sinew_engine::isoparametric::{
@@ -29,7 +28,7 @@ use super::site::AxisSite;
 use crate::frame::columns::{self, work};
 use crate::frame::gauss::{GaussColumns, GaussElements, GaussLaw};
 use crate::frame::hexahedra::{Brick, Shape, TenNodes, inner_blocks};
-use crate::frame::row::{Elements, LawRow, activate_elements, mark};
+use crate::frame::row::{Elements, LawRow, PlacedLaw, activate_elements, mark};
 
 /// A kind of elements in which axes lie at points.
 pub(crate) trait AxisShape<const V: usize, const P: usize, const Q: usize>:
@@ -121,9 +120,6 @@ pub(crate) struct Shared<'a, S: Scalar, const V: usize, const P: usize, const Q:
 /// Query data of vertex rows, tangent blocks and rest shapes, with shares of the points in place of volumes.
 pub type SharedData<S, A, B, const Q: usize> = (&'static A, &'static B, &'static PointsRest<S, Q>);
 
-/// Slices of the query data `D`.
-type Slices<'a, D> = <D as ContiguousQueryData>::Contiguous<'a, 'a>;
-
 impl<'a, S: Scalar, const V: usize, const P: usize, const Q: usize> Shared<'a, S, V, P, Q> {
     fn new<E: AxisShape<V, P, Q>>(
         displacement: &'a [Displacement<S>],
@@ -151,27 +147,20 @@ pub(crate) trait PointColumns<S: Scalar, const V: usize, const P: usize, const Q
     fn element<L: Lanes<Scalar = S>>(&self, i: usize, first: usize, share: L) -> Self::Element<L>;
 }
 
-/// The axes of a triad: query data.
-type Axes3<S> = (Direction<S, 0>, Direction<S, 1>, Direction<S, 2>);
-/// Axial moduli of a triad: query data.
-type Axial3<S> =
-    (&'static AxialStiffness<S, 0>, &'static AxialStiffness<S, 1>, &'static AxialStiffness<S, 2>);
-/// Angular moduli of a triad: query data.
-type Angular3<S> = (
-    &'static AxisAngleStiffness<S, 0>,
-    &'static AxisAngleStiffness<S, 1>,
-    &'static AxisAngleStiffness<S, 2>,
-);
-
 /// Query data of triads.
-pub type TriadData<S, A, B, const Q: usize> =
-    (SharedData<S, A, B, Q>, Axes3<S>, Axial3<S>, Angular3<S>, &'static VolumeStiffness<S>);
+pub type TriadData<S, A, B, const Q: usize> = (
+    SharedData<S, A, B, Q>,
+    Directions<S>,
+    AxialStiffnesses<S>,
+    AngleStiffnesses<S>,
+    &'static VolumeStiffness<S>,
+);
 
 struct TriadColumns<'a, S: Scalar, const V: usize, const P: usize, const Q: usize> {
     shared: Shared<'a, S, V, P, Q>,
-    axes: Slices<'a, Axes3<S>>,
-    axial: Slices<'a, Axial3<S>>,
-    angular: Slices<'a, Angular3<S>>,
+    axes: [[&'a [S]; 3]; 3],
+    axial: [&'a [S]; 3],
+    angular: [&'a [S]; 3],
     volumetric: &'a [VolumeStiffness<S>],
 }
 
@@ -185,14 +174,6 @@ impl<S: Scalar, const V: usize, const P: usize, const Q: usize> PointColumns<S, 
     }
     #[inline(always)]
     fn element<L: Lanes<Scalar = S>>(&self, i: usize, first: usize, share: L) -> Triad<L> {
-        let (a, b, c) = self.axes;
-        let axes = [
-            [a.0[i].0, a.1[i].0, a.2[i].0],
-            [b.0[i].0, b.1[i].0, b.2[i].0],
-            [c.0[i].0, c.1[i].0, c.2[i].0],
-        ];
-        let axial = [self.axial.0[i].0, self.axial.1[i].0, self.axial.2[i].0];
-        let angular = [self.angular.0[i].0, self.angular.1[i].0, self.angular.2[i].0];
         let mut triad = Triad {
             gradients: self.shared.rest[i].gradients::<L>(first),
             axes: [[L::ZERO; 3]; 3],
@@ -202,23 +183,14 @@ impl<S: Scalar, const V: usize, const P: usize, const Q: usize> PointColumns<S, 
         };
         for k in 0..3 {
             for x in 0..3 {
-                triad.axes[k][x] = L::splat(axes[k][x]);
+                triad.axes[k][x] = L::splat(self.axes[k][x][i]);
             }
-            triad.axial[k] = L::splat(axial[k]) * share;
-            triad.angular[k] = L::splat(angular[k]) * share;
+            triad.axial[k] = L::splat(self.axial[k][i]) * share;
+            triad.angular[k] = L::splat(self.angular[k][i]) * share;
         }
         triad
     }
 }
-
-/// Constants of fibres: query data.
-type FibreConstants<S> = (
-    &'static AxialStiffness<S, 0>,
-    &'static FibreShortening<S>,
-    &'static FibreActive<S>,
-    &'static FibreOffset<S>,
-    &'static FibreInverseWidth<S>,
-);
 
 /// Query data of fibres.
 pub type FibreData<S, A, B, const Q: usize> =
@@ -291,15 +263,15 @@ impl<S: Scalar, const V: usize, const P: usize, const Q: usize> PointColumns<S, 
 
 fn triads<S: Scalar, E: AxisShape<V, P, Q>, const V: usize, const P: usize, const Q: usize>(
     world: &mut World,
-    row: &'static LawRow,
-    place: usize,
+    law: PlacedLaw,
 ) {
     activate_elements::<E::AxisVertices, S, TriadData<S, E::AxisVertices, E::AxisBlocks, Q>>(
         world,
-        row,
-        place,
-        |with, u, (shared, axes, axial, angular, volumetric), buffer| {
+        law,
+        |with, u, (shared, (a, b, c), axial, angular, volumetric), buffer| {
             let shared = Shared::new::<E>(u, shared);
+            let axes = [direction_numbers(a), direction_numbers(b), direction_numbers(c)];
+            let (axial, angular) = (axial_numbers(axial), angle_numbers(angular));
             evaluate(&TriadColumns { shared, axes, axial, angular, volumetric }, with, buffer);
         },
     );
@@ -307,26 +279,22 @@ fn triads<S: Scalar, E: AxisShape<V, P, Q>, const V: usize, const P: usize, cons
 
 fn fibres<S: Scalar, E: AxisShape<V, P, Q>, const V: usize, const P: usize, const Q: usize>(
     world: &mut World,
-    row: &'static LawRow,
-    place: usize,
+    law: PlacedLaw,
 ) {
     activate_elements::<E::AxisVertices, S, FibreData<S, E::AxisVertices, E::AxisBlocks, Q>>(
         world,
-        row,
-        place,
+        law,
         |with, u, data, buffer| evaluate(&FibreColumns::new::<E>(u, data), with, buffer),
     );
 }
 
 fn volumes<S: Scalar, E: AxisShape<V, P, Q>, const V: usize, const P: usize, const Q: usize>(
     world: &mut World,
-    row: &'static LawRow,
-    place: usize,
+    law: PlacedLaw,
 ) {
     activate_elements::<E::AxisVertices, S, VolumeData<S, E::AxisVertices, E::AxisBlocks, Q>>(
         world,
-        row,
-        place,
+        law,
         |with, u, (shared, volumetric), buffer| {
             let shared = Shared::new::<E>(u, shared);
             evaluate(&VolumeColumns { shared, volumetric }, with, buffer);

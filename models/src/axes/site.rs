@@ -28,37 +28,24 @@ pub trait AxisSite<const N: usize>: ElementRows + Copy {
     fn blocks(blocks: &Self::Blocks) -> &[u32];
 }
 
-impl AxisSite<4> for AxisVertices {
-    type Blocks = AxisBlocks;
-    const PAIRS: &'static [[usize; 2]] = &TETRAHEDRON_EDGES;
-    fn rows(&self) -> &[u32; 4] {
-        &self.0
-    }
-    fn blocks(blocks: &AxisBlocks) -> &[u32] {
-        &blocks.0
-    }
+macro_rules! sites {
+    ($($count:literal $vertices:ident, $blocks:ident, $pairs:ident;)+) => {$(
+        impl AxisSite<$count> for $vertices {
+            type Blocks = $blocks;
+            const PAIRS: &'static [[usize; 2]] = &$pairs;
+            fn rows(&self) -> &[u32; $count] {
+                &self.0
+            }
+            fn blocks(blocks: &$blocks) -> &[u32] {
+                &blocks.0
+            }
+        }
+    )+};
 }
-
-impl AxisSite<8> for AxisHexahedronVertices {
-    type Blocks = AxisHexahedronBlocks;
-    const PAIRS: &'static [[usize; 2]] = &HEXAHEDRON_PAIRS;
-    fn rows(&self) -> &[u32; 8] {
-        &self.0
-    }
-    fn blocks(blocks: &AxisHexahedronBlocks) -> &[u32] {
-        &blocks.0
-    }
-}
-
-impl AxisSite<10> for AxisTetrahedron10Vertices {
-    type Blocks = AxisTetrahedron10Blocks;
-    const PAIRS: &'static [[usize; 2]] = &TETRAHEDRON10_PAIRS;
-    fn rows(&self) -> &[u32; 10] {
-        &self.0
-    }
-    fn blocks(blocks: &AxisTetrahedron10Blocks) -> &[u32] {
-        &blocks.0
-    }
+sites! {
+    4 AxisVertices, AxisBlocks, TETRAHEDRON_EDGES;
+    8 AxisHexahedronVertices, AxisHexahedronBlocks, HEXAHEDRON_PAIRS;
+    10 AxisTetrahedron10Vertices, AxisTetrahedron10Blocks, TETRAHEDRON10_PAIRS;
 }
 
 /// Displacements (m) of the vertices of an element in `f64`.

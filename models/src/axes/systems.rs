@@ -11,7 +11,7 @@ use sinew_engine::schedule::Evaluation;
 use super::columns::*;
 use super::element::AxisElement;
 use crate::frame::columns::{self, LawColumns, TangentSum, add_vertices, work};
-use crate::frame::row::{Elements, LawRow, activate_elements, mark};
+use crate::frame::row::{Elements, LawRow, PlacedLaw, activate_elements, mark};
 use crate::frame::tetrahedra::add_tangent;
 
 /// Marks tetrahedra of bodies that consist of axes alone: no law of a material acts on them.
@@ -41,37 +41,22 @@ pub static VOLUMES: LawRow = LawRow::of_systems(
     [volumes::<f64>, volumes::<f32>],
 );
 
-fn triads<S: Scalar>(world: &mut World, row: &'static LawRow, place: usize) {
-    activate_elements::<AxisVertices, S, TriadData<S>>(
-        world,
-        row,
-        place,
-        |with, u, data, buffer| {
-            evaluate(&TriadColumns::new(u, data), with, buffer);
-        },
-    );
+fn triads<S: Scalar>(world: &mut World, law: PlacedLaw) {
+    activate_elements::<AxisVertices, S, TriadData<S>>(world, law, |with, u, data, buffer| {
+        evaluate(&TriadColumns::new(u, data), with, buffer);
+    });
 }
 
-fn fibres<S: Scalar>(world: &mut World, row: &'static LawRow, place: usize) {
-    activate_elements::<AxisVertices, S, FibreData<S>>(
-        world,
-        row,
-        place,
-        |with, u, data, buffer| {
-            evaluate(&FibreColumns::new(u, data), with, buffer);
-        },
-    );
+fn fibres<S: Scalar>(world: &mut World, law: PlacedLaw) {
+    activate_elements::<AxisVertices, S, FibreData<S>>(world, law, |with, u, data, buffer| {
+        evaluate(&FibreColumns::new(u, data), with, buffer);
+    });
 }
 
-fn volumes<S: Scalar>(world: &mut World, row: &'static LawRow, place: usize) {
-    activate_elements::<AxisVertices, S, VolumeData<S>>(
-        world,
-        row,
-        place,
-        |with, u, data, buffer| {
-            evaluate(&VolumeColumns::new(u, data), with, buffer);
-        },
-    );
+fn volumes<S: Scalar>(world: &mut World, law: PlacedLaw) {
+    activate_elements::<AxisVertices, S, VolumeData<S>>(world, law, |with, u, data, buffer| {
+        evaluate(&VolumeColumns::new(u, data), with, buffer);
+    });
 }
 
 /// Energy, force and tangent of every range, silent for bodies that recover.

@@ -140,7 +140,7 @@ fn spawn<S: Scalar>(world: &mut World, body: &BodyDescription) -> Result<Entity,
     part.spawn_vertices::<S>(world, &masses);
     part.spawn_edges::<S>(world, &mass_spring);
     let edge_rows = part.spawn_pooled_springs::<S>(world, &pooled);
-    let law = model.law().map(|row| row::in_table(world, row).1);
+    let law = model.law().map(|row| row::in_table(world, row).row);
     // springs, axes
     if law.is_none() {
         world.resource_mut::<BodiesWithoutRecovery>().insert(at.body.0 as usize);
@@ -453,7 +453,7 @@ impl SolidPart<'_> {
                 // without one it was refused before
                 Some(law) => {
                     if let Some(law) = law.in_elements(elements, volume) {
-                        row::in_table(world, law).1.spawn::<S>(world, self);
+                        row::in_table(world, law).row.spawn::<S>(world, self);
                     }
                 }
                 None => alone[usize::from(model == Model::Axes)](world, self),

@@ -24,7 +24,6 @@ use sinew_engine::element::{TetrahedronVertices, displacement_gradient};
 use sinew_engine::lanes::{Kernel, Lanes, MAX_LANES};
 use sinew_engine::law::LawInfo;
 use sinew_engine::scalar::{Scalar, mat_vec};
-use sinew_engine::schedule::Evaluation;
 use sinew_engine::vertex::Displacement;
 use sinew_engine::workers::Workers;
 
@@ -34,7 +33,9 @@ use super::law::TetrahedronLaw;
 use super::means::{self, KeptByMean, MeanLaw};
 use super::moduli::{ClusterIndex, ClusterPressure, PredictedPressure};
 use super::part::spawn_clustered;
-use super::row::{Activate, Elements, InRecovery, LawRow, Mark, Measure, activate_elements, mark};
+use super::row::{
+    Activate, Elements, InRecovery, LawRow, Mark, Measure, PlacedLaw, activate_elements, mark,
+};
 use super::rules::{VolumeMeasure, in_cluster, shared_part};
 use super::tetrahedra::{TetrahedronColumns, TetrahedronData, evaluate_spans, for_batches};
 
@@ -80,26 +81,20 @@ type Data<S> = (
 );
 
 /// Puts `L` by clusters into the force schedule.
-pub(crate) fn activate<L: TetrahedronLaw, S: Scalar>(
-    world: &mut World,
-    row: &'static LawRow,
-    place: usize,
-) {
+pub(crate) fn activate<L: TetrahedronLaw, S: Scalar>(world: &mut World, law: PlacedLaw) {
     const { assert!(L::VOLUME.is_some()) };
     activate_elements::<TetrahedronVertices, S, Data<S>>(
         world,
-        row,
-        place,
-        |Evaluation { request, workers, recovering }, u, (data, _, pressure, predicted), buffer| {
+        law,
+        |with, u, (data, _, pressure, predicted), buffer| {
             let pressure = ClusterPressure::peel_slice(pressure);
             let predicted = PredictedPressure::peel_slice(predicted);
             let plain = TetrahedronColumns::new(u, data);
             let columns = TetrahedronColumns { pressure, predicted, ..plain };
-            let with = Evaluation { request, workers, recovering };
             evaluate_spans::<L, S>(&columns, with, |kind| kind, buffer);
         },
     );
-    means::activate::<ByClusters<L>, S, 4>(world, row);
+    means::activate::<ByClusters<L>, S, 4>(world, law.row);
 }
 
 /// Tetrahedra in clusters, as slices.

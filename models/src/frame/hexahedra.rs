@@ -58,7 +58,8 @@ use super::moduli::{
 };
 use super::part::{SolidPart, spawn_hexahedra, spawn_tetrahedra10};
 use super::row::{
-    Activate, ElementRows, Elements, InRecovery, LawRow, Mark, Measure, activate_elements, mark,
+    Activate, ElementRows, Elements, InRecovery, LawRow, Mark, Measure, PlacedLaw,
+    activate_elements, mark,
 };
 use super::rules::VolumeMeasure;
 use super::stand_in::Corotational;
@@ -367,22 +368,17 @@ type Slices<'a, S, A, B, const Q: usize> =
     <Data<S, A, B, Q> as ContiguousQueryData>::Contiguous<'a, 'a>;
 
 /// Puts `L` on elements of a kind into the force schedule.
-pub(crate) fn activate<
+pub(crate) fn activate<L, E, S, const V: usize, const P: usize, const Q: usize>(
+    world: &mut World,
+    law: PlacedLaw,
+) where
     L: TetrahedronLaw,
     E: Shape<V, P, Q>,
     S: Scalar,
-    const V: usize,
-    const P: usize,
-    const Q: usize,
->(
-    world: &mut World,
-    row: &'static LawRow,
-    place: usize,
-) {
+{
     activate_elements::<E::Vertices, S, Data<S, E::Vertices, E::Blocks, Q>>(
         world,
-        row,
-        place,
+        law,
         |with, u, data, buffer| {
             evaluate::<L, E, S, V, P, Q>(with, &columns::<E, S, V, P, Q>(u, data), buffer);
         },
@@ -390,24 +386,19 @@ pub(crate) fn activate<
 }
 
 /// The same with its volume term by the mean of each element.
-pub(crate) fn activate_by_mean<
+pub(crate) fn activate_by_mean<L, E, S, const V: usize, const P: usize, const Q: usize>(
+    world: &mut World,
+    law: PlacedLaw,
+) where
     L: TetrahedronLaw,
     E: Shape<V, P, Q>,
     S: Scalar,
-    const V: usize,
-    const P: usize,
-    const Q: usize,
->(
-    world: &mut World,
-    row: &'static LawRow,
-    place: usize,
-) {
+{
     const { assert!(L::VOLUME.is_some()) };
     type Read<S> = (&'static ClusterPressure<S>, &'static PredictedPressure<S>);
     activate_elements::<E::Vertices, S, (Data<S, E::Vertices, E::Blocks, Q>, Read<S>)>(
         world,
-        row,
-        place,
+        law,
         |with, u, (data, (pressure, predicted)), buffer| {
             let pressure = ClusterPressure::peel_slice(pressure);
             let pressures = [pressure, PredictedPressure::peel_slice(predicted)];
@@ -415,7 +406,7 @@ pub(crate) fn activate_by_mean<
             evaluate::<L, E, S, V, P, Q>(with, &columns, buffer);
         },
     );
-    means::activate::<MeansOfPoints<L, E, P, Q>, S, V>(world, row);
+    means::activate::<MeansOfPoints<L, E, P, Q>, S, V>(world, law.row);
 }
 
 fn columns<'a, E: Shape<V, P, Q>, S: Scalar, const V: usize, const P: usize, const Q: usize>(

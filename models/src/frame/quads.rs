@@ -19,7 +19,7 @@ use std::marker::PhantomData;
 use super::columns::{self, work};
 use super::gauss::{AtPoints, GaussColumns, GaussElements, GaussLaw};
 use super::law::TriangleLaw;
-use super::row::{Activate, Elements, InRecovery, LawRow, activate_elements, mark};
+use super::row::{Activate, Elements, InRecovery, LawRow, PlacedLaw, activate_elements, mark};
 use super::triangles::{MembraneCompressionModulus, MembraneFirstModulus, MembraneShearModulus};
 use crate::element::membrane::Element;
 
@@ -117,13 +117,9 @@ type Data<S> = (
 type Slices<'a, S> = <Data<S> as ContiguousQueryData>::Contiguous<'a, 'a>;
 
 /// Puts `L` on quadrilaterals into the force schedule.
-pub(crate) fn activate<L: TriangleLaw, S: Scalar>(
-    world: &mut World,
-    row: &'static LawRow,
-    place: usize,
-) {
+pub(crate) fn activate<L: TriangleLaw, S: Scalar>(world: &mut World, law: PlacedLaw) {
     let evaluate = evaluate::<L, S>;
-    activate_elements::<QuadVertices, S, Data<S>>(world, row, place, evaluate);
+    activate_elements::<QuadVertices, S, Data<S>>(world, law, evaluate);
 }
 
 fn evaluate<L: TriangleLaw, S: Scalar>(

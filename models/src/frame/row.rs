@@ -72,7 +72,7 @@ pub enum InRecovery {
 /// Finds the component that marks the elements of a law.
 pub type Mark = fn(&mut World) -> ComponentId;
 /// Puts a law into the schedule of a world, at its place in the sum.
-pub type Activate = fn(&mut World, &'static LawRow, usize);
+pub type Activate = fn(&mut World, PlacedLaw);
 
 /// Energy (J) of a tetrahedron at the displacements (m) of its vertices.
 pub type TetrahedronEnergy = fn(&Element<f64>, &[[f64; 3]; 4]) -> f64;
@@ -122,6 +122,15 @@ pub struct LawRow {
     pub(crate) mark: [Mark; 2],
     pub(crate) activate: [Activate; 2],
     pub(crate) spawn: Option<[fn(&mut World, &SolidPart); 2]>,
+}
+
+/// A law as a world has it: its row there, and its place in the sum.
+#[derive(Clone, Copy, Debug)]
+pub struct PlacedLaw {
+    /// The row.
+    pub row: &'static LawRow,
+    /// The place, lower first.
+    pub place: usize,
 }
 
 impl PartialEq for LawRow {
@@ -307,25 +316,25 @@ impl LawTable {
 
 /// The row that stands in a world's table in the place of `row`, and that place. A row of another crate has its place
 /// in the sum from [`LawTable::add`].
-pub fn in_table(world: &mut World, row: &'static LawRow) -> (usize, &'static LawRow) {
+pub fn in_table(world: &mut World, row: &'static LawRow) -> PlacedLaw {
     let table = world.get_resource_or_init::<LawTable>();
     // rows of this crate are in every table: it can only grow, and names are kept
-    table.find(row.info.name).unwrap_or((table.rows().len(), row))
+    let (place, row) = table.find(row.info.name).unwrap_or((table.rows().len(), row));
+    PlacedLaw { row, place }
 }
 
 /// Puts a law into the schedule of a world, once. Call it when its first elements were spawned, and
 /// [`partition_laws`](sinew_engine::law::partition_laws) when all were.
 pub fn activate<S: Scalar>(world: &mut World, row: &'static LawRow) {
-    let (place, row) = in_table(world, row);
-    row.activate[precision::<S>()](world, row, place);
+    let law = in_table(world, row);
+    law.row.activate[precision::<S>()](world, law);
 }
 
 /// Puts a law of elements of kind `C` with the columns `D` into the schedule: what [`LawRow::of_systems`] takes for
 /// `activate`. The law is evaluated by `evaluate`, range by range of its buffer.
 pub fn activate_elements<C: ElementRows, S: Scalar, D>(
     world: &mut World,
-    row: &'static LawRow,
-    place: usize,
+    PlacedLaw { row, place }: PlacedLaw,
     evaluate: Evaluate<S, D>,
 ) where
     D: ReadOnlyQueryData + ContiguousQueryData + 'static,

@@ -23,7 +23,7 @@ use super::columns::{self, LawProducts, add_vertices, sum, work};
 use super::law::TetrahedronLaw;
 use super::moduli::{CompressionModulus, FirstLameParameter, ShearModulus};
 use super::part::spawn_tetrahedra;
-use super::row::{Activate, Elements, InRecovery, LawRow, activate_elements, mark};
+use super::row::{Activate, Elements, InRecovery, LawRow, PlacedLaw, activate_elements, mark};
 use super::rules;
 use super::stand_in::Corotational;
 use crate::element::projection;
@@ -59,15 +59,10 @@ impl LawRow {
 }
 
 /// Puts `L` into the force schedule.
-pub(crate) fn activate<L: TetrahedronLaw, S: Scalar>(
-    world: &mut World,
-    row: &'static LawRow,
-    place: usize,
-) {
+pub(crate) fn activate<L: TetrahedronLaw, S: Scalar>(world: &mut World, law: PlacedLaw) {
     activate_elements::<TetrahedronVertices, S, TetrahedronData<S>>(
         world,
-        row,
-        place,
+        law,
         |with, u, data, buffer| {
             evaluate_spans::<L, S>(&TetrahedronColumns::new(u, data), with, |kind| kind, buffer);
         },
@@ -75,11 +70,10 @@ pub(crate) fn activate<L: TetrahedronLaw, S: Scalar>(
 }
 
 /// The same for [`WarpedStiffness`](crate::laws::corotational::WarpedStiffness), by the kernels of the corotational law.
-pub(crate) fn activate_warped<S: Scalar>(world: &mut World, row: &'static LawRow, place: usize) {
+pub(crate) fn activate_warped<S: Scalar>(world: &mut World, law: PlacedLaw) {
     activate_elements::<TetrahedronVertices, S, TetrahedronData<S>>(
         world,
-        row,
-        place,
+        law,
         |with, u, data, buffer| {
             let columns = TetrahedronColumns::new(u, data);
             evaluate_spans::<Corotational, S>(&columns, with, |_| TangentKind::GaussNewton, buffer);

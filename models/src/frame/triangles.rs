@@ -20,7 +20,7 @@ use super::columns::{
     self, LawColumns, LawProducts, TangentSum, add_vertices, scalar_columns, work,
 };
 use super::law::TriangleLaw;
-use super::row::{Activate, Elements, InRecovery, LawRow, activate_elements, mark};
+use super::row::{Activate, Elements, InRecovery, LawRow, PlacedLaw, activate_elements, mark};
 use crate::element::membrane::{Element, TriangleTangent};
 
 scalar_columns! {
@@ -47,13 +47,9 @@ impl LawRow {
 }
 
 /// Puts `L` into the force schedule.
-pub(crate) fn activate<L: TriangleLaw, S: Scalar>(
-    world: &mut World,
-    row: &'static LawRow,
-    place: usize,
-) {
+pub(crate) fn activate<L: TriangleLaw, S: Scalar>(world: &mut World, law: PlacedLaw) {
     let evaluate = evaluate::<L, S>;
-    activate_elements::<MembraneVertices, S, MembraneData<S>>(world, row, place, evaluate);
+    activate_elements::<MembraneVertices, S, MembraneData<S>>(world, law, evaluate);
 }
 
 /// Columns of the membrane triangles of law `Law`, as slices.

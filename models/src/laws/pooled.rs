@@ -49,7 +49,7 @@ use crate::element::precompute::OPPOSITE_EDGES;
 use crate::element::spring::{coupling_energy, edge_force, tensile_energy, tensile_tension};
 use crate::element::tetrahedron::TetrahedronTangent;
 use crate::frame::columns::{LawColumns, TangentSum, evaluate_span, scalar_columns, work};
-use crate::frame::row::{ElementRows, Elements, LawRow, mark, partition};
+use crate::frame::row::{ElementRows, Elements, LawRow, PlacedLaw, mark, partition};
 use crate::frame::tetrahedra::add_tangent;
 
 /// Vertex rows of a triangle, ascending.
@@ -146,65 +146,71 @@ fn activate_edges<S: Scalar>(world: &mut World) -> [Input; 4] {
     inputs
 }
 
-fn activate_tensile<S: Scalar>(world: &mut World, row: &'static LawRow, place: usize) {
+fn activate_tensile<S: Scalar>(world: &mut World, law: PlacedLaw) {
     activate_edges::<S>(world);
-    let elements = (Some(row.mark::<S>(world)), partition::<EdgeVertices, S> as Partition<S>);
-    activate_law_of_systems(world, (row.info, place), elements, |schedule, _| {
-        schedule.add_systems(evaluate_tensile::<S>.in_set(ForceSystems::Evaluate));
-    });
+    let system = evaluate_tensile::<S>.in_set(ForceSystems::Evaluate);
     let stiffness = Input::column::<TensileStiffness<S>>(world);
-    declare_inputs(world, row.info.name, &[stiffness]);
+    activate_springs(world, law, partition::<EdgeVertices, S>, system, &[stiffness]);
 }
 
-fn activate_angular<S: Scalar>(world: &mut World, row: &'static LawRow, place: usize) {
+fn activate_angular<S: Scalar>(world: &mut World, law: PlacedLaw) {
     let stiffness = [
         Input::column::<AngularStiffness<S, 0>>(world),
         Input::column::<AngularStiffness<S, 1>>(world),
         Input::column::<AngularStiffness<S, 2>>(world),
     ];
-    let law = (row, place, evaluate_angular::<S>);
-    activate_coupling::<TriangleVertices, TriangleEdges, S, _>(world, law, stiffness);
+    let evaluate = evaluate_angular::<S>;
+    activate_coupling::<TriangleVertices, TriangleEdges, S, _>(world, law, evaluate, stiffness);
 }
 
-fn activate_volumetric<S: Scalar>(world: &mut World, row: &'static LawRow, place: usize) {
+fn activate_volumetric<S: Scalar>(world: &mut World, law: PlacedLaw) {
     let stiffness = [
         Input::column::<VolumetricStiffness<S, 0>>(world),
         Input::column::<VolumetricStiffness<S, 1>>(world),
         Input::column::<VolumetricStiffness<S, 2>>(world),
     ];
-    let law = (row, place, evaluate_volumetric::<S>);
-    activate_coupling::<TetrahedronVertices, TetrahedronEdges, S, _>(world, law, stiffness);
+    let evaluate = evaluate_volumetric::<S>;
+    activate_coupling::<TetrahedronVertices, TetrahedronEdges, S, _>(
+        world, law, evaluate, stiffness,
+    );
 }
 
 /// Puts springs that couple edges into the schedule: those of elements with vertices `V` and edges `E`.
 fn activate_coupling<V: ElementRows, E: PullsOnEdges, S: Scalar, M>(
     world: &mut World,
-    (row, place, evaluate): (&'static LawRow, usize, impl IntoScheduleConfigs<ScheduleSystem, M>),
+    law: PlacedLaw,
+    evaluate: impl IntoScheduleConfigs<ScheduleSystem, M>,
     [a, b, c]: [Input; 3],
 ) {
     let cut: Partition<S> = |world, mark, buffer| {
         partition::<V, S>(world, mark, buffer);
         find_edges::<E, S>(world, buffer);
     };
-    let elements = (Some(row.mark::<S>(world)), cut);
-    activate_law_of_systems(world, (row.info, place), elements, |schedule, _| {
-        schedule.add_systems(evaluate.in_set(ForceSystems::Evaluate));
-    });
     let edges = Input::column::<E>(world);
-    declare_inputs(world, row.info.name, &[edges, a, b, c]);
+    let system = evaluate.in_set(ForceSystems::Evaluate);
+    activate_springs(world, law, cut, system, &[edges, a, b, c]);
 }
 
-fn activate_spring_forces<S: Scalar>(world: &mut World, row: &'static LawRow, place: usize) {
-    let inputs = activate_edges::<S>(world);
-    let elements = (Some(row.mark::<S>(world)), partition::<EdgeVertices, S> as Partition<S>);
+/// Puts the systems of a law of springs into the schedule, with what they read.
+fn activate_springs<S: Scalar, M>(
+    world: &mut World,
+    PlacedLaw { row, place }: PlacedLaw,
+    cut: Partition<S>,
+    systems: impl IntoScheduleConfigs<ScheduleSystem, M>,
+    inputs: &[Input],
+) {
+    let elements = (Some(row.mark::<S>(world)), cut);
     activate_law_of_systems(world, (row.info, place), elements, |schedule, _| {
-        schedule.add_systems(
-            (collect_tension::<S>, evaluate_spring_forces::<S>)
-                .chain()
-                .in_set(ForceSystems::Collect),
-        );
+        schedule.add_systems(systems);
     });
-    declare_inputs(world, row.info.name, &inputs);
+    declare_inputs(world, row.info.name, inputs);
+}
+
+fn activate_spring_forces<S: Scalar>(world: &mut World, law: PlacedLaw) {
+    let inputs = activate_edges::<S>(world);
+    let systems = (collect_tension::<S>, evaluate_spring_forces::<S>).chain();
+    let systems = systems.in_set(ForceSystems::Collect);
+    activate_springs(world, law, partition::<EdgeVertices, S>, systems, &inputs);
 }
 
 /// Elements whose springs pull on rows of the edge table.

@@ -47,7 +47,7 @@ use std::time::Instant;
 
 use crate::element::membrane::TriangleTangent;
 use crate::frame::columns::{LawColumns, TangentSum, add_vertices, evaluate_span, load_vertices};
-use crate::frame::row::{self, Elements, InRecovery, LawRow, mark};
+use crate::frame::row::{self, Elements, InRecovery, LawRow, PlacedLaw, mark};
 use crate::frame::triangles::add_tangent;
 
 /// Volume (m^3) that a triangle of rest edges `X_1 - X_0`, `X_2 - X_0` sweeps from rest to displacements
@@ -110,13 +110,13 @@ pub static ROW: LawRow = LawRow::of_systems(
 // its potential falls with the third power of displacements, against a quadratic energy that stands in
 .in_recovery(InRecovery::Silent);
 
-fn activate_law<S: Scalar>(world: &mut World, row: &'static LawRow, place: usize) {
+fn activate_law<S: Scalar>(world: &mut World, law: PlacedLaw) {
     // cut when faces are collected
     let elements = (None, (|_, _, _| {}) as sinew_engine::law::Partition<S>);
-    activate_law_of_systems(world, (row.info, place), elements, |schedule, _| {
+    activate_law_of_systems(world, (law.row.info, law.place), elements, |schedule, _| {
         schedule.add_systems(evaluate::<S>.in_set(ForceSystems::Evaluate));
     });
-    declare_inputs(world, row.info.name, &[Input::Watch(pressures_changed::<S>)]);
+    declare_inputs(world, law.row.info.name, &[Input::Watch(pressures_changed::<S>)]);
 }
 
 /// The triangles of all [`Pressure`] entities in the order of evaluation.

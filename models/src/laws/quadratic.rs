@@ -43,10 +43,10 @@ use sinew_engine::schedule::Evaluation;
 
 use crate::element::matrix::{add_outer, part_of_tension, symmetrise};
 use crate::element::spring::{Stretch, tensile_energy, tensile_tension};
-use crate::element::tetrahedron::{CORE, Element, TetrahedronTangent, assemble};
+use crate::element::tetrahedron::{CORE, Element, Nodes, TetrahedronTangent, assemble};
 use crate::frame::columns::{self, LawColumns, TangentSum, add_vertices, work};
 use crate::frame::law::TetrahedronLaw;
-use crate::frame::row::{Elements, InRecovery, LawRow, activate_elements, mark};
+use crate::frame::row::{Elements, InRecovery, LawRow, PlacedLaw, activate_elements, mark};
 use crate::laws::pooled::{TensileStiffness, add_edge_tangent};
 
 /// Ends of the edges of a tetrahedron in the order of [`EDGES`](crate::element::precompute::EDGES), such that
@@ -55,7 +55,7 @@ const ENDS: [[usize; 2]; 6] = [[1, 0], [2, 0], [3, 0], [1, 2], [1, 3], [2, 3]];
 
 /// Edges of a tetrahedron.
 #[inline(always)]
-fn stretches<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> [Stretch<R>; 6] {
+fn stretches<R: Real>(e: &Element<R>, u: &Nodes<R>) -> [Stretch<R>; 6] {
     // columns of Dm from the rows of its inverse
     let six = R::from_f64(6.0) * e.volume;
     let [d1, d2, d3] = e.gradients;
@@ -153,7 +153,7 @@ impl TetrahedronLaw for QuadraticSprings {
     const FOLDS_VOLUME: bool = false;
     const STRESS_PROJECTION: bool = false;
     #[inline(always)]
-    fn energy<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> R {
+    fn energy<R: Real>(e: &Element<R>, u: &Nodes<R>) -> R {
         let edges = stretches(e, u);
         let s = tensions(e, &edges);
         let mut twice = R::ZERO;
@@ -163,7 +163,7 @@ impl TetrahedronLaw for QuadraticSprings {
         R::from_f64(0.5) * twice
     }
     #[inline(always)]
-    fn forces<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> Option<[[R; 3]; 4]> {
+    fn forces<R: Real>(e: &Element<R>, u: &Nodes<R>) -> Option<Nodes<R>> {
         let edges = stretches(e, u);
         let s = tensions(e, &edges);
         let mut f = [[R::ZERO; 3]; 4];
@@ -183,11 +183,7 @@ impl TetrahedronLaw for QuadraticSprings {
     /// Tangent `+d2W/du2`, N/m, or a semidefinite stand-in: `GaussNewton` is the first part of `K`
     /// alone, `Projected` leaves out the tensions of edges in compression.
     #[inline(always)]
-    fn tangent<R: Real>(
-        e: &Element<R>,
-        u: &[[R; 3]; 4],
-        kind: TangentKind,
-    ) -> TetrahedronTangent<R> {
+    fn tangent<R: Real>(e: &Element<R>, u: &Nodes<R>, kind: TangentKind) -> TetrahedronTangent<R> {
         let edges = stretches(e, u);
         let s = tensions(e, &edges);
         let b = matrix(e);
@@ -240,7 +236,7 @@ impl TetrahedronLaw for QuadraticSprings {
     /// Where an edge is in compression: there the exact tangent may be indefinite, and the projected
     /// one differs from it.
     #[inline(always)]
-    fn is_clamped<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> R::Mask {
+    fn is_clamped<R: Real>(e: &Element<R>, u: &Nodes<R>) -> R::Mask {
         let s = tensions(e, &stretches(e, u));
         let mut least = R::ZERO;
         for tension in s {
@@ -269,11 +265,10 @@ pub static EDGE_SPRINGS: LawRow = LawRow::of_systems(
 type EdgeData<S> =
     (&'static EdgeVertices, &'static EdgeBlock, RestEdges<S>, &'static TensileStiffness<S>);
 
-fn activate_mass_spring<S: Scalar>(world: &mut World, row: &'static LawRow, place: usize) {
+fn activate_mass_spring<S: Scalar>(world: &mut World, law: PlacedLaw) {
     activate_elements::<EdgeVertices, S, EdgeData<S>>(
         world,
-        row,
-        place,
+        law,
         |with, u, (nodes, block, rest, stiffness), buffer| {
             let columns = EdgeColumns {
                 shapes: EdgeShapes::new(u, nodes, rest),

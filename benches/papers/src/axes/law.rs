@@ -16,7 +16,7 @@ use sinew::engine::schedule::Evaluation;
 use sinew::engine::vertex::Displacement;
 use sinew::models::axes::element::AXIS_PAIRS;
 use sinew::models::axes::site::{AxisSite, Blocks, Nodes, add_blocks, local};
-use sinew::models::frame::row::{Elements, LawRow, activate_elements, mark};
+use sinew::models::frame::row::{Elements, LawRow, PlacedLaw, activate_elements, mark};
 
 /// The springs of Bourguignon & Cani 2000 in their printed form, in tetrahedra. A body with
 /// [`Model::Own`](sinew::models::laws::models::Model::Own) of it has no other law.
@@ -207,13 +207,9 @@ impl<const N: usize> PrintedAxes<N> {
     }
 }
 
-fn activate<S: Scalar, const N: usize, V: AxisSite<N>>(
-    world: &mut World,
-    row: &'static LawRow,
-    place: usize,
-) {
+fn activate<S: Scalar, const N: usize, V: AxisSite<N>>(world: &mut World, law: PlacedLaw) {
     let evaluate = evaluate::<S, N, V>;
-    activate_elements::<V, S, (&V, &V::Blocks, &PrintedAxes<N>)>(world, row, place, evaluate);
+    activate_elements::<V, S, (&V, &V::Blocks, &PrintedAxes<N>)>(world, law, evaluate);
 }
 
 fn evaluate<S: Scalar, const N: usize, V: AxisSite<N>>(
