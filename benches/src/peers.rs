@@ -23,7 +23,7 @@ pub mod sinew_rows;
 pub mod touch;
 
 use crate::toolbox::aim::BenchAim;
-use crate::toolbox::error::BenchError;
+use crate::toolbox::error::Result;
 use crate::toolbox::options::BenchOptions;
 use serde::Serialize;
 use sinew_tune::table::three_digits;
@@ -46,10 +46,7 @@ pub struct PeerReport {
 }
 
 /// Runs every rival that is there. What is missing is listed with the remedy; nothing is guessed.
-///
-/// # Errors
-/// When a mesh cannot be made or Sinew's own truth does not converge.
-pub fn run(options: &BenchOptions) -> Result<PeerReport, BenchError> {
+pub fn run(options: &BenchOptions) -> Result<PeerReport> {
     let mut report = PeerReport::default();
     let named = |name: &str| options.cases.iter().any(|n| n == name);
     let [beam, touch] = ["beam", "touch"].map(named);
@@ -87,7 +84,7 @@ fn run_beams(
     options: &BenchOptions,
     mut mujoco: Option<&mut mujoco::MuJoCo>,
     report: &mut PeerReport,
-) -> Result<(), BenchError> {
+) -> Result<()> {
     let mujoco_cells: &[[usize; 3]] =
         if options.quick { &[[16, 4, 4]] } else { &[[16, 4, 4], [24, 6, 6], [52, 13, 13]] };
     for &cells in mujoco_cells {
@@ -114,7 +111,7 @@ fn run_touch(
     options: &BenchOptions,
     mujoco: Option<&mut mujoco::MuJoCo>,
     report: &mut PeerReport,
-) -> Result<(), BenchError> {
+) -> Result<()> {
     // edges of 8, and of 5 to 6 mm: 1 920 and 5 760 tetrahedra, both fine enough for vertices as points
     let cells = if options.quick { [10, 8, 4] } else { [16, 12, 5] };
     let block = touch::TouchBlock::new(cells)?;
@@ -140,7 +137,7 @@ const NOT_COMPARED: [&str; 2] = [
 ];
 
 #[cfg(feature = "rapier")]
-fn run_rapier(options: &BenchOptions, report: &mut PeerReport) -> Result<(), BenchError> {
+fn run_rapier(options: &BenchOptions, report: &mut PeerReport) -> Result<()> {
     let cells: &[[usize; 3]] =
         if options.quick { &[[8, 2, 2]] } else { &[[8, 2, 2], [16, 4, 4], [24, 6, 6]] };
     for &cells in cells {

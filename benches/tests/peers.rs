@@ -12,7 +12,7 @@ use sinew_benches::peers::touch::{
     TouchRow, TouchTruth, TouchTurn, figures, ours, run,
 };
 use sinew_benches::peers::{Beam, PeerReport, PeerRow, aims, sinew_rows};
-use sinew_benches::toolbox::error::BenchError;
+use sinew_benches::toolbox::error::{BenchError, Result};
 use sinew_tune::page::Chart;
 
 #[test]
@@ -233,13 +233,13 @@ impl Finger for Steady {
     fn step(&self) -> f64 {
         self.h
     }
-    fn start(&mut self, _: &TouchBlock, friction: f64) -> Result<(), BenchError> {
+    fn start(&mut self, _: &TouchBlock, friction: f64) -> Result<()> {
         match self.friction {
             None if friction > 0.0 => Err(BenchError::Rival("no friction here".into())),
             _ => Ok(()),
         }
     }
-    fn advance(&mut self, block: &TouchBlock, places: &[DVec3]) -> Result<TouchTurn, BenchError> {
+    fn advance(&mut self, block: &TouchBlock, places: &[DVec3]) -> Result<TouchTurn> {
         let sample = Sample { ms: 2.0, force: self.force, friction: self.friction };
         let down = if self.yields { DVec3::Z * -(DEPTH + GAP) } else { DVec3::ZERO };
         let displacements = vec![down; block.mesh.points.len()];

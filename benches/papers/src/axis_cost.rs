@@ -8,7 +8,7 @@ use sinew::engine::mesh::generate::{box_hexahedra, irregular_box_tets};
 use sinew::engine::vertex::FixedAxes;
 use sinew::models::body::MassRule;
 use sinew::prelude::*;
-use sinew_benches::toolbox::error::BenchError;
+use sinew_benches::toolbox::error::Result;
 use sinew_tune::table_of;
 use std::time::Instant;
 
@@ -58,7 +58,7 @@ const LINES: [Line; 8] = [
 ];
 
 impl Line {
-    fn mesh(&self) -> Result<Mesh, BenchError> {
+    fn mesh(&self) -> Result<Mesh> {
         let size = DVec3::splat(SIDE);
         Ok(match self.hexahedra {
             true => box_hexahedra(size, CELLS)?,
@@ -93,7 +93,7 @@ struct Timed {
     springs: Option<usize>,
 }
 
-fn time(line: &Line, integrator: Integrator, steps: usize) -> Result<Timed, BenchError> {
+fn time(line: &Line, integrator: Integrator, steps: usize) -> Result<Timed> {
     let mesh = line.mesh()?;
     let model = if line.printed.is_some() { Model::MassSpring } else { Model::CompressibleStVK };
     let description = BodyDescription {
@@ -140,7 +140,7 @@ struct Measured {
     implicit: f64,
 }
 
-fn measure(line: &Line) -> Result<Measured, BenchError> {
+fn measure(line: &Line) -> Result<Measured> {
     let mut explicit = time(line, Integrator::StormerVerlet, STEPS)?;
     let mut implicit = f64::NAN;
     for _ in 0..RUNS {
@@ -163,7 +163,7 @@ fn finding_of_ratio(what: &str, own: f64, paper: f64) -> Finding {
     ))
 }
 
-pub(crate) fn figure() -> Result<Figure, BenchError> {
+pub(crate) fn figure() -> Result<Figure> {
     let measured: Vec<Measured> = LINES.iter().map(measure).collect::<Result<_, _>>()?;
     let title = "Seconds of computing per second of motion, one thread";
     let rows = LINES.iter().zip(&measured);

@@ -6,7 +6,7 @@ use sinew::engine::mesh::generate::box_hexahedra;
 use sinew::engine::vertex::FixedAxes;
 use sinew::models::axes::description::{AxesDescription, AxisFamily};
 use sinew::prelude::*;
-use sinew_benches::toolbox::error::BenchError;
+use sinew_benches::toolbox::error::Result;
 use sinew_benches::toolbox::plot::{Scales, Series, lines};
 use sinew_tune::table_of;
 use std::borrow::Cow;
@@ -22,7 +22,7 @@ const ANGLES: [f64; 7] = [0.0, 15.0, 30.0, 45.0, 60.0, 75.0, 90.0];
 /// Young's modulus (Pa) of an isotropic material with fibres in a direction at `angle` (rad) to them, in
 /// closed form: `1/E = s11 sin^4 + s33 cos^4 + (2 s13 + 1/mu) sin^2 cos^2` with the compliances of the
 /// stiffness whose component along the fibres is larger by their modulus.
-fn closed_form(angle: f64) -> Result<f64, BenchError> {
+fn closed_form(angle: f64) -> Result<f64> {
     let lame = MATERIAL.lame()?;
     let (a, b) = (lame.lambda + 2.0 * lame.mu, lame.lambda);
     let c33 = a + FIBRE;
@@ -37,7 +37,7 @@ fn closed_form(angle: f64) -> Result<f64, BenchError> {
 }
 
 /// The same by a small pull on one hexahedron.
-fn pulled_cube(angle: f64) -> Result<f64, BenchError> {
+fn pulled_cube(angle: f64) -> Result<f64> {
     const SIDE: f64 = 0.01;
     const STRAIN: f64 = 1e-5;
     let mesh = box_hexahedra(DVec3::splat(SIDE), [1, 1, 1])?;
@@ -47,7 +47,7 @@ fn pulled_cube(angle: f64) -> Result<f64, BenchError> {
     let (axes, description) = (Some(axes), BodyDescription::new("block", &mesh, MATERIAL));
     let description = BodyDescription { model: Model::Axes, axes, ..description };
     let (mut simulation, body) = world(&description, equilibrium())?;
-    let mut hold = |vertices: &[u32], axes: u8| -> Result<(), BenchError> {
+    let mut hold = |vertices: &[u32], axes: u8| -> Result<()> {
         let rows = simulation.rows(body, "held", vertices)?;
         let mut constraint = Constraint::hold("held", rows);
         constraint.axes = FixedAxes(axes);
@@ -73,7 +73,7 @@ fn pulled_cube(angle: f64) -> Result<f64, BenchError> {
 }
 
 /// Stiffness between the axes.
-pub(crate) fn figure() -> Result<Figure, BenchError> {
+pub(crate) fn figure() -> Result<Figure> {
     let mut rows = Vec::new();
     for angle in ANGLES {
         let (found, exact) = (pulled_cube(angle.to_radians())?, closed_form(angle.to_radians())?);

@@ -5,7 +5,7 @@ use sinew::engine::scalar::dot;
 use sinew::models::element::precompute::RestTetrahedron;
 use sinew::models::element::tetrahedron::{Element, forces};
 use sinew::prelude::YoungPoisson;
-use sinew_benches::toolbox::error::BenchError;
+use sinew_benches::toolbox::error::Result;
 use sinew_benches::toolbox::plot::{Scales, Series, lines};
 use sinew_tune::table_of;
 
@@ -19,7 +19,7 @@ fn regular() -> [[f64; 3]; 4] {
 
 /// The force (N) on vertex 3, away from the opposite face, by St Venant-Kirchhoff and by the compression
 /// term, when it is at `s` times its rest altitude and the others are held.
-fn outward(points: [[f64; 3]; 4], material: YoungPoisson, s: f64) -> Result<[f64; 2], BenchError> {
+fn outward(points: [[f64; 3]; 4], material: YoungPoisson, s: f64) -> Result<[f64; 2]> {
     let rest = RestTetrahedron::new(points)?;
     let lame = material.lame()?;
     let d = rest.gradients[3];
@@ -44,7 +44,7 @@ struct Curve {
     points: Vec<[f64; 3]>,
 }
 
-fn curve(nu: f64) -> Result<Curve, BenchError> {
+fn curve(nu: f64) -> Result<Curve> {
     let material = YoungPoisson { young_modulus: 1.0, poisson_ratio: nu, density: 1.0 };
     let lame = material.lame()?;
     let area = 3f64.sqrt() / 4.0;
@@ -54,7 +54,7 @@ fn curve(nu: f64) -> Result<Curve, BenchError> {
             let [svk, term] = outward(regular(), material, s)?;
             Ok([s, svk, term])
         })
-        .collect::<Result<_, BenchError>>()?;
+        .collect::<Result<_>>()?;
     Ok(Curve { nu, unit: (lame.lambda + 2.0 * lame.mu) * area, points })
 }
 
@@ -139,7 +139,7 @@ fn findings(all: &[Resistance]) -> Vec<Finding> {
     ]
 }
 
-pub(crate) fn figure() -> Result<Figure, BenchError> {
+pub(crate) fn figure() -> Result<Figure> {
     let curves = RATIOS.map(curve).into_iter().collect::<Result<Vec<Curve>, _>>()?;
     let all: Vec<Resistance> = curves.iter().map(Resistance::of).collect();
     let points = curves.iter().flat_map(|c| c.points.iter().map(|p| (c.nu, *p)));

@@ -15,7 +15,7 @@ use sinew::prelude::*;
 use sinew_benches::bench::membranes::{MembraneSubject, QUANTITIES, sheet};
 use sinew_benches::bench::subject::{Free, KernelTiming, Reference, Timed, free, repetitions};
 use sinew_benches::toolbox::beam::{beam, bend, bent, cells_for, precision_of};
-use sinew_benches::toolbox::error::BenchError;
+use sinew_benches::toolbox::error::{BenchError, Result};
 use sinew_benches::toolbox::plot::{Bar, bars};
 use sinew_benches::toolbox::stats::{Rounds, Spread, interleave};
 use sinew_tune::page::Chart;
@@ -97,7 +97,7 @@ impl Subject {
         law: &'static str,
         model: MembraneModel,
         evaluation: Evaluation,
-    ) -> Result<Self, BenchError> {
+    ) -> Result<Self> {
         let (element, precision, elements) = ("triangle", S::NAME, mesh.triangles.len());
         let own = MembraneSubject::new::<S>(mesh, model, evaluation)?;
         let MembraneSubject { timed, quantities, errors, .. } = own;
@@ -111,7 +111,7 @@ impl Subject {
         law: &'static str,
         (model, evaluation): (Model, Evaluation),
         u: &[DVec3],
-    ) -> Result<Self, BenchError> {
+    ) -> Result<Self> {
         let (element, precision, elements) = ("tetrahedron", S::NAME, mesh.tetrahedra.len());
         let (mut simulation, body) = bent(mesh, precision_of::<S>(), 1, evaluation, model)?;
         simulation.set_state(body, u, &vec![DVec3::ZERO; u.len()])?;
@@ -162,7 +162,7 @@ fn crush(mesh: &Mesh) -> Vec<DVec3> {
 }
 
 /// Everything measured, turn by turn, `turns` times; largest volume ratio of the crushed beam.
-fn measure(elements: usize, turns: usize) -> Result<(Vec<Subject>, f64), BenchError> {
+fn measure(elements: usize, turns: usize) -> Result<(Vec<Subject>, f64)> {
     let (sheet, beam) = (sheet(elements)?, beam(cells_for(elements))?);
     let (bent_u, crushed_u) = (bend(&beam), crush(&beam));
     let mut subjects = Vec::new();
@@ -196,7 +196,7 @@ fn measure(elements: usize, turns: usize) -> Result<(Vec<Subject>, f64), BenchEr
     Ok((subjects, ratios.into_iter().fold(f64::NEG_INFINITY, f64::max)))
 }
 
-pub(crate) fn figure() -> Result<Figure, BenchError> {
+pub(crate) fn figure() -> Result<Figure> {
     let (subjects, largest_ratio) = measure(ELEMENTS, TURNS)?;
     let count = |element| subjects.iter().find(|s| s.element == element).map_or(0, |s| s.elements);
     Ok(Figure {
@@ -362,12 +362,7 @@ fn numbers(subjects: &[Subject]) -> Table {
 }
 
 /// Times in f64, with those that the paper's ratios would give.
-fn chart(
-    name: &str,
-    element: &str,
-    title: &str,
-    subjects: &[Subject],
-) -> Result<Chart, BenchError> {
+fn chart(name: &str, element: &str, title: &str, subjects: &[Subject]) -> Result<Chart> {
     let mut rows = Vec::new();
     let own = || subjects.iter().filter(|s| s.element == element && s.precision == "f64");
     for (colour, (quantity, what)) in

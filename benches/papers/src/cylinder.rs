@@ -6,7 +6,7 @@ use glam::DVec3;
 use sinew::engine::mesh::Mesh;
 use sinew::engine::mesh::generate::cylinder_tets;
 use sinew::prelude::*;
-use sinew_benches::toolbox::error::BenchError;
+use sinew_benches::toolbox::error::Result;
 use sinew_benches::toolbox::plot::{Scales, Series, lines};
 use sinew_tune::table_of;
 
@@ -39,7 +39,7 @@ struct Rest {
     axis: Vec<[f64; 2]>,
 }
 
-fn settle(mesh: &Mesh, model: Model, young_modulus: f64) -> Result<Rest, BenchError> {
+fn settle(mesh: &Mesh, model: Model, young_modulus: f64) -> Result<Rest> {
     let material = YoungPoisson { young_modulus, poisson_ratio: 0.35, density: 1000.0 };
     let description = BodyDescription::new("cylinder", mesh, material);
     let integrator = Integrator::Safe;
@@ -142,7 +142,7 @@ fn findings(rests: &[Rest]) -> Vec<Finding> {
     findings
 }
 
-pub(crate) fn figure() -> Result<Figure, BenchError> {
+pub(crate) fn figure() -> Result<Figure> {
     let mesh = cylinder_tets(RADIUS, LENGTH, 2, 24)?;
     let mut rests = Vec::new();
     for young_modulus in YOUNG_MODULI {

@@ -6,7 +6,7 @@ use super::lumped::{Meshes, Ours, Row, against_print, error_table, rows_alike};
 use super::overlay;
 use super::shapes::printed;
 use crate::figure::{Figure, Finding};
-use sinew_benches::toolbox::error::BenchError;
+use sinew_benches::toolbox::error::Result;
 use sinew_identify::ElementMethod::{Block, Frobenius, TwoNorm};
 
 /// Mesh, name in the paper, printed errors (rms, max) of the 2-norm and the Frobenius norm.
@@ -38,7 +38,7 @@ const SHAPES: [(&str, &str, &str); 3] = [
 const STRETCH_1: f64 = 0.1;
 const STRETCH_3: f64 = 0.3;
 
-fn measure(meshes: &Meshes, wanted: &[Printed], stretch: f64) -> Result<Vec<Row>, BenchError> {
+fn measure(meshes: &Meshes, wanted: &[Printed], stretch: f64) -> Result<Vec<Row>> {
     let mut rows = Vec::new();
     for &(mesh, object, two, frobenius) in wanted {
         let specimen = meshes.get(mesh)?;
@@ -99,7 +99,7 @@ fn findings(first: &[Row], third: &[Row]) -> Vec<Finding> {
 }
 
 /// Quick: the cube of hexahedra only, for tests.
-pub(crate) fn figure(setup: &Setup) -> Result<Figure, BenchError> {
+pub(crate) fn figure(setup: &Setup) -> Result<Figure> {
     let meshes = &setup.meshes;
     let keep = |t: &&Printed| !setup.quick || t.0 == "cube_hex";
     let own: Vec<Printed> = TABLE_1.iter().filter(keep).copied().collect();

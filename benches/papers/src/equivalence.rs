@@ -13,7 +13,7 @@ use sinew::models::element::membrane::{RestTriangle, SpringConstants, plane_stre
 use sinew::models::material::LameParameters;
 use sinew::prelude::*;
 use sinew_benches::bench::membranes::sheet;
-use sinew_benches::toolbox::error::BenchError;
+use sinew_benches::toolbox::error::{BenchError, Result};
 use sinew_benches::toolbox::plot::{Scales, Series, lines};
 use sinew_tune::page::Chart;
 use sinew_tune::table_of;
@@ -50,7 +50,7 @@ impl Kind {
     }
 
     /// An irregular block or sheet.
-    fn mesh(self) -> Result<Mesh, BenchError> {
+    fn mesh(self) -> Result<Mesh> {
         match self {
             Self::Tetrahedra => {
                 Ok(jitter_interior(&box_tets(DVec3::splat(0.1), [5, 5, 5])?, 0.2, 1)?)
@@ -59,7 +59,7 @@ impl Kind {
         }
     }
 
-    fn simulate(self, mesh: &Mesh, law: Law) -> Result<(Simulation, BodyHandle), BenchError> {
+    fn simulate(self, mesh: &Mesh, law: Law) -> Result<(Simulation, BodyHandle)> {
         let evaluation = if law == Law::Pooled { Evaluation::Pooled } else { Evaluation::Fused };
         let springs = law == Law::Quadratic;
         let body = BodyDescription::new("body", mesh, MATERIAL);
@@ -83,7 +83,7 @@ impl Kind {
     }
 
     /// Energy (J) and forces (N) of the continuum, from the gradient of the deformation and without edges.
-    fn continuum(self, mesh: &Mesh, u: &[DVec3]) -> Result<(f64, Vec<DVec3>), BenchError> {
+    fn continuum(self, mesh: &Mesh, u: &[DVec3]) -> Result<(f64, Vec<DVec3>)> {
         let mut forces = vec![DVec3::ZERO; u.len()];
         let mut energy = 0.0;
         let lame = match self {
@@ -173,7 +173,7 @@ struct Difference {
     force: f64,
 }
 
-fn differences() -> Result<Vec<Difference>, BenchError> {
+fn differences() -> Result<Vec<Difference>> {
     let mut rows = Vec::new();
     for kind in Kind::ALL {
         let mesh = kind.mesh()?;
@@ -207,7 +207,7 @@ struct Pull {
     quadratic: f64,
 }
 
-fn pulls() -> Result<Vec<Pull>, BenchError> {
+fn pulls() -> Result<Vec<Pull>> {
     let mut rows = Vec::new();
     for kind in Kind::ALL {
         let mesh = kind.mesh()?;
@@ -233,7 +233,7 @@ fn pulls() -> Result<Vec<Pull>, BenchError> {
 
 /// Tensile and angular constants of an equilateral triangle over the stretch modulus and the area, by
 /// Poisson's ratio.
-fn equilateral(nu: f64) -> Result<[f64; 2], BenchError> {
+fn equilateral(nu: f64) -> Result<[f64; 2]> {
     let points = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.5, 0.75_f64.sqrt(), 0.0]];
     let rest = RestTriangle::new(points).map_err(|e| BenchError::NoTruth {
         case: "equilateral triangle".into(),
@@ -248,7 +248,7 @@ fn ratios() -> impl Iterator<Item = f64> {
     (-900..1000).map(|i| 1e-3 * f64::from(i))
 }
 
-pub(crate) fn figure() -> Result<Figure, BenchError> {
+pub(crate) fn figure() -> Result<Figure> {
     let (differences, pulls) = (differences()?, pulls()?);
     let mut scan = Vec::new();
     for nu in ratios() {
@@ -339,7 +339,7 @@ fn findings(
     findings
 }
 
-fn charts(pulls: &[Pull], scan: &[(f64, [f64; 2])]) -> Result<Vec<Chart>, BenchError> {
+fn charts(pulls: &[Pull], scan: &[(f64, [f64; 2])]) -> Result<Vec<Chart>> {
     let mut series = Vec::new();
     for (i, kind) in Kind::ALL.into_iter().enumerate() {
         let unit = pulls.iter().find(|p| p.kind == kind && p.stretch == 1.05);

@@ -15,7 +15,7 @@ use sinew::models::axes::description::AxesDescription;
 use sinew::models::axes::field::{FibreError, helicoidal, hemicircular, random};
 use sinew::models::body::MassRule;
 use sinew::prelude::*;
-use sinew_benches::toolbox::error::BenchError;
+use sinew_benches::toolbox::error::{BenchError, Result};
 use sinew_benches::toolbox::plot::{Scales, Series, lines};
 use sinew_tune::page::Chart;
 use sinew_tune::table_of;
@@ -81,7 +81,7 @@ impl Field {
     }
 
     /// Of every element, or one for all; empty without fibres.
-    fn directions(self, mesh: &Mesh) -> Result<Vec<DVec3>, BenchError> {
+    fn directions(self, mesh: &Mesh) -> Result<Vec<DVec3>> {
         let middle = 0.5 * SIZE;
         let defect = |e: FibreError| BenchError::Request {
             what: format!("{} fibres: {e}", self.name()),
@@ -113,7 +113,7 @@ struct Block {
 
 impl Block {
     /// Of a mesh whose vertices are those of the regular grid, inner ones moved.
-    fn new(name: String, mesh: Mesh, cells: [usize; 3]) -> Result<Self, BenchError> {
+    fn new(name: String, mesh: Mesh, cells: [usize; 3]) -> Result<Self> {
         let mut layers = vec![Vec::new(); cells[2] + 1];
         for (v, x) in box_hexahedra(SIZE, cells)?.points.iter().enumerate() {
             layers[(x.z / SIZE.z * cells[2] as f64).round() as usize].push(v);
@@ -123,7 +123,7 @@ impl Block {
 }
 
 /// One of hexahedra, then irregular ones of tetrahedra.
-fn blocks(cells: [usize; 3]) -> Result<Vec<Block>, BenchError> {
+fn blocks(cells: [usize; 3]) -> Result<Vec<Block>> {
     let fine = if cells == FINE { ", fine" } else { "" };
     let mesh = box_hexahedra(SIZE, cells)?;
     let mut blocks = vec![Block::new(format!("hexahedra{fine}"), mesh, cells)?];
@@ -135,7 +135,7 @@ fn blocks(cells: [usize; 3]) -> Result<Vec<Block>, BenchError> {
 }
 
 /// Three axes, the first along the fibres and stiffer; the axes of an isotropic material without.
-fn axes(mesh: &Mesh, field: Field) -> Result<AxesDescription<'static>, BenchError> {
+fn axes(mesh: &Mesh, field: Field) -> Result<AxesDescription<'static>> {
     let mut axes = damped_axes(MATERIAL, VISCOSITY)?;
     let along = field.directions(mesh)?;
     if !along.is_empty() {
@@ -208,7 +208,7 @@ fn hung(
     block: &Block,
     (mut simulation, body): (Simulation, BodyHandle),
     curve: Curve,
-) -> Result<(Simulation, BodyHandle), BenchError> {
+) -> Result<(Simulation, BodyHandle)> {
     let (mesh, cells) = (&block.mesh, block.cells);
     clamp(&mut simulation, body, mesh, "z1")?;
     // the bottom is a regular grid on every mesh: traction goes to its vertices by their share of the area
@@ -225,7 +225,7 @@ fn hung(
 }
 
 /// Equilibrium of axes with an energy.
-fn pulled(block: &Block, field: Field) -> Result<Shape, BenchError> {
+fn pulled(block: &Block, field: Field) -> Result<Shape> {
     let mut axes = axes(&block.mesh, field)?;
     axes.families.iter_mut().for_each(|family| family.viscosity = 0.0);
     let description = BodyDescription::new("block", &block.mesh, MATERIAL);
@@ -256,7 +256,7 @@ struct Swing {
     failed: Option<String>,
 }
 
-fn swing(block: &Block, what: What, free: usize) -> Result<Swing, BenchError> {
+fn swing(block: &Block, what: What, free: usize) -> Result<Swing> {
     let description = BodyDescription::new("block", &block.mesh, MATERIAL);
     let description = BodyDescription { masses: MassRule::Equal, ..description };
     let world = match what {
@@ -369,13 +369,13 @@ struct Measured {
     springs: Vec<Swing>,
 }
 
-fn measure() -> Result<Measured, BenchError> {
+fn measure() -> Result<Measured> {
     let blocks = [blocks(CELLS)?, blocks(FINE)?];
     let on = |blocks: &[Block], fields: &[Field], free: usize| {
         let jobs: Vec<(Field, &Block)> =
             fields.iter().flat_map(|f| blocks.iter().map(|b| (*f, b))).collect();
         let run = |(field, block): &(Field, &Block)| swing(block, What::Fibres(*field), free);
-        let swings: Result<Vec<Swing>, BenchError> = jobs.par_iter().map(run).collect();
+        let swings: Result<Vec<Swing>> = jobs.par_iter().map(run).collect();
         let mut swings = swings?.into_iter();
         let of = |f: &Field| (*f, swings.by_ref().take(blocks.len()).collect());
         Ok::<_, BenchError>(fields.iter().map(of).collect())
@@ -383,11 +383,11 @@ fn measure() -> Result<Measured, BenchError> {
     let same: Vec<Field> = Field::ALL.into_iter().filter(|f| *f != Field::Random).collect();
     let fields = [on(&blocks[0], &Field::ALL, SWING)?, on(&blocks[1], &same, 0)?];
     let energy = |field: &Field| {
-        let shapes: Result<Vec<Shape>, BenchError> =
+        let shapes: Result<Vec<Shape>> =
             blocks[0].par_iter().map(|block| pulled(block, *field)).collect();
         Ok::<_, BenchError>((*field, shapes?))
     };
-    let energy: Result<_, BenchError> = Field::ALL.iter().map(energy).collect();
+    let energy: Result<_> = Field::ALL.iter().map(energy).collect();
     let springs = blocks[0]
         .par_iter()
         .map(|block| swing(block, What::Springs, SWING))
@@ -559,7 +559,7 @@ impl Measured {
     }
 
     /// Places of the bottom, shapes at rest, and the motion.
-    fn charts(&self) -> Result<Vec<Chart>, BenchError> {
+    fn charts(&self) -> Result<Vec<Chart>> {
         let place = |s: &Shape| [1e3 * s.bottom.x, 1e3 * s.bottom.z];
         let places =
             |swings: &[Swing]| swings.iter().filter_map(|s| s.end.as_ref().map(place)).collect();
@@ -592,7 +592,7 @@ impl Measured {
     }
 
     /// The axis of the block with hemicircular fibres at some times.
-    fn snake(&self) -> Result<Chart, BenchError> {
+    fn snake(&self) -> Result<Chart> {
         let swing = self.of(Field::Hemicircular).first();
         let axis = swing.map_or(&[][..], |s| &s.axis);
         let series: Vec<Series> = (0..7)
@@ -609,7 +609,7 @@ impl Measured {
     }
 
     /// The first mesh of tetrahedra at rest.
-    fn shapes(&self) -> Result<Chart, BenchError> {
+    fn shapes(&self) -> Result<Chart> {
         let block = &self.blocks[0][1];
         let moved = |u: &[DVec3]| -> Vec<DVec3> {
             block.mesh.points.iter().zip(u).map(|(x, u)| *x + *u).collect()
@@ -627,7 +627,7 @@ impl Measured {
     }
 }
 
-pub(crate) fn figure() -> Result<Figure, BenchError> {
+pub(crate) fn figure() -> Result<Figure> {
     let measured = measure()?;
     let mut rows = Vec::new();
     for (blocks, fields) in measured.blocks.iter().zip(&measured.fields) {

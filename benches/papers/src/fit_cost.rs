@@ -2,7 +2,7 @@
 
 use super::lumped::{MATERIAL, SECTION, printed_name};
 use crate::figure::{Figure, Finding};
-use sinew_benches::toolbox::error::BenchError;
+use sinew_benches::toolbox::error::Result;
 use sinew_benches::toolbox::stats::Spread;
 use sinew_identify::ElementMethod::{self, Block, Frobenius, TwoNorm};
 use sinew_identify::{ElementGeometry, ElementKind, fit_element};
@@ -88,7 +88,7 @@ struct Row {
     spread: Spread,
 }
 
-fn measure(count: usize) -> Result<Vec<Row>, BenchError> {
+fn measure(count: usize) -> Result<Vec<Row>> {
     let mut rows = Vec::new();
     for (kind, springs, [frobenius, two]) in TABLE_2 {
         let elements = random_elements(kind, count)?;
@@ -146,7 +146,7 @@ fn findings(rows: &[Row]) -> Vec<Finding> {
 }
 
 /// `quick`: few elements, for tests.
-pub(crate) fn figure(quick: bool) -> Result<Figure, BenchError> {
+pub(crate) fn figure(quick: bool) -> Result<Figure> {
     let count = if quick { 3 } else { ELEMENTS };
     let rows = measure(count)?;
     let title = "Table 2: time for the constants of one element";

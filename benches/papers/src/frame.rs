@@ -8,13 +8,13 @@ use sinew::engine::mesh::Mesh;
 use sinew::models::axes::description::AxesDescription;
 use sinew::models::body::lumped::{HexahedronSprings, SpringRule, UniformSprings};
 use sinew::prelude::*;
-use sinew_benches::toolbox::error::BenchError;
+use sinew_benches::toolbox::error::{BenchError, Result};
 
 /// A body in a world of its own, without gravity, on one thread.
 pub(crate) fn world(
     body: &BodyDescription,
     solver: SolverSettings,
-) -> Result<(Simulation, BodyHandle), BenchError> {
+) -> Result<(Simulation, BodyHandle)> {
     let options = SimulationOptions { threads: 1, ..SimulationOptions::default() };
     let mut simulation = Simulation::new(options)?;
     let body = simulation.add_body(body)?;
@@ -29,7 +29,7 @@ pub(crate) fn clamp(
     body: BodyHandle,
     mesh: &Mesh,
     side: &str,
-) -> Result<(), BenchError> {
+) -> Result<()> {
     let rows = simulation.group_rows(body, mesh, side)?;
     simulation.add_constraint(Constraint::hold(side, rows));
     Ok(())
@@ -47,14 +47,7 @@ pub(crate) fn equilibrium() -> SolverSettings {
 }
 
 /// Finds the equilibrium, loads applied by curves that end at `parts` steps of 1 s.
-///
-/// # Errors
-/// When there is none.
-pub(crate) fn settle(
-    simulation: &mut Simulation,
-    parts: u32,
-    case: &str,
-) -> Result<(), BenchError> {
+pub(crate) fn settle(simulation: &mut Simulation, parts: u32, case: &str) -> Result<()> {
     simulation.set_dt(1.0);
     let none = |reason: String| BenchError::NoTruth { case: case.to_string(), reason };
     for _ in 0..parts {
@@ -79,7 +72,7 @@ pub(crate) fn stormer(mass_damping: f64) -> SolverSettings {
 pub(crate) fn damped_axes(
     material: YoungPoisson,
     viscosity: f64,
-) -> Result<AxesDescription<'static>, BenchError> {
+) -> Result<AxesDescription<'static>> {
     let mut axes = AxesDescription::isotropic(material.lame()?);
     axes.families.iter_mut().for_each(|family| family.viscosity = viscosity);
     Ok(axes)
@@ -92,7 +85,7 @@ pub(crate) fn world_of_axes(
     axes: AxesDescription,
     form: Option<VolumeForm>,
     solver: SolverSettings,
-) -> Result<(Simulation, BodyHandle), BenchError> {
+) -> Result<(Simulation, BodyHandle)> {
     let Some(form) = form else {
         return world(&BodyDescription { model: Model::Axes, axes: Some(axes), ..body }, solver);
     };

@@ -31,7 +31,7 @@ mod volume;
 
 use figure::{Figure, Finding};
 use lumped::Meshes;
-use sinew_benches::toolbox::error::BenchError;
+use sinew_benches::toolbox::error::{BenchError, Result};
 use sinew_benches::toolbox::report::ReportFiles;
 use sinew_tune::machine::MachineNotes;
 use sinew_tune::page::Page;
@@ -54,7 +54,7 @@ struct Setup {
     quick: bool,
 }
 
-type Make = fn(&Setup) -> Result<Figure, BenchError>;
+type Make = fn(&Setup) -> Result<Figure>;
 
 /// A paper that can be made again.
 pub struct Source {
@@ -120,16 +120,12 @@ pub static PAPER_C: Source = Source {
 
 impl Source {
     /// Makes the figures with the letters given, all with none; `tell` hears what is going on.
-    ///
-    /// # Errors
-    /// When a letter is unknown, a mesh cannot be used, a simulation or test not be run or a chart not be
-    /// drawn.
     pub fn make(
         &'static self,
         only: &[char],
         options: &Options,
         mut tell: impl FnMut(&str),
-    ) -> Result<Paper, BenchError> {
+    ) -> Result<Paper> {
         let letters: Vec<char> = ('a'..).take(self.figures.len()).collect();
         if let Some(letter) = only.iter().find(|c| !letters.contains(c)) {
             let known: Vec<String> = letters.iter().map(char::to_string).collect();
@@ -169,14 +165,11 @@ pub struct Paper {
 
 /// The picture of a paper when the figure it belongs to is wanted and a graphics adapter is there; `tell` hears
 /// why not.
-///
-/// # Errors
-/// When its runs cannot be carried out.
 fn pictures(
     paper: &str,
     wanted: bool,
     tell: &mut dyn FnMut(&str),
-) -> Result<Vec<(String, Vec<u8>)>, BenchError> {
+) -> Result<Vec<(String, Vec<u8>)>> {
     #[cfg(feature = "render")]
     if wanted {
         use sinew_render::{RenderError, adapter::AdapterRequest, image::Packing};
@@ -282,10 +275,7 @@ impl Paper {
 
     /// Writes page, Markdown, findings (JSON), one CSV per table, one SVG per chart and the pictures into a folder,
     /// which is made; returns the files.
-    ///
-    /// # Errors
-    /// When a file cannot be written.
-    pub fn write(&self, folder: &Path) -> Result<Vec<PathBuf>, BenchError> {
+    pub fn write(&self, folder: &Path) -> Result<Vec<PathBuf>> {
         let name = self.source.name;
         let findings: Vec<_> = self.figures.iter().map(|(l, _, f)| (l, &f.findings)).collect();
         let json = serde_json::json!({

@@ -6,7 +6,7 @@ use super::Options;
 use super::shapes;
 use crate::figure::Finding;
 use sinew::engine::mesh::Mesh;
-use sinew_benches::toolbox::error::BenchError;
+use sinew_benches::toolbox::error::{BenchError, Result};
 use sinew_identify::error_metrics::PositionErrors;
 use sinew_identify::mesh::{FittedSprings, fit_elements};
 use sinew_identify::virtual_test::{Loading, SpringOptions};
@@ -47,7 +47,7 @@ pub(crate) struct Specimen {
 
 impl Meshes {
     /// Where [`Options`] say; without a word of them generated.
-    pub fn find(options: &Options) -> Result<Self, BenchError> {
+    pub fn find(options: &Options) -> Result<Self> {
         let Some(folder) = &options.meshes else { return Ok(Self::new(None)) };
         let file = "b_cube_hex.msh";
         if !folder.join(file).is_file() {
@@ -81,7 +81,7 @@ impl Meshes {
     }
 
     /// A mesh by its name, such as `cube_hex`.
-    pub fn get(&self, name: &str) -> Result<Rc<Specimen>, BenchError> {
+    pub fn get(&self, name: &str) -> Result<Rc<Specimen>> {
         if let Some(known) = self.made.borrow().get(name) {
             return Ok(Rc::clone(known));
         }
@@ -101,7 +101,7 @@ impl Meshes {
 
 impl Specimen {
     /// Springs by a method.
-    pub fn springs(&self, method: ElementMethod) -> Result<FittedSprings, BenchError> {
+    pub fn springs(&self, method: ElementMethod) -> Result<FittedSprings> {
         let (points, cells) = (&self.rig.points, self.rig.cells());
         Ok(fit_elements(points, &cells, &[MATERIAL], &self.rig.section, method)?)
     }
@@ -113,7 +113,7 @@ impl Specimen {
         axis: usize,
         reading: Reading,
         part: f64,
-    ) -> Result<(Loading, Vec<[f64; 3]>), BenchError> {
+    ) -> Result<(Loading, Vec<[f64; 3]>)> {
         let mut unit = [0.0; 3];
         unit[axis] = if axis == self.rig.axis { self.rig.length().signum() } else { 1.0 };
         let mut loading = self.rig.pushed(unit.map(|t| t * 1e3), reading);
@@ -147,7 +147,7 @@ impl Ours {
         method: ElementMethod,
         axis: usize,
         part: f64,
-    ) -> Result<Self, BenchError> {
+    ) -> Result<Self> {
         let springs = specimen.springs(method)?;
         let rig = &specimen.rig;
         let [traction, equal] = [

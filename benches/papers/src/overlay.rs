@@ -4,7 +4,7 @@
 use super::lumped::{Meshes, Specimen, printed_name};
 use glam::{DVec2, DVec3};
 use sinew::engine::mesh::Mesh;
-use sinew_benches::toolbox::error::BenchError;
+use sinew_benches::toolbox::error::Result;
 use sinew_identify::ElementMethod::{Frobenius, TwoNorm};
 use sinew_tune::fit::assess::against;
 use sinew_tune::fit::rig::Reading;
@@ -84,16 +84,13 @@ fn words(x: f64, y: f64, size: u32, text: &str) -> String {
 
 /// Meshes by name and what they are called, a row each, stretched by `part` under a consistent traction: springs of the
 /// 2-norm on the left, of the F-norm on the right.
-///
-/// # Errors
-/// When a mesh cannot be had or fitted.
 pub(crate) fn chart(
     meshes: &Meshes,
     name: &str,
     title: &str,
     wanted: &[(&str, &str)],
     part: f64,
-) -> Result<Chart, BenchError> {
+) -> Result<Chart> {
     let mut body = words(SPACE, 24.0, 17, title);
     for (x, style, what) in [(0.0, SPRINGS, "springs"), (130.0, ELEMENTS, "finite elements")] {
         let _ = writeln!(body, "<path d=\"M{} 42H{}\" {style}/>", SPACE + x, SPACE + x + 34.0);

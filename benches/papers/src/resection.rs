@@ -4,7 +4,7 @@ use crate::figure::{Figure, Finding};
 use sinew::models::resection::Region;
 use sinew::prelude::*;
 use sinew_benches::bench::resection::{FRAME, Organ, ResectionFrame, ResectionRun, at_random, cut};
-use sinew_benches::toolbox::error::BenchError;
+use sinew_benches::toolbox::error::{BenchError, Result};
 use sinew_benches::toolbox::meshes::demo_mesh;
 use sinew_benches::toolbox::plot::{Scales, Series, lines};
 use sinew_tune::table::Table;
@@ -30,7 +30,7 @@ struct Case {
     run: ResectionRun,
 }
 
-fn measure(frames: [usize; 2]) -> Result<Vec<Case>, BenchError> {
+fn measure(frames: [usize; 2]) -> Result<Vec<Case>> {
     let mesh = demo_mesh("liver.msh")?;
     let held = mesh.groups.iter().find(|g| g.name == "ligament");
     let held = held.map(|g| g.vertices.clone()).unwrap_or_default();
@@ -48,7 +48,7 @@ fn measure(frames: [usize; 2]) -> Result<Vec<Case>, BenchError> {
     Ok(vec![Case { name: "lobe cut off", run: lobe }, Case { name: "one a frame", run: single }])
 }
 
-pub(crate) fn figure() -> Result<Figure, BenchError> {
+pub(crate) fn figure() -> Result<Figure> {
     let cases = measure([STROKES * STROKE, FRAMES])?;
     let series = |name: &str, case: &Case, colour, hollow, pick: fn(&ResectionFrame) -> f64| {
         let mut times: Vec<f64> = case.run.frames.iter().map(pick).collect();

@@ -15,7 +15,7 @@ use sinew::engine::mesh::generate::{
     specimen_quads,
 };
 use sinew::engine::mesh::{Group, Mesh};
-use sinew_benches::toolbox::error::BenchError;
+use sinew_benches::toolbox::error::{BenchError, Result};
 use std::f64::consts::TAU;
 
 /// Width of the straight part of the specimen and thickness of the solid one (m).
@@ -50,10 +50,7 @@ pub(crate) fn printed(name: &str) -> Option<[usize; 2]> {
 }
 
 /// A mesh of [`PRINTED`] by its name, with the groups `x0` and `x1` of its ends.
-///
-/// # Errors
-/// When the name is not there.
-pub(crate) fn mesh(name: &str) -> Result<Mesh, BenchError> {
+pub(crate) fn mesh(name: &str) -> Result<Mesh> {
     let Some([count, _]) = printed(name) else {
         let names: Vec<&str> = PRINTED.iter().map(|p| p.0).collect();
         return Err(BenchError::Request {
@@ -112,7 +109,7 @@ pub(crate) fn mesh(name: &str) -> Result<Mesh, BenchError> {
 }
 
 /// Meshes of squares and bricks.
-fn grid(name: &str) -> Result<Mesh, BenchError> {
+fn grid(name: &str) -> Result<Mesh> {
     Ok(match name {
         "tissue_quad" => jitter_interior(&quad_grid(TISSUE, [34, 12])?, 0.2, 1)?,
         "square_quad" => quad_grid(DVec2::splat(SIDE), [10, 10])?,

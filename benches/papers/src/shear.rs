@@ -6,7 +6,7 @@ use super::lumped::{
 };
 use crate::figure::{Figure, Finding};
 use glam::DVec3;
-use sinew_benches::toolbox::error::BenchError;
+use sinew_benches::toolbox::error::Result;
 use sinew_identify::ElementMethod::{self, Baudet, Frobenius, Lloyd, TwoNorm, VanGelder};
 use sinew_identify::error_metrics::PositionErrors;
 use sinew_identify::virtual_test::SpringOptions;
@@ -31,7 +31,7 @@ const TABLE_6: [(&str, &str, ElementMethod, [f64; 2]); 10] = [
 /// Displacement over height.
 const SHEAR: f64 = 0.1;
 
-fn measure(meshes: &Meshes, quick: bool) -> Result<Vec<Row>, BenchError> {
+fn measure(meshes: &Meshes, quick: bool) -> Result<Vec<Row>> {
     let mut rows = Vec::new();
     for (mesh, element, method, printed) in TABLE_6 {
         if quick && !mesh.starts_with("square") {
@@ -78,7 +78,7 @@ struct Twisted {
     rest_length: Option<PositionErrors>,
 }
 
-fn twist(meshes: &Meshes, quick: bool) -> Result<Vec<Twisted>, BenchError> {
+fn twist(meshes: &Meshes, quick: bool) -> Result<Vec<Twisted>> {
     let mut rows = Vec::new();
     for &(mesh, what) in TORSION.iter().filter(|t| !quick || t.0 == "cylinder_hex") {
         let specimen = meshes.get(mesh)?;
@@ -103,7 +103,7 @@ fn twist(meshes: &Meshes, quick: bool) -> Result<Vec<Twisted>, BenchError> {
 }
 
 /// Quick: the squares and one cylinder only, for tests.
-pub(crate) fn figure(setup: &Setup) -> Result<Figure, BenchError> {
+pub(crate) fn figure(setup: &Setup) -> Result<Figure> {
     let rows = measure(&setup.meshes, setup.quick)?;
     let twisted = twist(&setup.meshes, setup.quick)?;
     let title = "Table 6: errors in shear";

@@ -8,7 +8,7 @@ use super::lumped::{
 use super::overlay;
 use super::shapes::WIDTH;
 use crate::figure::{Figure, Finding};
-use sinew_benches::toolbox::error::BenchError;
+use sinew_benches::toolbox::error::Result;
 use sinew_identify::ElementMethod::{self, Baudet, Frobenius, Lloyd, TwoNorm, VanGelder};
 use sinew_identify::baselines::baudet_tension_correction;
 use sinew_identify::virtual_test::Loading;
@@ -55,7 +55,7 @@ struct Measured {
 
 /// Strain in the straight part of a specimen, or in the middle half of another body, under consistent
 /// traction.
-fn measured(specimen: &Specimen, method: ElementMethod) -> Result<Option<Measured>, BenchError> {
+fn measured(specimen: &Specimen, method: ElementMethod) -> Result<Option<Measured>> {
     let rig = &specimen.rig;
     let (loading, fem) = specimen.loaded(rig.axis, Reading::Traction, STRETCH)?;
     let springs = specimen.springs(method)?;
@@ -113,7 +113,7 @@ impl Fourth {
     }
 }
 
-fn fourth(meshes: &Meshes, keep: &dyn Fn(&str) -> bool) -> Result<Vec<Fourth>, BenchError> {
+fn fourth(meshes: &Meshes, keep: &dyn Fn(&str) -> bool) -> Result<Vec<Fourth>> {
     let mut rows = Vec::new();
     for (mesh, element, two, frobenius) in TABLE_4.into_iter().filter(|t| keep(t.0)) {
         let specimen = meshes.get(mesh)?;
@@ -135,7 +135,7 @@ struct Fifth {
     corrected: Option<MeasuredModuli>,
 }
 
-fn fifth(meshes: &Meshes, keep: &dyn Fn(&str) -> bool) -> Result<Vec<Fifth>, BenchError> {
+fn fifth(meshes: &Meshes, keep: &dyn Fn(&str) -> bool) -> Result<Vec<Fifth>> {
     let mut rows = Vec::new();
     for (mesh, element, method, out, errors) in TABLE_5.into_iter().filter(|t| keep(t.0)) {
         let specimen = meshes.get(mesh)?;
@@ -154,7 +154,7 @@ fn fifth(meshes: &Meshes, keep: &dyn Fn(&str) -> bool) -> Result<Vec<Fifth>, Ben
 
 /// Baudet's springs with their lateral forces, on rollers as their derivation has it; the body is a
 /// square or a cube with a corner at the origin.
-fn corrected(specimen: &Specimen) -> Result<Option<MeasuredModuli>, BenchError> {
+fn corrected(specimen: &Specimen) -> Result<Option<MeasuredModuli>> {
     let rig = &specimen.rig;
     let stress = 1e3;
     let mut unit = [0.0; 3];
@@ -246,7 +246,7 @@ fn findings(four: &[Fourth], five: &[Fifth]) -> Vec<Finding> {
 }
 
 /// Quick: triangles only, for tests.
-pub(crate) fn figure(setup: &Setup) -> Result<Figure, BenchError> {
+pub(crate) fn figure(setup: &Setup) -> Result<Figure> {
     let keep = |mesh: &str| !setup.quick || mesh.ends_with("tri");
     let four = fourth(&setup.meshes, &keep)?;
     let five = fifth(&setup.meshes, &keep)?;

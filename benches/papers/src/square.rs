@@ -5,7 +5,7 @@ use super::lumped::{SECTION, printed_name};
 use crate::figure::{Figure, Finding};
 use glam::DVec2;
 use sinew::engine::mesh::generate::quad_grid;
-use sinew_benches::toolbox::error::BenchError;
+use sinew_benches::toolbox::error::Result;
 use sinew_benches::toolbox::plot::{Scales, Series, lines};
 use sinew_identify::ElementMethod::{self, Baudet, Block, Frobenius, TwoNorm};
 use sinew_identify::LinearMaterial;
@@ -31,7 +31,7 @@ struct Point {
     out: Option<[f64; 2]>,
 }
 
-fn measure() -> Result<Vec<Point>, BenchError> {
+fn measure() -> Result<Vec<Point>> {
     let mesh = quad_grid(DVec2::splat(SIDE), [1, 1])?;
     let grips = Grips { axis: Some(0), ..Grips::default() };
     let rig = Rig::new(&mesh, SECTION, &grips)?;
@@ -122,7 +122,7 @@ fn number(x: Option<f64>) -> Cell {
     x.map(|x| format!("{x:.3}")).into()
 }
 
-pub(crate) fn figure() -> Result<Figure, BenchError> {
+pub(crate) fn figure() -> Result<Figure> {
     let points = measure()?;
     let mut table = Table::new(
         "d-square",
@@ -144,7 +144,7 @@ pub(crate) fn figure() -> Result<Figure, BenchError> {
         "method" => p.method.name(), "E_in Pa" => p.put_in[0], "nu_in" => p.put_in[1],
         "E_out Pa" => p.out.map(|o| o[0]), "nu_out" => p.out.map(|o| o[1]),
     );
-    let chart = |name: &str, title: &str, axis: &str, which: usize| -> Result<Chart, BenchError> {
+    let chart = |name: &str, title: &str, axis: &str, which: usize| -> Result<Chart> {
         let own = |(colour, method): (usize, ElementMethod)| {
             let own = of(&points, method, 1.0).into_iter();
             let places = own.filter_map(|p| Some([p.put_in[1], p.out?[which]])).collect();

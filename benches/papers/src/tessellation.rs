@@ -11,7 +11,7 @@ use sinew::engine::vertex::FixedAxes;
 use sinew::models::body::sheet::{MembraneDescription, MembraneModel};
 use sinew::prelude::*;
 use sinew_benches::toolbox::beam::sheet as sheet_body;
-use sinew_benches::toolbox::error::BenchError;
+use sinew_benches::toolbox::error::{BenchError, Result};
 use sinew_benches::toolbox::plot::{Scales, Series, lines};
 use sinew_tune::page::Chart;
 use sinew_tune::table_of;
@@ -73,7 +73,7 @@ fn tessellation(irregular: bool) -> &'static str {
 }
 
 /// A sheet of `2 n n` triangles: all diagonals alike, or turned at random and the vertices moved.
-fn sheet(n: usize, irregular: bool) -> Result<Mesh, BenchError> {
+fn sheet(n: usize, irregular: bool) -> Result<Mesh> {
     let mut mesh = triangle_grid(DVec2::splat(SIDE), [n, n])?;
     if !irregular {
         return Ok(mesh);
@@ -100,7 +100,7 @@ struct State {
 
 /// Equilibria at [`Mode::strains`], each reached from the one before, without motion out of the plane;
 /// `None` from where there is none.
-fn path(mesh: &Mesh, model: MembraneModel, mode: Mode) -> Result<Vec<Option<State>>, BenchError> {
+fn path(mesh: &Mesh, model: MembraneModel, mode: Mode) -> Result<Vec<Option<State>>> {
     path_of(MATERIAL, mesh, model, mode)
 }
 
@@ -109,7 +109,7 @@ fn path_of(
     mesh: &Mesh,
     model: MembraneModel,
     mode: Mode,
-) -> Result<Vec<Option<State>>, BenchError> {
+) -> Result<Vec<Option<State>>> {
     let membrane = MembraneDescription::new(&mesh.triangles, THICKNESS, material);
     let membrane = MembraneDescription { model, ..membrane };
     let (mut simulation, body) = world(&sheet_body("sheet", mesh, membrane), equilibrium())?;
@@ -165,7 +165,7 @@ struct Row {
     errors: Option<[f64; 2]>,
 }
 
-fn measure(sizes: &Sizes) -> Result<Vec<Row>, BenchError> {
+fn measure(sizes: &Sizes) -> Result<Vec<Row>> {
     let mut runs: Vec<(Mode, MembraneModel, usize, bool)> = Vec::new();
     for mode in Mode::ALL {
         for n in sizes.fine {
@@ -184,7 +184,7 @@ fn measure(sizes: &Sizes) -> Result<Vec<Row>, BenchError> {
             let states = path(&mesh, law, mode)?;
             Ok((mesh, states))
         })
-        .collect::<Result<_, BenchError>>()?;
+        .collect::<Result<_>>()?;
     let mut rows = Vec::new();
     let own = runs.len() / Mode::ALL.len();
     for (runs, paths) in runs.chunks(own).zip(paths.chunks(own)) {
@@ -241,7 +241,7 @@ fn parting([regular, irregular]: [&Row; 2]) -> Option<f64> {
 
 /// A sheet of triangles that are equilateral but for halves at two sides and the height of the rows, which is
 /// rounded to a whole number of rows.
-fn equilateral_sheet(n: usize) -> Result<Mesh, BenchError> {
+fn equilateral_sheet(n: usize) -> Result<Mesh> {
     let rows = (n as f64 / (0.75_f64).sqrt()).round() as usize;
     let width = SIDE / n as f64;
     // places along a row: odd rows begin and end with half a step
@@ -304,7 +304,7 @@ struct PlainSprings {
 const PLAIN_RATIOS: [f64; 2] = [0.3, 1.0 / 3.0];
 const SHEETS: [&str; 3] = ["right-angled", "random", "equilateral"];
 
-fn plain_springs(cells: usize) -> Result<Vec<PlainSprings>, BenchError> {
+fn plain_springs(cells: usize) -> Result<Vec<PlainSprings>> {
     let meshes = [sheet(cells, false)?, sheet(cells, true)?, equilateral_sheet(cells)?];
     let mut runs = Vec::new();
     for poisson_ratio in PLAIN_RATIOS {
@@ -314,7 +314,7 @@ fn plain_springs(cells: usize) -> Result<Vec<PlainSprings>, BenchError> {
     }
     let run = |&(poisson_ratio, i, mode): &(f64, usize, Mode)| {
         let material = YoungPoisson { poisson_ratio, ..MATERIAL };
-        let force = |law| -> Result<f64, BenchError> {
+        let force = |law| -> Result<f64> {
             let states = path_of(material, &meshes[i], law, mode)?;
             Ok(states[0].as_ref().map_or(f64::NAN, |state| state.reaction))
         };
@@ -411,7 +411,7 @@ fn percent(strain: f64) -> String {
     format!("{:.0} %", 100.0 * strain)
 }
 
-pub(crate) fn figure() -> Result<Figure, BenchError> {
+pub(crate) fn figure() -> Result<Figure> {
     let rows = measure(&SIZES)?;
     let plain = plain_springs(SIZES.compared[1])?;
     let middle = SIZES.compared[SIZES.compared.len() / 2];
@@ -445,7 +445,7 @@ pub(crate) fn figure() -> Result<Figure, BenchError> {
     let fine = fine
         .filter_map(|r| r.errors)
         .fold([0.0, 0.0], |w: [f64; 2], e| [w[0].max(e[0]), w[1].max(e[1])]);
-    let charts = Mode::ALL.map(|mode| -> Result<Chart, BenchError> {
+    let charts = Mode::ALL.map(|mode| -> Result<Chart> {
         let mut series = Vec::new();
         for (colour, law) in LAWS.into_iter().enumerate() {
             for irregular in [false, true] {

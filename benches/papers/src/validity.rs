@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use sinew::engine::mesh::Mesh;
 use sinew::engine::mesh::generate::{box_tets, jitter_interior};
 use sinew::prelude::*;
-use sinew_benches::toolbox::error::BenchError;
+use sinew_benches::toolbox::error::Result;
 use sinew_benches::toolbox::plot::{Scales, Series, lines};
 use sinew_tune::page::Chart;
 use sinew_tune::table::{Cell, Table};
@@ -110,7 +110,7 @@ struct State {
 }
 
 /// Compares [`MODELS`] with plain St Venant-Kirchhoff, 10 kPa.
-fn measure(poisson_ratio: f64, modes: &[Mode], strains: &[f64]) -> Result<Vec<Row>, BenchError> {
+fn measure(poisson_ratio: f64, modes: &[Mode], strains: &[f64]) -> Result<Vec<Row>> {
     let material = YoungPoisson { young_modulus: 1e4, poisson_ratio, density: 1000.0 };
     let laws: Vec<Model> = std::iter::once(Model::StVK).chain(MODELS).collect();
     let runs: Vec<(Mode, Model)> =
@@ -118,7 +118,7 @@ fn measure(poisson_ratio: f64, modes: &[Mode], strains: &[f64]) -> Result<Vec<Ro
     let paths: Vec<Vec<Option<State>>> = runs
         .par_iter()
         .map(|&(mode, law)| path(mode, law, material, strains))
-        .collect::<Result<_, BenchError>>()?;
+        .collect::<Result<_>>()?;
     let mut rows = Vec::new();
     for (runs, paths) in runs.chunks(laws.len()).zip(paths.chunks(laws.len())) {
         let reference = &paths[0];
@@ -149,7 +149,7 @@ fn path(
     model: Model,
     material: YoungPoisson,
     strains: &[f64],
-) -> Result<Vec<Option<State>>, BenchError> {
+) -> Result<Vec<Option<State>>> {
     let (size, cells) = mode.specimen();
     let mesh = jitter_interior(&box_tets(size, cells)?, 0.15, 1)?;
     let description = BodyDescription { model, ..BodyDescription::new("bar", &mesh, material) };
@@ -225,7 +225,7 @@ const SMALL: f64 = 0.1;
 /// Error (%) below which one law stands in for another.
 const SAME: f64 = 2.0;
 
-pub(crate) fn figure() -> Result<Figure, BenchError> {
+pub(crate) fn figure() -> Result<Figure> {
     let mut rows = Vec::new();
     for nu in POISSON_RATIOS {
         rows.extend(measure(nu, &Mode::ALL, &STRAINS)?);
@@ -338,7 +338,7 @@ fn findings(rows: &[Row], crushed: f64) -> Vec<Finding> {
 
 /// Largest compression, in steps of 0.05, in which the bar with the compression term has an equilibrium on the way
 /// there without an inverted element.
-fn crushed() -> Result<f64, BenchError> {
+fn crushed() -> Result<f64> {
     let material =
         YoungPoisson { young_modulus: 1e4, poisson_ratio: POISSON_RATIOS[0], density: 1000.0 };
     let strains: Vec<f64> = (1..=18).map(|i| 0.05 * f64::from(i)).collect();
@@ -349,7 +349,7 @@ fn crushed() -> Result<f64, BenchError> {
 }
 
 /// Errors of reaction in tension and bending.
-fn chart(rows: &[Row]) -> Result<Chart, BenchError> {
+fn chart(rows: &[Row]) -> Result<Chart> {
     let mut series = Vec::new();
     for (colour, model) in MODELS.into_iter().enumerate().skip(1) {
         for mode in [Mode::Tension, Mode::Bending] {

@@ -16,7 +16,7 @@ use sinew::models::body::sheet::{MembraneDescription, MembraneModel};
 use sinew::models::resection::{Region, Removal, RemovalError};
 use sinew::prelude::*;
 use sinew_benches::toolbox::beam::{relative_distance, sheet};
-use sinew_benches::toolbox::error::BenchError;
+use sinew_benches::toolbox::error::{BenchError, Result};
 use sinew_benches::toolbox::plot::{Scales, Series, lines};
 use sinew_identify::ElementMethod;
 use sinew_tune::measures::quantile;
@@ -168,7 +168,7 @@ struct Floor {
     balloon: Vec<bevy_ecs::entity::Entity>,
 }
 
-fn build(whole: &Whole, dt: f64) -> Result<Floor, BenchError> {
+fn build(whole: &Whole, dt: f64) -> Result<Floor> {
     let mesh = &whole.mesh;
     let integrator = Integrator::Safe;
     let solver = SolverSettings { integrator, mass_damping: 2.0, ..SolverSettings::default() };
@@ -218,7 +218,7 @@ fn build(whole: &Whole, dt: f64) -> Result<Floor, BenchError> {
 }
 
 /// Displacements after [`PUSH`] seconds, nothing torn.
-fn pushed(whole: &Whole, dt: f64) -> Result<Vec<DVec3>, BenchError> {
+fn pushed(whole: &Whole, dt: f64) -> Result<Vec<DVec3>> {
     let mut floor = build(whole, dt)?;
     for _ in 0..(PUSH / dt).round() as usize {
         floor.simulation.step()?;
@@ -261,7 +261,7 @@ fn unbalanced(simulation: &mut Simulation, body: BodyHandle, whole: &Whole) -> f
     largest(&mut { free }) / largest(&mut { floor })
 }
 
-fn run(whole: &Whole) -> Result<Run, BenchError> {
+fn run(whole: &Whole) -> Result<Run> {
     let Floor { mut simulation, body, balloon } = build(whole, STEP)?;
     let request = |error: RemovalError| BenchError::Request {
         what: error.to_string(),
@@ -314,7 +314,7 @@ fn rates(frames: &[Frame]) -> [f64; 3] {
     [0.5, 0.95, 1.0].map(|share| 1.0 / quantile(&seconds, share))
 }
 
-pub(crate) fn figure(quick: bool) -> Result<Figure, BenchError> {
+pub(crate) fn figure(quick: bool) -> Result<Figure> {
     let (alone, surrounded) = (Whole::alone(), Whole::surrounded());
     let springs = edges(&alone.mesh);
     let (run, around) = (run(&alone)?, run(&surrounded)?);

@@ -12,7 +12,7 @@ use sinew::engine::mesh::generate::{box_hexahedra, irregular_box_tets};
 use sinew::engine::vertex::FixedAxes;
 use sinew::models::body::MassRule;
 use sinew::prelude::*;
-use sinew_benches::toolbox::error::BenchError;
+use sinew_benches::toolbox::error::Result;
 use sinew_benches::toolbox::plot::{Scales, Series, lines};
 use sinew_tune::table_of;
 
@@ -73,7 +73,7 @@ impl Body {
         mesh: &Mesh,
         cell: f64,
         damping: f64,
-    ) -> Result<(Simulation, BodyHandle), BenchError> {
+    ) -> Result<(Simulation, BodyHandle)> {
         let (solver, masses) = (stormer(damping), MassRule::Equal);
         let body = BodyDescription { masses, ..BodyDescription::new("block", mesh, material) };
         let form = match self {
@@ -93,18 +93,13 @@ impl Body {
     }
 }
 
-fn tetrahedra() -> Result<Mesh, BenchError> {
+fn tetrahedra() -> Result<Mesh> {
     Ok(irregular_box_tets(DVec3::splat(SIDE), CELLS, 0.15, 0)?)
 }
 
 /// Volume over that at rest, step by step, of a body let go on a table without friction; not a number from where a
 /// step cannot be carried out.
-fn on_table(
-    body: Body,
-    poisson_ratio: f64,
-    mesh: &Mesh,
-    steps: usize,
-) -> Result<Vec<f64>, BenchError> {
+fn on_table(body: Body, poisson_ratio: f64, mesh: &Mesh, steps: usize) -> Result<Vec<f64>> {
     let cell = SIDE / CELLS[0] as f64;
     let (mut simulation, handle) = body.world(material(poisson_ratio), mesh, cell, DAMPING)?;
     simulation.set_gravity(GRAVITY);
@@ -136,13 +131,13 @@ const BEAM: [usize; 3] = [12, 3, 3];
 const SETTLING: usize = 200;
 const BRAKE: f64 = 18.0;
 
-fn beam() -> Result<Mesh, BenchError> {
+fn beam() -> Result<Mesh> {
     Ok(irregular_box_tets(DVec3::new(LENGTH, THICKNESS, THICKNESS), BEAM, 0.15, 0)?)
 }
 
 /// Displacements (m) of a cantilever at rest under its weight: of the material, or of a body let go and braked; none
 /// where a step cannot be carried out.
-fn cantilever(mesh: &Mesh, body: Option<Body>) -> Result<Option<Vec<DVec3>>, BenchError> {
+fn cantilever(mesh: &Mesh, body: Option<Body>) -> Result<Option<Vec<DVec3>>> {
     let Some(made) = body else {
         // masses are part of the load, which is to be the same
         let (model, masses) = (Model::StVK, MassRule::Equal);
@@ -198,7 +193,7 @@ impl OnTable {
 }
 
 /// All bodies on a mesh.
-fn on_tables(mesh: &Mesh, name: &'static str, steps: usize) -> Result<Vec<OnTable>, BenchError> {
+fn on_tables(mesh: &Mesh, name: &'static str, steps: usize) -> Result<Vec<OnTable>> {
     let one = |body: &Body| {
         let ratios = on_table(*body, MATERIAL.poisson_ratio, mesh, steps)?;
         Ok(OnTable { body: *body, mesh: name, ratios })
@@ -213,9 +208,9 @@ struct Swept {
     changes: Vec<f64>,
 }
 
-fn sweep(body: Body, mesh: &Mesh, name: &'static str, steps: usize) -> Result<Swept, BenchError> {
+fn sweep(body: Body, mesh: &Mesh, name: &'static str, steps: usize) -> Result<Swept> {
     let one = |nu: &f64| Ok(100.0 * largest(&on_table(body, *nu, mesh, steps)?));
-    let changes: Result<Vec<f64>, BenchError> = RATIOS.par_iter().map(one).collect();
+    let changes: Result<Vec<f64>> = RATIOS.par_iter().map(one).collect();
     Ok(Swept { body, mesh: name, changes: changes? })
 }
 
@@ -284,7 +279,7 @@ fn findings_on_sags([material, axes, edges, energy]: [f64; 4]) -> [Finding; 2] {
     ]
 }
 
-pub(crate) fn figure() -> Result<Figure, BenchError> {
+pub(crate) fn figure() -> Result<Figure> {
     let steps = (SECONDS / STEP).round() as usize;
     let in_tetrahedra = on_tables(&tetrahedra()?, "tetrahedra", steps)?;
     let cube = box_hexahedra(DVec3::splat(SIDE), CELLS)?;
@@ -314,8 +309,7 @@ pub(crate) fn figure() -> Result<Figure, BenchError> {
         .collect();
     let beam = beam()?;
     let made = [None, Some(Body::Printed), Some(Body::Springs), Some(Body::True)];
-    let beams: Result<Vec<_>, BenchError> =
-        made.par_iter().map(|body| cantilever(&beam, *body)).collect();
+    let beams: Result<Vec<_>> = made.par_iter().map(|body| cantilever(&beam, *body)).collect();
     let beams = beams?;
     let sags = [0, 1, 2, 3].map(|i| sag(&beam, beams[i].as_ref()));
     let names = ["StVK, a material", "axes, printed", "plain springs", "axes, with energy"];

@@ -2,7 +2,7 @@
 
 use super::cases::{AccuracyCase, AccuracyKind, CaseTruth, Method, MethodOutcome, cases};
 use super::elements::{self, ElementBody, ElementReport};
-use crate::toolbox::error::BenchError;
+use crate::toolbox::error::{BenchError, Result};
 use crate::toolbox::options::BenchOptions;
 use crate::toolbox::stats::{Rounds, Spread, interleave};
 use serde::Serialize;
@@ -97,16 +97,12 @@ pub struct AccuracyReport {
     pub elements: Vec<ElementReport>,
 }
 
-/// Runs all cases; `tell` hears what is going on.
-///
-/// # Errors
-/// When a case cannot be set up or has no converged solution. A method that fails is a point without
-/// error, with a note.
+/// Runs all cases; `tell` hears what is going on. A method that fails is a point without error, with a note.
 pub fn run(
     options: &BenchOptions,
     rounds: Rounds,
     mut tell: impl FnMut(&str),
-) -> Result<AccuracyReport, BenchError> {
+) -> Result<AccuracyReport> {
     let mut report = AccuracyReport::default();
     let all = cases(options.quick)?;
     let known: Vec<&str> =
@@ -133,7 +129,7 @@ fn run_case(
     quick: bool,
     rounds: Rounds,
     report: &mut AccuracyReport,
-) -> Result<(), BenchError> {
+) -> Result<()> {
     let truths: Vec<CaseTruth> =
         case.meshes.iter().map(|mesh| case.truth(mesh)).collect::<Result<_, _>>()?;
     let refined = truths.last().filter(|_| case.meshes.len() > case.measured);
@@ -159,7 +155,7 @@ fn run_case(
     let first = report.points.len();
     for (level, mesh) in case.meshes[..case.measured].iter().enumerate() {
         let n = mesh.points.len();
-        let mut runs: Vec<(Method, Option<Result<MethodOutcome, BenchError>>)> =
+        let mut runs: Vec<(Method, Option<Result<MethodOutcome>>)> =
             methods(case, level, quick).into_iter().map(|m| (m, None)).collect();
         let samples = interleave(&mut runs, rounds, |(method, outcome)| {
             if let Some(Err(_)) = outcome {

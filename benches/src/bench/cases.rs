@@ -1,6 +1,6 @@
 //! The scenes of the chart of speed against error, each on meshes that refine one another.
 
-use crate::toolbox::error::BenchError;
+use crate::toolbox::error::{BenchError, Result};
 use crate::toolbox::meshes::{demo_mesh, refined};
 use glam::DVec3;
 use sinew::engine::mesh::Mesh;
@@ -50,10 +50,7 @@ pub enum AccuracyKind {
 const EARTH: DVec3 = DVec3::new(0.0, 0.0, -9.81);
 
 /// All cases; quick ones are coarser.
-///
-/// # Errors
-/// When a mesh cannot be generated or read.
-pub fn cases(quick: bool) -> Result<Vec<AccuracyCase>, BenchError> {
+pub fn cases(quick: bool) -> Result<Vec<AccuracyCase>> {
     let gel = YoungPoisson { young_modulus: 3e5, poisson_ratio: 0.45, density: 1000.0 };
     let soft = YoungPoisson { young_modulus: 1e4, ..gel };
     let measured = if quick { 1 } else { 2 };
@@ -66,7 +63,7 @@ pub fn cases(quick: bool) -> Result<Vec<AccuracyCase>, BenchError> {
     };
     let beam = || box_tets(DVec3::new(0.2, 0.05, 0.05), [8, 2, 2]);
     let block = || box_tets(DVec3::new(0.1, 0.05, 0.05), [4, 2, 2]);
-    let still = |name, description, motion, truth_load_steps| -> Result<AccuracyCase, BenchError> {
+    let still = |name, description, motion, truth_load_steps| -> Result<AccuracyCase> {
         Ok(AccuracyCase {
             name,
             description,
@@ -212,12 +209,7 @@ impl AccuracyCase {
         self.kind != AccuracyKind::Equilibrium
     }
 
-    fn set_up(
-        &self,
-        mesh: &Mesh,
-        method: &Method,
-        ramp: f64,
-    ) -> Result<(Simulation, BodyHandle), BenchError> {
+    fn set_up(&self, mesh: &Mesh, method: &Method, ramp: f64) -> Result<(Simulation, BodyHandle)> {
         let options = SimulationOptions {
             precision: method.precision,
             threads: method.threads,
@@ -243,10 +235,7 @@ impl AccuracyCase {
     }
 
     /// Computes the case on a mesh.
-    ///
-    /// # Errors
-    /// When it cannot be set up or a step fails.
-    pub fn run(&self, mesh: &Mesh, method: &Method) -> Result<MethodOutcome, BenchError> {
+    pub fn run(&self, mesh: &Mesh, method: &Method) -> Result<MethodOutcome> {
         match self.kind {
             AccuracyKind::Motion { duration, sample } => {
                 self.motion(mesh, method, duration, sample)
@@ -264,7 +253,7 @@ impl AccuracyCase {
         method: &Method,
         duration: f64,
         sample: f64,
-    ) -> Result<MethodOutcome, BenchError> {
+    ) -> Result<MethodOutcome> {
         let (mut simulation, body) = self.set_up(mesh, method, RAMP)?;
         let every = (sample / method.dt).round().max(1.0) as u64;
         let steps = (duration / method.dt).round() as u64;
@@ -285,7 +274,7 @@ impl AccuracyCase {
         mesh: &Mesh,
         method: &Method,
         polish: Option<&SolverSettings>,
-    ) -> Result<MethodOutcome, BenchError> {
+    ) -> Result<MethodOutcome> {
         let (mut simulation, body) = self.set_up(mesh, method, 1.0)?;
         let steps = (1.0 / method.dt).round() as u32;
         let mut outcome = MethodOutcome::default();
@@ -305,7 +294,7 @@ impl AccuracyCase {
         Ok(outcome)
     }
 
-    fn settle(&self, mesh: &Mesh, method: &Method) -> Result<MethodOutcome, BenchError> {
+    fn settle(&self, mesh: &Mesh, method: &Method) -> Result<MethodOutcome> {
         let (mut simulation, body) = self.set_up(mesh, method, RAMP)?;
         let mut outcome = MethodOutcome::default();
         loop {
@@ -333,10 +322,7 @@ impl AccuracyCase {
     /// Equilibria: Newton to 1e-9, then once more with linear systems solved to 1e-10; the estimate
     /// is what that changed. Motions: Störmer-Verlet with a third of the stable step and with half of
     /// that; the estimate is a third of the difference (the scheme is of second order).
-    ///
-    /// # Errors
-    /// When it cannot be computed.
-    pub fn truth(&self, mesh: &Mesh) -> Result<CaseTruth, BenchError> {
+    pub fn truth(&self, mesh: &Mesh) -> Result<CaseTruth> {
         let start = std::time::Instant::now();
         let no_truth = |reason: String| BenchError::NoTruth { case: self.name.to_string(), reason };
         let (states, own_error) = match self.kind {
@@ -386,7 +372,7 @@ impl AccuracyCase {
 }
 
 impl MethodOutcome {
-    fn step(&mut self, simulation: &mut Simulation) -> Result<(), BenchError> {
+    fn step(&mut self, simulation: &mut Simulation) -> Result<()> {
         let start = std::time::Instant::now();
         simulation.step()?;
         self.seconds += start.elapsed().as_secs_f64();

@@ -2,7 +2,7 @@
 //! fast, two bodies, and a liver that is palpated at 100 steps a second. Every time has the error of the force.
 
 use crate::toolbox::aim::BenchAim;
-use crate::toolbox::error::BenchError;
+use crate::toolbox::error::{BenchError, Result};
 use crate::toolbox::meshes::demo_mesh;
 use crate::toolbox::stats::Spread;
 use bevy_ecs::entity::Entity;
@@ -126,12 +126,7 @@ fn settings(integrator: Integrator) -> SolverSettings {
 }
 
 impl ContactScene {
-    fn new(
-        kind: &'static ContactKind,
-        mesh: &Mesh,
-        threads: usize,
-        touched: bool,
-    ) -> Result<Self, BenchError> {
+    fn new(kind: &'static ContactKind, mesh: &Mesh, threads: usize, touched: bool) -> Result<Self> {
         let mut simulation = Simulation::new(SimulationOptions { threads, ..Default::default() })?;
         simulation.set_dt(STEP);
         let (mut contact, mut handle) = (None, None);
@@ -198,7 +193,7 @@ impl ContactScene {
     }
 
     /// One step; its wall time (s).
-    fn step(&mut self) -> Result<f64, BenchError> {
+    fn step(&mut self) -> Result<f64> {
         let way = self.way(self.done + 1);
         if let Some(handle) = self.handle {
             self.simulation.set_target(handle, Pose::from(way))?;
@@ -284,16 +279,13 @@ struct ContactRow {
 
 /// Measures kinds of contact, all where none is named, with every number of threads; blocks have about these sizes
 /// (tetrahedra), and every run is made so many times.
-///
-/// # Errors
-/// When there is no such kind, a mesh or body cannot be made or a step fails.
 pub fn run(
     sizes: &[usize],
     threads: &[usize],
     repeats: usize,
     kinds: &[String],
     mut tell: impl FnMut(&str),
-) -> Result<(Table, Vec<BenchAim>), BenchError> {
+) -> Result<(Table, Vec<BenchAim>)> {
     if let Some(name) = kinds.iter().find(|n| !KINDS.iter().any(|k| k.name == **n)) {
         let names = KINDS.each_ref().map(|k| k.name).join("`, `");
         let remedy = format!("choose from `{names}`");
@@ -333,7 +325,7 @@ fn measure(
     mesh: &Mesh,
     threads: &[usize],
     repeats: usize,
-) -> Result<Vec<ContactRow>, BenchError> {
+) -> Result<Vec<ContactRow>> {
     let mut rows = Vec::new();
     let mut errors = None;
     for &threads in threads {
@@ -399,7 +391,7 @@ fn off(
     mesh: &Mesh,
     integrator: Integrator,
     forces: &[DVec3],
-) -> Result<(f64, u32), BenchError> {
+) -> Result<(f64, u32)> {
     let (mut largest, mut missed) = (0.0_f64, 0);
     if kind.comes == Comes::Nothing {
         return Ok((largest, missed));

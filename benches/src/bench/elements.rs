@@ -19,7 +19,7 @@ use crate::peers::mujoco::{Freedom, MuJoCo};
 use crate::peers::rapier;
 use crate::peers::sinew_rows::SinewRun;
 use crate::peers::{Beam, BeamCase, Rival, at_zero, say};
-use crate::toolbox::error::BenchError;
+use crate::toolbox::error::{BenchError, Result};
 use crate::toolbox::meshes::demo_mesh;
 use crate::toolbox::meshes::refined;
 use crate::toolbox::options::BenchOptions;
@@ -92,10 +92,7 @@ impl ElementBody {
     }
 
     /// The mesh of a level, and its clamped vertices.
-    ///
-    /// # Errors
-    /// When it cannot be made or read.
-    pub fn mesh(self, kind: Discretisation, level: usize) -> Result<(Mesh, Vec<u32>), BenchError> {
+    pub fn mesh(self, kind: Discretisation, level: usize) -> Result<(Mesh, Vec<u32>)> {
         let linear = match self {
             Self::Beam if kind == Discretisation::Hexahedra => box_hexahedra(SIZE, LEVELS[level])?,
             Self::Beam => box_tets(SIZE, LEVELS[level])?,
@@ -282,15 +279,7 @@ impl Discretisation {
     }
 
     /// A body cut into these, on a level of its meshes.
-    ///
-    /// # Errors
-    /// When the mesh cannot be made.
-    pub fn beam(
-        self,
-        body: ElementBody,
-        level: usize,
-        poisson_ratio: f64,
-    ) -> Result<Beam, BenchError> {
+    pub fn beam(self, body: ElementBody, level: usize, poisson_ratio: f64) -> Result<Beam> {
         let [young_modulus, gravity] = body.load();
         let material = YoungPoisson { young_modulus, poisson_ratio, density: DENSITY };
         let name =
@@ -390,10 +379,10 @@ impl ContinuumTruth {
         poisson_ratio: f64,
         finest: usize,
         moving: Option<usize>,
-    ) -> Result<Self, BenchError> {
+    ) -> Result<Self> {
         let start = Instant::now();
         let kind = Discretisation::TenNode;
-        let still = |level| -> Result<(Beam, Vec<Vec<DVec3>>), BenchError> {
+        let still = |level| -> Result<(Beam, Vec<Vec<DVec3>>)> {
             let beam = kind.beam(body, level, poisson_ratio)?;
             let u = equilibrium(&beam, ENERGY, kind.volume())?;
             Ok((beam, vec![u]))
@@ -427,7 +416,7 @@ impl ContinuumTruth {
         // below first order there is nothing to trust: the distance itself is the estimate
         let beyond = 1.0 / (2f64.powf(order.clamp(1.0, 4.0)) - 1.0);
 
-        let swing = |level, h: f64| -> Result<(Beam, Vec<Vec<DVec3>>), BenchError> {
+        let swing = |level, h: f64| -> Result<(Beam, Vec<Vec<DVec3>>)> {
             let case = BeamCase { beam: kind.beam(body, level, poisson_ratio)?, truth: Vec::new() };
             let parts = (H / h).round() as usize;
             let mut run = kind.converged(Integrator::TrBdf2, h);
@@ -570,7 +559,7 @@ impl ElementEntry {
         self.row
     }
 
-    fn measure(&mut self, truth: &ContinuumTruth, newton: bool) -> Result<(), BenchError> {
+    fn measure(&mut self, truth: &ContinuumTruth, newton: bool) -> Result<()> {
         let Some(ms) = Spread::of(&self.times).filter(|_| !self.failed) else { return Ok(()) };
         let points = &self.case.beam.mesh.points;
         let still = match self.kind {
@@ -605,15 +594,12 @@ impl ElementEntry {
 /// Cells of all levels, coarse to fine.
 const LEVELS: [[usize; 3]; 5] = [[5, 1, 1], [10, 2, 2], [20, 4, 4], [40, 8, 8], FINEST];
 
-/// Runs all; `tell` hears what is going on.
-///
-/// # Errors
-/// When a mesh cannot be made or the continuum does not converge. A method that fails keeps its row with the reason.
+/// Runs all; `tell` hears what is going on. A method that fails keeps its row with the reason.
 pub fn run(
     body: ElementBody,
     options: &BenchOptions,
     mut tell: impl FnMut(&str),
-) -> Result<ElementReport, BenchError> {
+) -> Result<ElementReport> {
     let mut report = ElementReport { body, ..ElementReport::default() };
     // rivals run on the beam only ([`ElementLevel::is_full`])
     let mut mujoco = None;
@@ -678,7 +664,7 @@ impl ElementLevel {
         truth: &ContinuumTruth,
         mujoco: Option<&mut MuJoCo>,
         report: &mut ElementReport,
-    ) -> Result<(), BenchError> {
+    ) -> Result<()> {
         let mut entries: Vec<ElementEntry> = Vec::new();
         for kind in self.body.kinds(self.level, self.poisson_ratio) {
             let beam = kind.beam(self.body, self.level, self.poisson_ratio)?;
@@ -714,7 +700,7 @@ impl ElementLevel {
         mujoco: Option<&mut MuJoCo>,
         entries: &mut Vec<ElementEntry>,
         report: &mut ElementReport,
-    ) -> Result<(), BenchError> {
+    ) -> Result<()> {
         let cells = LEVELS[self.level];
         let linear = |level| Discretisation::Linear.beam(self.body, level, self.poisson_ratio);
         let own =
@@ -726,7 +712,7 @@ impl ElementLevel {
                 Rc::new(BeamCase { truth: truth.at(&beam.mesh.points), beam })
             }
         };
-        let free = |level| -> Result<Rc<BeamCase>, BenchError> {
+        let free = |level| -> Result<Rc<BeamCase>> {
             let beam = linear(level)?;
             Ok(Rc::new(BeamCase { truth: truth.at(&beam.mesh.points), beam }))
         };

@@ -2,7 +2,7 @@
 //! gpu`.
 
 use crate::toolbox::beam::{MATERIAL, beam, bend, cells_for, evaluate, relative_distance, request};
-use crate::toolbox::error::BenchError;
+use crate::toolbox::error::Result;
 use crate::toolbox::stats::{Spread, median};
 use glam::DVec3;
 use sinew::gpu::{GpuBackend, GpuOptions, GpuReport};
@@ -42,14 +42,7 @@ struct DeviceSize {
 }
 
 /// Measures so many steps of beams of about these sizes.
-///
-/// # Errors
-/// When there is no adapter, a body cannot be made or a step fails.
-pub fn run(
-    sizes: &[usize],
-    steps: usize,
-    mut tell: impl FnMut(&str),
-) -> Result<Vec<Table>, BenchError> {
+pub fn run(sizes: &[usize], steps: usize, mut tell: impl FnMut(&str)) -> Result<Vec<Table>> {
     let probe = GpuBackend::new(&GpuOptions::default())?;
     let copies = probe.copy_bandwidth()? * 1e-9;
     let (adapter, software) = (probe.summary().to_string(), probe.summary().software());
@@ -101,7 +94,7 @@ const WAYS: [(&str, Precision, Backend, Preconditioner); 4] = [
 ];
 
 /// A beam clamped at one end.
-fn scene(simulation: &mut Simulation, mesh: &Mesh) -> Result<BodyHandle, BenchError> {
+fn scene(simulation: &mut Simulation, mesh: &Mesh) -> Result<BodyHandle> {
     let body = simulation.add_body(&BodyDescription::new("beam", mesh, MATERIAL))?;
     let rows = simulation.group_rows(body, mesh, "x0")?;
     simulation.add_constraint(Constraint::hold("clamp", rows));
@@ -109,7 +102,7 @@ fn scene(simulation: &mut Simulation, mesh: &Mesh) -> Result<BodyHandle, BenchEr
     Ok(body)
 }
 
-fn measure(size: usize, steps: usize) -> Result<DeviceSize, BenchError> {
+fn measure(size: usize, steps: usize) -> Result<DeviceSize> {
     let mesh = beam(cells_for(size))?;
     let tetrahedra = mesh.tetrahedra.len();
     let at_rest = vec![DVec3::ZERO; mesh.points.len()];

@@ -1,6 +1,6 @@
 //! Integrators beside each other: work against error on a swinging beam, and what is left of a fast spin.
 
-use crate::toolbox::error::BenchError;
+use crate::toolbox::error::Result;
 use glam::DVec3;
 use sinew::engine::mesh::Mesh;
 use sinew::engine::mesh::generate::{box_tets, jitter_interior};
@@ -81,11 +81,7 @@ pub(crate) fn spin_elsewhere(integrator: Integrator, column: usize) -> Option<[f
     row.get(column).copied()
 }
 
-fn body(
-    mesh: &Mesh,
-    young_modulus: f64,
-    poisson_ratio: f64,
-) -> Result<(Simulation, BodyHandle), BenchError> {
+fn body(mesh: &Mesh, young_modulus: f64, poisson_ratio: f64) -> Result<(Simulation, BodyHandle)> {
     let mut simulation = Simulation::new(SimulationOptions { threads: 1, ..Default::default() })?;
     let material = YoungPoisson { young_modulus, poisson_ratio, density: 1000.0 };
     let body = simulation.add_body(&BodyDescription::new("body", mesh, material))?;
@@ -110,7 +106,7 @@ struct IntegratorSwing {
 }
 
 /// A beam held at one end that falls under its weight, at 0.2 and 0.4 s.
-fn swing(mesh: &Mesh, integrator: Integrator, dt: f64) -> Result<IntegratorSwing, BenchError> {
+fn swing(mesh: &Mesh, integrator: Integrator, dt: f64) -> Result<IntegratorSwing> {
     let (mut simulation, body) = body(mesh, 3e4, 0.4)?;
     let rows = simulation.group_rows(body, mesh, "x0")?;
     simulation.add_constraint(Constraint::hold("clamp", rows));
@@ -138,7 +134,7 @@ fn swing(mesh: &Mesh, integrator: Integrator, dt: f64) -> Result<IntegratorSwing
 }
 
 /// A free cube at 100 rad/s for 0.1 s.
-fn spin(mesh: &Mesh, integrator: Integrator, dt: f64) -> Result<[f64; 2], BenchError> {
+fn spin(mesh: &Mesh, integrator: Integrator, dt: f64) -> Result<[f64; 2]> {
     let (mut simulation, body) = body(mesh, 1e5, 0.3)?;
     let masses = simulation.masses(body);
     let mass: f64 = masses.iter().sum();
@@ -162,10 +158,7 @@ fn spin(mesh: &Mesh, integrator: Integrator, dt: f64) -> Result<[f64; 2], BenchE
 }
 
 /// Runs both.
-///
-/// # Errors
-/// When the beam cannot be set up or stepped.
-pub fn run(quick: bool, tell: &mut impl FnMut(&str)) -> Result<Vec<Table>, BenchError> {
+pub fn run(quick: bool, tell: &mut impl FnMut(&str)) -> Result<Vec<Table>> {
     let beam = jitter_interior(&box_tets(DVec3::new(0.3, 0.1, 0.1), [6, 2, 2])?, 0.15, 1)?;
     tell("integrators: reference motion");
     let fine = if quick { 1e-4 } else { 1e-5 };

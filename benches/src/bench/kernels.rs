@@ -11,7 +11,7 @@ use super::subject::{
 use crate::toolbox::beam::{
     beam, bend, bent, cells_for, evaluate, lend, precision_of, request, take_back,
 };
-use crate::toolbox::error::BenchError;
+use crate::toolbox::error::{BenchError, Result};
 use crate::toolbox::stats::{Rounds, Spread, interleave};
 use glam::DVec3;
 use serde::Serialize;
@@ -96,16 +96,13 @@ pub struct KernelReport {
 }
 
 /// Runs all kernels; `tell` hears what is going on.
-///
-/// # Errors
-/// When a beam cannot be built.
 pub fn run(
     sizes: &[usize],
     threads: &[usize],
     rounds: Rounds,
     limits: &[MachineLimits],
     mut tell: impl FnMut(&str),
-) -> Result<KernelReport, BenchError> {
+) -> Result<KernelReport> {
     let mut report = KernelReport::default();
     for &size in sizes {
         let mesh = beam(cells_for(size))?;
@@ -143,7 +140,7 @@ fn size_rows(
     rounds: Rounds,
     limits: &[MachineLimits],
     rows: &mut Vec<KernelRow>,
-) -> Result<(), BenchError> {
+) -> Result<()> {
     let mut subjects: Vec<KernelSubject> = Vec::new();
     for (evaluation, model) in timed_models() {
         let reference = Reference::of(mesh, &bend(mesh), model)?;
@@ -251,7 +248,7 @@ impl KernelSubject {
         evaluation: Evaluation,
         model: Model,
         reference: &Reference,
-    ) -> Result<Self, BenchError> {
+    ) -> Result<Self> {
         let (simulation, body) = bent(mesh, precision_of::<S>(), 1, evaluation, model)?;
         let mut timed = Timed::<S>::new(simulation, body, Some(free::<FusedStVK, S>));
         request(&mut timed.simulation, true, true, Some(TangentKind::Projected));
@@ -452,7 +449,7 @@ impl KernelSubject {
     }
 }
 
-fn columns_against_arrays<S: Scalar>(mesh: &Mesh, rounds: Rounds) -> Result<ColumnRow, BenchError> {
+fn columns_against_arrays<S: Scalar>(mesh: &Mesh, rounds: Rounds) -> Result<ColumnRow> {
     let (evaluation, model) = (Evaluation::Fused, Model::CompressibleStVK);
     let (mut simulation, _) = bent(mesh, precision_of::<S>(), 1, evaluation, model)?;
     request(&mut simulation, false, true, None);

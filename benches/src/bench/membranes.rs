@@ -5,7 +5,7 @@ use super::subject::{
     Free, KernelQuantity, KernelTiming, Reference, Timed, directions, edge_sums, repetitions,
 };
 use crate::toolbox::beam::{self, precision_of};
-use crate::toolbox::error::BenchError;
+use crate::toolbox::error::{BenchError, Result};
 use crate::toolbox::stats::{Rounds, Spread, interleave};
 use bevy_ecs::prelude::World;
 use glam::{DVec2, DVec3};
@@ -85,10 +85,7 @@ pub struct MembraneSubject {
 }
 
 /// Measures all formulations on a jittered sheet of about so many triangles, bent and stretched.
-///
-/// # Errors
-/// When the sheet cannot be built.
-pub fn run(triangles: usize, rounds: Rounds) -> Result<Vec<MembraneRow>, BenchError> {
+pub fn run(triangles: usize, rounds: Rounds) -> Result<Vec<MembraneRow>> {
     let mesh = sheet(triangles)?;
     let mut rows = rows_of::<f64>(&mesh, rounds)?;
     rows.extend(rows_of::<f32>(&mesh, rounds)?);
@@ -96,15 +93,12 @@ pub fn run(triangles: usize, rounds: Rounds) -> Result<Vec<MembraneRow>, BenchEr
 }
 
 /// A jittered sheet of about so many triangles.
-///
-/// # Errors
-/// When it would have too many.
-pub fn sheet(triangles: usize) -> Result<Mesh, BenchError> {
+pub fn sheet(triangles: usize) -> Result<Mesh> {
     let n = ((triangles as f64 / 2.0).sqrt().round() as usize).max(2);
     Ok(jitter_interior(&triangle_grid(DVec2::splat(0.1), [n, n])?, 0.2, 1)?)
 }
 
-fn rows_of<S: Scalar>(mesh: &Mesh, rounds: Rounds) -> Result<Vec<MembraneRow>, BenchError> {
+fn rows_of<S: Scalar>(mesh: &Mesh, rounds: Rounds) -> Result<Vec<MembraneRow>> {
     let mut subjects = Vec::new();
     for (model, evaluation, paper) in SUBJECTS {
         subjects.push((MembraneSubject::new::<S>(mesh, model, evaluation)?, paper));
@@ -149,14 +143,11 @@ fn free<L: TriangleLaw, S: Scalar>(world: &mut World, x: &[[S; 4]], y: &mut [[S;
 
 impl MembraneSubject {
     /// Of a sheet that is bent and stretched.
-    ///
-    /// # Errors
-    /// When it cannot be built.
     pub fn new<S: Scalar>(
         mesh: &Mesh,
         model: MembraneModel,
         evaluation: Evaluation,
-    ) -> Result<Self, BenchError> {
+    ) -> Result<Self> {
         let precision = precision_of::<S>();
         let options = SimulationOptions { precision, threads: 1, ..Default::default() };
         let mut simulation = Simulation::new(options)?;
@@ -190,7 +181,7 @@ impl MembraneSubject {
 }
 
 /// Forces and products of the exact tangent with [`directions`], element after element.
-fn plain_sums(mesh: &Mesh, u: &[DVec3], model: MembraneModel) -> Result<Reference, BenchError> {
+fn plain_sums(mesh: &Mesh, u: &[DVec3], model: MembraneModel) -> Result<Reference> {
     let moduli = plane_stress(MATERIAL.young_modulus * THICKNESS, MATERIAL.poisson_ratio);
     let v = directions(mesh.points.len());
     let mut sum = Reference::zero(mesh.points.len());

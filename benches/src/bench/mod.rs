@@ -19,7 +19,7 @@ pub mod scenes;
 pub mod step;
 pub mod subject;
 
-use crate::toolbox::error::BenchError;
+use crate::toolbox::error::{BenchError, Result};
 use crate::toolbox::options::BenchOptions;
 use crate::toolbox::stats::Rounds;
 use report::BenchReport;
@@ -72,15 +72,12 @@ impl BenchPart {
 }
 
 /// Runs parts of the bench; `tell` hears what is going on.
-///
-/// # Errors
-/// When something cannot be set up or stepped, or a size or case makes no sense.
 pub fn run(
     command: &str,
     parts: &[BenchPart],
     options: &BenchOptions,
     mut tell: impl FnMut(&str),
-) -> Result<BenchReport, BenchError> {
+) -> Result<BenchReport> {
     for &size in &options.sizes {
         if !(24..=5_000_000).contains(&size) {
             return Err(BenchError::Request {

@@ -7,7 +7,7 @@ use super::roofline::MachineLimits;
 use super::step::StepsReport;
 use crate::peers::{self, PeerReport};
 use crate::toolbox::aim::BenchAim;
-use crate::toolbox::error::BenchError;
+use crate::toolbox::error::Result;
 use crate::toolbox::plot::{self, Bar, Series};
 use crate::toolbox::report::ReportFiles;
 use serde::Serialize;
@@ -148,7 +148,7 @@ impl BenchReport {
 
     /// Charts that a page begins with, those side by side together, and how many of them are shown at once; the last of
     /// several is all of them in one picture.
-    fn leading_charts(&self) -> Result<Vec<(Vec<Chart>, usize)>, BenchError> {
+    fn leading_charts(&self) -> Result<Vec<(Vec<Chart>, usize)>> {
         let mut groups = Vec::new();
         let elements = self.accuracy.iter().flat_map(|a| &a.elements);
         for elements in elements.filter(|e| !e.rows.is_empty()) {
@@ -161,10 +161,7 @@ impl BenchReport {
     }
 
     /// All charts.
-    ///
-    /// # Errors
-    /// When one cannot be drawn.
-    pub fn charts(&self) -> Result<Vec<Chart>, BenchError> {
+    pub fn charts(&self) -> Result<Vec<Chart>> {
         let mut charts: Vec<Chart> =
             self.leading_charts()?.into_iter().flat_map(|(charts, _)| charts).collect();
         if let Some(accuracy) = self.accuracy.as_ref().filter(|a| !a.points.is_empty()) {
@@ -315,10 +312,7 @@ impl BenchReport {
     }
 
     /// One page with everything in it.
-    ///
-    /// # Errors
-    /// When a chart cannot be drawn.
-    pub fn html(&self) -> Result<String, BenchError> {
+    pub fn html(&self) -> Result<String> {
         let heading = "Sinew bench: speed against error";
         let mut page = Page::new("Sinew bench", heading, &self.machine.line());
         for warning in &self.warnings {
@@ -390,10 +384,7 @@ impl BenchReport {
     }
 
     /// Writes everything into a folder, which is made; returns the files.
-    ///
-    /// # Errors
-    /// When a file cannot be written or a chart not be drawn.
-    pub fn write(&self, folder: &Path) -> Result<Vec<PathBuf>, BenchError> {
+    pub fn write(&self, folder: &Path) -> Result<Vec<PathBuf>> {
         let mut files = ReportFiles::default();
         files.json("report.json", self)?;
         files.add("report.html", self.html()?);
@@ -459,7 +450,7 @@ fn front<'a>(points: impl Iterator<Item = &'a AccuracyPoint>, refined: bool) -> 
 }
 
 /// Every method on every case.
-fn overview(report: &AccuracyReport) -> Result<Chart, BenchError> {
+fn overview(report: &AccuracyReport) -> Result<Chart> {
     let series = |(i, case): (usize, &CaseRow)| {
         let name = &case.case;
         let points = report.points.iter().filter(|p| p.case == *name).map(|p| pair(p, false));
@@ -481,11 +472,7 @@ fn overview(report: &AccuracyReport) -> Result<Chart, BenchError> {
 }
 
 /// Every method on one case, against the same or the refined mesh; none without points.
-fn case_chart(
-    report: &AccuracyReport,
-    case: &CaseRow,
-    refined: bool,
-) -> Result<Option<Chart>, BenchError> {
+fn case_chart(report: &AccuracyReport, case: &CaseRow, refined: bool) -> Result<Option<Chart>> {
     let own = report.points.iter().filter(|p| p.case == case.case);
     let points: Vec<&AccuracyPoint> = own.filter(|p| usable(&pair(p, refined))).collect();
     let mut sizes: Vec<usize> = points.iter().map(|p| p.tetrahedra).collect();

@@ -1,7 +1,7 @@
 //! Frame times while tetrahedra are removed: one per frame of 1/60 s, safe step, organs that hang
 //! under their weight.
 
-use crate::toolbox::error::BenchError;
+use crate::toolbox::error::Result;
 use sinew::engine::mesh::generate::sphere_tets;
 use sinew::models::resection::{Region, Removal};
 use sinew::prelude::*;
@@ -101,15 +101,12 @@ pub const FRAME: f64 = 1.0 / 60.0;
 const RADIUS: f64 = 0.065;
 
 /// Frame times of balls of about these sizes (tetrahedra): so many frames each, at most one per tetrahedron.
-///
-/// # Errors
-/// When a body cannot be made or a step fails.
 pub fn run(
     sizes: &[usize],
     frames: usize,
     threads: usize,
     mut tell: impl FnMut(&str),
-) -> Result<Vec<Table>, BenchError> {
+) -> Result<Vec<Table>> {
     let mut runs = Vec::new();
     for &size in sizes {
         tell(&format!("resection: about {size} tetrahedra"));
@@ -139,9 +136,6 @@ pub fn at_random(tetrahedra: usize) -> impl FnMut(usize) -> Region {
 /// Lets the organ sag for half a second, then removes what `next` says for a frame and steps, frame by
 /// frame; in the end a third of what is left.
 ///
-/// # Errors
-/// When the body cannot be made, or a removal or a step fails.
-///
 /// # Panics
 /// When there are no frames.
 pub fn cut(
@@ -149,7 +143,7 @@ pub fn cut(
     frames: usize,
     threads: usize,
     mut next: impl FnMut(usize) -> Region,
-) -> Result<ResectionRun, BenchError> {
+) -> Result<ResectionRun> {
     let Organ { mesh, held, material } = *organ;
     let mut simulation = Simulation::new(SimulationOptions { threads, ..Default::default() })?;
     let body = simulation.add_body(&BodyDescription::new("organ", mesh, material))?;

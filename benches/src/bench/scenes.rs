@@ -1,6 +1,6 @@
 //! The scenes that come with Sinew, as they are.
 
-use crate::toolbox::error::BenchError;
+use crate::toolbox::error::{BenchError, Result};
 use sinew_scene::assemble::BuildOptions;
 use sinew_scene::run::{RunOptions, Silent, run as run_scene};
 use sinew_scene::scene::LoadedScene;
@@ -9,10 +9,7 @@ use sinew_tune::table::Table;
 use sinew_tune::table_of;
 
 /// Runs every scene; quick runs stop after `quick_steps` steps.
-///
-/// # Errors
-/// When a scene cannot be read, built or run.
-pub fn run(quick_steps: Option<u64>, mut tell: impl FnMut(&str)) -> Result<Table, BenchError> {
+pub fn run(quick_steps: Option<u64>, mut tell: impl FnMut(&str)) -> Result<Table> {
     let folder = scene_folder();
     let listing = std::fs::read_dir(&folder).map_err(|error| BenchError::Request {
         what: format!("{}: {error}", folder.display()),

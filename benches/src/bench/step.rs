@@ -5,7 +5,7 @@ use crate::toolbox::beam::{
     EXTENT, MATERIAL, as_in_a_step, beam, bend, bent, bent_with, cells_for, lend, request,
     take_back,
 };
-use crate::toolbox::error::BenchError;
+use crate::toolbox::error::{BenchError, Result};
 use crate::toolbox::stats::{Rounds, Spread, interleave};
 use glam::DVec3;
 use serde::Serialize;
@@ -90,15 +90,12 @@ const EXPLICIT_STEPS: u32 = 10;
 const IMPLICIT_STEPS: u32 = 5;
 
 /// Runs all steps; `tell` hears what is going on.
-///
-/// # Errors
-/// When a beam cannot be built or stepped, or its file not be written.
 pub fn run(
     sizes: &[usize],
     threads: &[usize],
     rounds: Rounds,
     mut tell: impl FnMut(&str),
-) -> Result<StepsReport, BenchError> {
+) -> Result<StepsReport> {
     let (mut report, mut meshes) = (StepsReport::default(), Vec::new());
     for &size in sizes {
         let mesh = beam(cells_for(size))?;
@@ -122,13 +119,7 @@ struct StepStart {
 }
 
 impl StepStart {
-    fn new(
-        name: &'static str,
-        mesh: &Mesh,
-        u: &[DVec3],
-        steps: u32,
-        motion: bool,
-    ) -> Result<Self, BenchError> {
+    fn new(name: &'static str, mesh: &Mesh, u: &[DVec3], steps: u32, motion: bool) -> Result<Self> {
         let (mut simulation, body) =
             bent(mesh, Precision::F64, 0, Evaluation::Fused, Model::CompressibleStVK)?;
         simulation.set_dt(DT);
@@ -137,7 +128,7 @@ impl StepStart {
             simulation.step()?;
         }
         let (u, v) = (simulation.displacements(body), simulation.velocities(body));
-        let mut after = |settings: SolverSettings| -> Result<Vec<DVec3>, BenchError> {
+        let mut after = |settings: SolverSettings| -> Result<Vec<DVec3>> {
             simulation.set_solver(settings);
             simulation.set_state(body, &u, &v)?;
             simulation.step()?;
@@ -224,7 +215,7 @@ fn size_rows(
     threads: &[usize],
     rounds: Rounds,
     rows: &mut Vec<StepRow>,
-) -> Result<(), BenchError> {
+) -> Result<()> {
     // squeezed to three fifths of its length: the exact tangent is indefinite there
     let squeeze = |x: &DVec3| DVec3::new(-0.4 * x.x, 0.0, 0.0);
     let squeezed: Vec<DVec3> = mesh.points.iter().map(squeeze).collect();
@@ -354,7 +345,7 @@ impl StepVariant {
         start: &StepStart,
         mesh: &Mesh,
         pool: &mut Option<Workers>,
-    ) -> Result<f64, BenchError> {
+    ) -> Result<f64> {
         let StepSubject { simulation: s, body } = subject;
         *pool = match pool.take() {
             Some(workers) => Some(workers.with_instruction_set(self.instructions)?),
@@ -441,7 +432,7 @@ impl StepVariant {
     }
 }
 
-fn build(mesh: &Mesh, rounds: Rounds) -> Result<BuildRow, BenchError> {
+fn build(mesh: &Mesh, rounds: Rounds) -> Result<BuildRow> {
     let folder = std::env::temp_dir().join(format!("sinew-bench-{}", std::process::id()));
     let path = folder.join("beam.msh");
     let write = |reason: String| BenchError::Write { path: path.clone(), reason };
@@ -482,7 +473,7 @@ fn build(mesh: &Mesh, rounds: Rounds) -> Result<BuildRow, BenchError> {
 
 /// What a program that goes back every step pays, with the default and an explicit integrator: rows of times of a step,
 /// of a snapshot and taking it up, of taking it up alone, to bytes, from bytes and taking it up.
-fn snapshots(meshes: &[Mesh], rounds: Rounds) -> Result<Table, BenchError> {
+fn snapshots(meshes: &[Mesh], rounds: Rounds) -> Result<Table> {
     let mut rows = Vec::new();
     for (mesh, integrator) in
         meshes.iter().flat_map(|m| [Integrator::Auto, Integrator::StormerVerlet].map(|i| (m, i)))

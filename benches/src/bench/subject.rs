@@ -1,7 +1,7 @@
 //! A body whose kernels are timed, and the plain sums over elements that its errors are measured against.
 
 use crate::toolbox::beam::{MATERIAL, as_in_a_step, evaluate, request};
-use crate::toolbox::error::BenchError;
+use crate::toolbox::error::Result;
 use bevy_ecs::prelude::World;
 use glam::DVec3;
 use sinew::engine::element::TETRAHEDRON_EDGES;
@@ -265,10 +265,7 @@ impl Reference {
     }
 
     /// At displacements `u` (m), of [`MATERIAL`].
-    ///
-    /// # Errors
-    /// When an element is flat.
-    pub fn of(mesh: &Mesh, u: &[DVec3], model: Model) -> Result<Self, BenchError> {
+    pub fn of(mesh: &Mesh, u: &[DVec3], model: Model) -> Result<Self> {
         let lame = MATERIAL.lame()?;
         let v = directions(mesh.points.len());
         let mut sum = Self::zero(mesh.points.len());

@@ -1,7 +1,7 @@
 //! Speed against error of the rivals, a chart for each scene.
 
 use super::{PeerReport, PeerRow};
-use crate::toolbox::error::BenchError;
+use crate::toolbox::error::Result;
 use crate::toolbox::plot::{ChartPanel, Series, panels};
 use sinew_tune::page::Chart;
 
@@ -56,10 +56,7 @@ fn series<'a>(points: impl Iterator<Item = (&'a str, Option<f64>, Option<f64>)>)
 impl PeerReport {
     /// Charts of the largest beam of each rival and of the ball, which a page shows at once, and how many these are; then
     /// of the other beams, and of all beams in one picture.
-    ///
-    /// # Errors
-    /// When one cannot be drawn.
-    pub fn charts(&self) -> Result<(Vec<Chart>, usize), BenchError> {
+    pub fn charts(&self) -> Result<(Vec<Chart>, usize)> {
         let mut scenes: Vec<&PeerRow> = Vec::new();
         // rows without a point make no chart
         let points = self

@@ -1,7 +1,7 @@
 //! The truth that errors are measured against.
 
 use super::beam::Beam;
-use crate::toolbox::error::BenchError;
+use crate::toolbox::error::{BenchError, Result};
 use glam::DVec3;
 use sinew::models::body::VolumeRule;
 use sinew::prelude::*;
@@ -13,7 +13,7 @@ pub fn simulation(
     volume: VolumeRule,
     precision: Precision,
     threads: usize,
-) -> Result<(Simulation, BodyHandle), BenchError> {
+) -> Result<(Simulation, BodyHandle)> {
     let mut simulation =
         Simulation::new(SimulationOptions { precision, threads, ..Default::default() })?;
     let body = BodyDescription::new("beam", &beam.mesh, beam.material);
@@ -26,14 +26,7 @@ pub fn simulation(
 }
 
 /// Equilibrium displacements (m) by converged Newton.
-///
-/// # Errors
-/// When Newton stops before it has converged.
-pub fn equilibrium(
-    beam: &Beam,
-    model: Model,
-    volume: VolumeRule,
-) -> Result<Vec<DVec3>, BenchError> {
+pub fn equilibrium(beam: &Beam, model: Model, volume: VolumeRule) -> Result<Vec<DVec3>> {
     let (mut simulation, body) = simulation(beam, model, volume, Precision::F64, 0)?;
     simulation.set_solver(SolverSettings {
         integrator: Integrator::QuasiStatic,

@@ -2,7 +2,7 @@
 
 use super::rival::{BeamCase, DAMPING, PeerRow, Rival, milliseconds, say};
 use super::touch::{self, Finger, Sample, TouchBlock, TouchRow, TouchTurn};
-use crate::toolbox::error::BenchError;
+use crate::toolbox::error::{BenchError, Result};
 use glam::DVec3;
 use serde::Deserialize;
 use serde_json::json;
@@ -43,7 +43,7 @@ pub struct Reply {
 
 impl Reply {
     /// Whether the loaded mesh is ours.
-    fn same_mesh(&self, mesh: &Mesh) -> Result<(), BenchError> {
+    fn same_mesh(&self, mesh: &Mesh) -> Result<()> {
         let (nodes, elements) = (mesh.points.len(), mesh.tetrahedra.len());
         if (self.nodes, self.elements) == (nodes, elements) {
             return Ok(());
@@ -56,7 +56,7 @@ impl Reply {
 }
 
 /// Reads an answer; the script's own complaint becomes the error.
-pub fn parse(line: &str) -> Result<Reply, BenchError> {
+pub fn parse(line: &str) -> Result<Reply> {
     let fail = |text: String| Err(BenchError::Rival(format!("MuJoCo flex: {text}")));
     match serde_json::from_str::<Reply>(line) {
         Ok(Reply { error: Some(error), .. }) => fail(error),
@@ -66,7 +66,7 @@ pub fn parse(line: &str) -> Result<Reply, BenchError> {
 }
 
 /// Displacements (m) from a flat list, three per vertex.
-pub fn to_vectors(flat: &[f64], expected: usize) -> Result<Vec<DVec3>, BenchError> {
+pub fn to_vectors(flat: &[f64], expected: usize) -> Result<Vec<DVec3>> {
     if flat.len() != 3 * expected {
         return Err(BenchError::Rival(format!(
             "MuJoCo flex: {} numbers for {expected} vertices; its mesh is not ours",
@@ -85,7 +85,7 @@ struct Process {
 }
 
 impl Process {
-    fn ask(&mut self, request: &serde_json::Value) -> Result<Reply, BenchError> {
+    fn ask(&mut self, request: &serde_json::Value) -> Result<Reply> {
         let gone = |error: &dyn std::fmt::Display| {
             BenchError::Rival(format!("MuJoCo flex: its process ended ({error})"))
         };
@@ -99,7 +99,7 @@ impl Process {
         }
     }
 
-    fn write(&self, name: &str, content: &impl serde::Serialize) -> Result<PathBuf, BenchError> {
+    fn write(&self, name: &str, content: &impl serde::Serialize) -> Result<PathBuf> {
         let path = self.folder.join(name);
         let fail =
             |e: &dyn std::fmt::Display| BenchError::Rival(format!("{}: {e}", path.display()));
@@ -193,7 +193,7 @@ impl MuJoCo {
         case: &BeamCase,
         steps: &[f64],
         freedom: Freedom,
-    ) -> Result<Vec<Box<dyn Rival>>, BenchError> {
+    ) -> Result<Vec<Box<dyn Rival>>> {
         let (key, cells) = freedom.words();
         let process = self.process.borrow_mut();
         let mesh = process.write(&format!("{key}-mesh.json"), &case.beam.file())?;
@@ -256,7 +256,7 @@ fn touching() -> [Touching; 3] {
 
 impl MuJoCo {
     /// Settings for the ball.
-    pub fn fingers(&mut self, block: &TouchBlock) -> Result<Vec<Box<dyn Finger>>, BenchError> {
+    pub fn fingers(&mut self, block: &TouchBlock) -> Result<Vec<Box<dyn Finger>>> {
         let mesh = self.process.borrow().write("block.json", &block.file())?;
         Ok(touching()
             .into_iter()
@@ -283,7 +283,7 @@ struct MujocoPress {
 }
 
 impl MujocoPress {
-    fn ask(&mut self, mut request: serde_json::Value) -> Result<Reply, BenchError> {
+    fn ask(&mut self, mut request: serde_json::Value) -> Result<Reply> {
         request["key"] = self.touching.3.into();
         let reply = self.process.borrow_mut().ask(&request)?;
         warned(&mut self.remark, &reply);
@@ -302,7 +302,7 @@ impl Finger for MujocoPress {
         self.touching.0
     }
 
-    fn start(&mut self, block: &TouchBlock, friction: f64) -> Result<(), BenchError> {
+    fn start(&mut self, block: &TouchBlock, friction: f64) -> Result<()> {
         let (h, option, contact, _) = self.touching.clone();
         let loaded = self.ask(json!({
             "op": "touch-load", "mesh": self.mesh, "young": block.material.young_modulus,
@@ -313,7 +313,7 @@ impl Finger for MujocoPress {
         loaded.same_mesh(&block.mesh)
     }
 
-    fn advance(&mut self, block: &TouchBlock, places: &[DVec3]) -> Result<TouchTurn, BenchError> {
+    fn advance(&mut self, block: &TouchBlock, places: &[DVec3]) -> Result<TouchTurn> {
         let to: Vec<[f64; 3]> = places.iter().map(|x| x.to_array()).collect();
         let reply = self.ask(json!({ "op": "touch", "places": to }))?;
         let displacements = to_vectors(&reply.displacements, block.mesh.points.len())?;
@@ -350,7 +350,7 @@ struct MujocoRun {
 }
 
 impl MujocoRun {
-    fn ask(&mut self, mut request: serde_json::Value) -> Result<Reply, BenchError> {
+    fn ask(&mut self, mut request: serde_json::Value) -> Result<Reply> {
         request["key"] = self.key.into();
         let reply = self.process.borrow_mut().ask(&request)?;
         warned(&mut self.remark, &reply);
@@ -370,7 +370,7 @@ fn warned(remark: &mut String, reply: &Reply) {
 }
 
 impl Rival for MujocoRun {
-    fn time(&mut self, _: &BeamCase, steps: usize) -> Result<Vec<f64>, BenchError> {
+    fn time(&mut self, _: &BeamCase, steps: usize) -> Result<Vec<f64>> {
         let request = json!({
             "op": "time", "h": self.h, "steps": steps, "start": self.start,
             "iterations": self.iterations,
@@ -378,7 +378,7 @@ impl Rival for MujocoRun {
         Ok(self.ask(request)?.milliseconds)
     }
 
-    fn force(&mut self, case: &BeamCase) -> Result<Option<f64>, BenchError> {
+    fn force(&mut self, case: &BeamCase) -> Result<Option<f64>> {
         if !self.measure_force {
             return Ok(None);
         }
@@ -391,7 +391,7 @@ impl Rival for MujocoRun {
         Ok(Some(reply.passive_seconds))
     }
 
-    fn settle(&mut self, case: &BeamCase) -> Result<Vec<DVec3>, BenchError> {
+    fn settle(&mut self, case: &BeamCase) -> Result<Vec<DVec3>> {
         let (steps, warm) = case.settling(self.h);
         let start = warm.then(|| self.truth.clone());
         let request = json!({
@@ -402,12 +402,7 @@ impl Rival for MujocoRun {
         to_vectors(&reply.displacements, case.beam.mesh.points.len())
     }
 
-    fn swing(
-        &mut self,
-        case: &BeamCase,
-        steps: usize,
-        every: usize,
-    ) -> Result<Vec<Vec<DVec3>>, BenchError> {
+    fn swing(&mut self, case: &BeamCase, steps: usize, every: usize) -> Result<Vec<Vec<DVec3>>> {
         let request = json!({
             "op": "swing", "h": self.h, "steps": steps, "every": every, "start": null,
             "iterations": self.iterations,

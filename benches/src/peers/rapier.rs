@@ -3,7 +3,7 @@
 use super::beam::masses;
 use super::rival::{BeamCase, DAMPING, PeerRow, Rival, milliseconds};
 use super::touch::{self, Finger, Sample, TouchBlock, TouchRow, TouchScale, TouchTurn};
-use crate::toolbox::error::BenchError;
+use crate::toolbox::error::{BenchError, Result};
 use glam::DVec3;
 use rapier3d::prelude::*;
 use sinew::engine::mesh::Mesh;
@@ -107,7 +107,7 @@ impl RapierRun {
 }
 
 /// Displacements (m) of a body that stayed finite.
-fn displacements(case: &BeamCase, body: &SoftBody) -> Result<Vec<DVec3>, BenchError> {
+fn displacements(case: &BeamCase, body: &SoftBody) -> Result<Vec<DVec3>> {
     let u: Vec<DVec3> = (case.beam.mesh.points.iter().zip(body.particle_positions()))
         .map(|(p, x)| double(x) - *p)
         .collect();
@@ -119,7 +119,7 @@ fn displacements(case: &BeamCase, body: &SoftBody) -> Result<Vec<DVec3>, BenchEr
 }
 
 impl Rival for RapierRun {
-    fn time(&mut self, case: &BeamCase, steps: usize) -> Result<Vec<f64>, BenchError> {
+    fn time(&mut self, case: &BeamCase, steps: usize) -> Result<Vec<f64>> {
         let (mut world, _) = self.world(case, &case.start(), 0.0);
         // the first step builds its matrix pattern
         world.step();
@@ -132,12 +132,12 @@ impl Rival for RapierRun {
             .collect())
     }
 
-    fn force(&mut self, _: &BeamCase) -> Result<Option<f64>, BenchError> {
+    fn force(&mut self, _: &BeamCase) -> Result<Option<f64>> {
         // not reachable on its own
         Ok(None)
     }
 
-    fn settle(&mut self, case: &BeamCase) -> Result<Vec<DVec3>, BenchError> {
+    fn settle(&mut self, case: &BeamCase) -> Result<Vec<DVec3>> {
         let rest = vec![DVec3::ZERO; case.truth.len()];
         let (mut world, handle) = self.world(case, &rest, DAMPING);
         for _ in 0..case.settling(self.h).0 {
@@ -146,12 +146,7 @@ impl Rival for RapierRun {
         displacements(case, &world.soft_bodies[handle])
     }
 
-    fn swing(
-        &mut self,
-        case: &BeamCase,
-        steps: usize,
-        every: usize,
-    ) -> Result<Vec<Vec<DVec3>>, BenchError> {
+    fn swing(&mut self, case: &BeamCase, steps: usize, every: usize) -> Result<Vec<Vec<DVec3>>> {
         let rest = vec![DVec3::ZERO; case.beam.mesh.points.len()];
         let (mut world, handle) = self.world(case, &rest, 0.0);
         (0..steps / every)
@@ -181,7 +176,7 @@ impl Rival for RapierRun {
 /// The constraint solver and the finite-element solver by default and, unless `quick`, the latter with enough
 /// iterations. Steps down to 1/240 s, 8 substeps, stiffer contact, undamped strain and 2 000 iterations were tried
 /// beside it: the force went from 11 % below the equilibrium of its energy to 5 % above, and settled no better.
-pub fn fingers(block: &TouchBlock, quick: bool) -> Result<Vec<Box<dyn Finger>>, BenchError> {
+pub fn fingers(block: &TouchBlock, quick: bool) -> Result<Vec<Box<dyn Finger>>> {
     let default = SoftFemParameters::default().max_linear_iterations;
     let settings = [
         (SoftBodySolver::Constraints, default),
@@ -191,7 +186,7 @@ pub fn fingers(block: &TouchBlock, quick: bool) -> Result<Vec<Box<dyn Finger>>, 
     settings
         .into_iter()
         .take(if quick { 2 } else { 3 })
-        .map(|(solver, iterations)| -> Result<Box<dyn Finger>, BenchError> {
+        .map(|(solver, iterations)| -> Result<Box<dyn Finger>> {
             let scale = TouchScale::new(block, Model::Corotational)?;
             let masses = masses(&block.mesh, block.material.density);
             Ok(Box::new(RapierPress { solver, iterations, scale, masses, world: None }))
@@ -240,7 +235,7 @@ impl Finger for RapierPress {
         false
     }
 
-    fn start(&mut self, block: &TouchBlock, friction: f64) -> Result<(), BenchError> {
+    fn start(&mut self, block: &TouchBlock, friction: f64) -> Result<()> {
         let mut world = PhysicsWorld::new();
         world.gravity = Vector::ZERO;
         world.integration_parameters.dt = STEP as f32;
@@ -260,7 +255,7 @@ impl Finger for RapierPress {
         Ok(())
     }
 
-    fn advance(&mut self, block: &TouchBlock, places: &[DVec3]) -> Result<TouchTurn, BenchError> {
+    fn advance(&mut self, block: &TouchBlock, places: &[DVec3]) -> Result<TouchTurn> {
         let Some((mut world, soft, ball)) = self.world.take() else {
             return Err(BenchError::Rival("Rapier: not started".into()));
         };

@@ -2,7 +2,7 @@
 
 use super::beam::Beam;
 use super::equilibrium::equilibrium;
-use crate::toolbox::error::BenchError;
+use crate::toolbox::error::Result;
 use crate::toolbox::stats::median;
 use glam::DVec3;
 use serde::Serialize;
@@ -63,10 +63,7 @@ pub struct BeamCase {
 
 impl BeamCase {
     /// With its truth, by converged Newton.
-    ///
-    /// # Errors
-    /// When Newton stops before it has converged.
-    pub fn new(beam: Beam) -> Result<Self, BenchError> {
+    pub fn new(beam: Beam) -> Result<Self> {
         let truth = equilibrium(&beam, Model::StVK, VolumeRule::Elements)?;
         Ok(Self { beam, truth })
     }
@@ -132,24 +129,19 @@ pub fn say(note: &mut String, text: impl AsRef<str>) {
 /// One engine in one setting: timed in turns with the others, then settled.
 pub trait Rival {
     /// Times undamped steps (ms each) from the case's start.
-    fn time(&mut self, case: &BeamCase, steps: usize) -> Result<Vec<f64>, BenchError>;
+    fn time(&mut self, case: &BeamCase, steps: usize) -> Result<Vec<f64>>;
     /// Displacements (m) after every `every` of undamped steps from the shape at rest.
-    fn swing(
-        &mut self,
-        case: &BeamCase,
-        steps: usize,
-        every: usize,
-    ) -> Result<Vec<Vec<DVec3>>, BenchError>;
+    fn swing(&mut self, case: &BeamCase, steps: usize, every: usize) -> Result<Vec<Vec<DVec3>>>;
     /// Linear iterations per timed step, where the engine tells them.
     fn linear_iterations(&self) -> Option<f64> {
         None
     }
     /// Seconds of one evaluation of the elastic forces, where it can be told.
-    fn force(&mut self, case: &BeamCase) -> Result<Option<f64>, BenchError>;
+    fn force(&mut self, case: &BeamCase) -> Result<Option<f64>>;
     /// Settles and returns the displacements (m).
-    fn settle(&mut self, case: &BeamCase) -> Result<Vec<DVec3>, BenchError>;
+    fn settle(&mut self, case: &BeamCase) -> Result<Vec<DVec3>>;
     /// What its settled state should be, where that is not the case's truth.
-    fn truth(&self, _: &BeamCase) -> Result<Option<Vec<DVec3>>, BenchError> {
+    fn truth(&self, _: &BeamCase) -> Result<Option<Vec<DVec3>>> {
         Ok(None)
     }
     /// Row without figures.

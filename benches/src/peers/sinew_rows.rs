@@ -2,7 +2,7 @@
 
 use super::equilibrium::{equilibrium, simulation};
 use super::rival::{BeamCase, DAMPING, PeerRow, Rival, milliseconds, say};
-use crate::toolbox::error::BenchError;
+use crate::toolbox::error::{BenchError, Result};
 use crate::toolbox::stats::median;
 use glam::DVec3;
 use sinew::engine::law::EvaluationRequest;
@@ -67,7 +67,7 @@ impl SinewRun {
         Self { volume, ..self }
     }
 
-    fn world(&mut self, case: &BeamCase) -> Result<&mut (Simulation, BodyHandle), BenchError> {
+    fn world(&mut self, case: &BeamCase) -> Result<&mut (Simulation, BodyHandle)> {
         if self.world.is_none() {
             let (model, volume) = (self.model, self.volume);
             let world = simulation(&case.beam, model, volume, self.precision, 1)?;
@@ -77,12 +77,7 @@ impl SinewRun {
     }
 
     /// Sets the state at rest in `u` and the solver with this damping.
-    fn prepare(
-        &mut self,
-        case: &BeamCase,
-        u: &[DVec3],
-        mass_damping: f64,
-    ) -> Result<(), BenchError> {
+    fn prepare(&mut self, case: &BeamCase, u: &[DVec3], mass_damping: f64) -> Result<()> {
         let settings = SolverSettings { mass_damping, ..self.settings.clone() };
         let h = self.h.unwrap_or(1.0);
         let (simulation, body) = self.world(case)?;
@@ -94,7 +89,7 @@ impl SinewRun {
 }
 
 impl Rival for SinewRun {
-    fn time(&mut self, case: &BeamCase, steps: usize) -> Result<Vec<f64>, BenchError> {
+    fn time(&mut self, case: &BeamCase, steps: usize) -> Result<Vec<f64>> {
         let rest = vec![DVec3::ZERO; case.truth.len()];
         let start = if self.h.is_some() { case.start() } else { rest };
         self.prepare(case, &start, 0.0)?;
@@ -111,12 +106,7 @@ impl Rival for SinewRun {
         Ok(times)
     }
 
-    fn swing(
-        &mut self,
-        case: &BeamCase,
-        steps: usize,
-        every: usize,
-    ) -> Result<Vec<Vec<DVec3>>, BenchError> {
+    fn swing(&mut self, case: &BeamCase, steps: usize, every: usize) -> Result<Vec<Vec<DVec3>>> {
         let rest = vec![DVec3::ZERO; case.beam.mesh.points.len()];
         self.prepare(case, &rest, 0.0)?;
         let (simulation, body) = self.world(case)?;
@@ -141,7 +131,7 @@ impl Rival for SinewRun {
         (steps > 0).then(|| iterations as f64 / steps as f64)
     }
 
-    fn force(&mut self, case: &BeamCase) -> Result<Option<f64>, BenchError> {
+    fn force(&mut self, case: &BeamCase) -> Result<Option<f64>> {
         let (simulation, _) = self.world(case)?;
         let world = simulation.world_mut();
         world.insert_resource(EvaluationRequest { energy: false, force: true, tangent: None });
@@ -153,7 +143,7 @@ impl Rival for SinewRun {
         Ok(median(&times.collect::<Vec<f64>>()))
     }
 
-    fn settle(&mut self, case: &BeamCase) -> Result<Vec<DVec3>, BenchError> {
+    fn settle(&mut self, case: &BeamCase) -> Result<Vec<DVec3>> {
         let rest = vec![DVec3::ZERO; case.truth.len()];
         let (steps, warm) = self.h.map_or((1, false), |h| case.settling(h));
         let damping = if self.h.is_some() { DAMPING } else { 0.0 };
@@ -165,7 +155,7 @@ impl Rival for SinewRun {
         Ok(simulation.displacements(*body))
     }
 
-    fn truth(&self, case: &BeamCase) -> Result<Option<Vec<DVec3>>, BenchError> {
+    fn truth(&self, case: &BeamCase) -> Result<Option<Vec<DVec3>>> {
         let own = || equilibrium(&case.beam, self.model, self.volume);
         (self.model != Model::StVK).then(own).transpose()
     }

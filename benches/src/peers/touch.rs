@@ -10,7 +10,7 @@
 
 use super::beam::BodyFile;
 use super::rival::{DAMPING, milliseconds, say};
-use crate::toolbox::error::BenchError;
+use crate::toolbox::error::{BenchError, Result};
 use crate::toolbox::stats::median;
 use bevy_ecs::entity::Entity;
 use glam::DVec3;
@@ -103,10 +103,7 @@ pub struct TouchBlock {
 
 impl TouchBlock {
     /// Of so many cells along each edge, six tetrahedra each.
-    ///
-    /// # Errors
-    /// When a number of cells is zero.
-    pub fn new(cells: [usize; 3]) -> Result<Self, BenchError> {
+    pub fn new(cells: [usize; 3]) -> Result<Self> {
         let mesh = box_tets(SIZE, cells)?;
         let at = |z: f64| {
             let rows = 0..mesh.points.len() as u32;
@@ -164,7 +161,7 @@ impl TouchBlock {
         model: Model,
         threads: usize,
         solver: SolverSettings,
-    ) -> Result<(Simulation, BodyHandle, Entity), BenchError> {
+    ) -> Result<(Simulation, BodyHandle, Entity)> {
         let mut simulation = Simulation::new(SimulationOptions { threads, ..Default::default() })?;
         let description =
             BodyDescription { model, ..BodyDescription::new("block", &self.mesh, self.material) };
@@ -211,9 +208,9 @@ pub trait Finger {
         true
     }
     /// Begins anew, at rest.
-    fn start(&mut self, block: &TouchBlock, friction: f64) -> Result<(), BenchError>;
+    fn start(&mut self, block: &TouchBlock, friction: f64) -> Result<()>;
     /// Makes steps at whose ends the ball is at these places (m).
-    fn advance(&mut self, block: &TouchBlock, places: &[DVec3]) -> Result<TouchTurn, BenchError>;
+    fn advance(&mut self, block: &TouchBlock, places: &[DVec3]) -> Result<TouchTurn>;
     /// What the runs said.
     fn remark(&self) -> String {
         String::new()
@@ -229,16 +226,13 @@ pub struct TouchScale {
 
 impl TouchScale {
     /// Of a block of ours with this energy.
-    ///
-    /// # Errors
-    /// When it cannot be built.
-    pub fn new(block: &TouchBlock, model: Model) -> Result<Self, BenchError> {
+    pub fn new(block: &TouchBlock, model: Model) -> Result<Self> {
         let (simulation, body, clamp) = block.simulation(model, 1, SolverSettings::default())?;
         Ok(Self { simulation, body, clamp })
     }
 
     /// Force (N) of the clamp on the body, which is that on the ball in equilibrium.
-    pub fn weigh(&mut self, u: &[DVec3]) -> Result<DVec3, BenchError> {
+    pub fn weigh(&mut self, u: &[DVec3]) -> Result<DVec3> {
         self.simulation.set_state(self.body, u, &vec![DVec3::ZERO; u.len()])?;
         self.simulation.evaluate();
         Ok(self.simulation.reaction(self.clamp))
@@ -254,7 +248,7 @@ pub struct TouchTruth {
 }
 
 /// The equilibrium of an energy: exact contact of the vertices, or points on faces.
-fn truth(block: &TouchBlock, model: Model, faces: Option<u32>) -> Result<TouchTruth, BenchError> {
+fn truth(block: &TouchBlock, model: Model, faces: Option<u32>) -> Result<TouchTruth> {
     let solver = SolverSettings {
         integrator: Integrator::QuasiStatic,
         linear_tolerance: 1e-8,
@@ -470,13 +464,7 @@ pub fn figures(
 }
 
 /// Lets the engines compete; the rows of the truths stand before theirs.
-///
-/// # Errors
-/// When a truth does not converge.
-pub fn compete(
-    block: &TouchBlock,
-    fingers: &mut [Box<dyn Finger + '_>],
-) -> Result<Vec<TouchRow>, BenchError> {
+pub fn compete(block: &TouchBlock, fingers: &mut [Box<dyn Finger + '_>]) -> Result<Vec<TouchRow>> {
     let mut models = vec![Model::StVK];
     models.extend(fingers.iter().map(|f| f.energy()));
     let mut truths: Vec<TouchTruth> = Vec::new();
@@ -577,7 +565,7 @@ impl Finger for SinewFinger {
         self.model
     }
 
-    fn start(&mut self, block: &TouchBlock, friction: f64) -> Result<(), BenchError> {
+    fn start(&mut self, block: &TouchBlock, friction: f64) -> Result<()> {
         let (mut simulation, body, _) = block.simulation(self.model, 1, self.settings.clone())?;
         simulation.set_dt(self.h);
         let ball = Tool::new("ball", Shape::Sphere { radius: RADIUS }, AT).with_friction(friction);
@@ -588,7 +576,7 @@ impl Finger for SinewFinger {
         Ok(())
     }
 
-    fn advance(&mut self, _: &TouchBlock, places: &[DVec3]) -> Result<TouchTurn, BenchError> {
+    fn advance(&mut self, _: &TouchBlock, places: &[DVec3]) -> Result<TouchTurn> {
         let Some((simulation, body, ball)) = &mut self.world else {
             return Err(BenchError::Rival("Sinew: not started".into()));
         };

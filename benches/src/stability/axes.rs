@@ -3,7 +3,7 @@
 
 use super::rows::{CasePart, Check};
 use super::runner::{
-    CaseOutcome, CaseProblem, CaseRandom, CaseRun, CaseSetting, Cases, GRAVITY, Scope, tissue,
+    CaseOutcome, CaseRandom, CaseRun, CaseSetting, Cases, GRAVITY, Result, Scope, tissue,
 };
 use super::spin::momenta;
 use glam::DVec3;
@@ -82,7 +82,7 @@ fn bar<'a>(
     mesh: &'a Mesh,
     base: bool,
     slanted: bool,
-) -> Result<CaseRun<'a>, CaseProblem> {
+) -> Result<CaseRun<'a>> {
     let description = BodyDescription {
         axes: Some(axes(slanted)),
         model: if base { setting.column.model } else { Model::Axes },

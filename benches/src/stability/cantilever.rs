@@ -1,9 +1,7 @@
 //! Group 1: cantilevers over a grid of steps and materials, and explicit steps beyond their limit.
 
 use super::rows::{CasePart, Check};
-use super::runner::{
-    CaseOutcome, CaseProblem, CaseRun, CaseSetting, Cases, GRAVITY, Scope, tissue,
-};
+use super::runner::{CaseOutcome, CaseRun, CaseSetting, Cases, GRAVITY, Result, Scope, tissue};
 use glam::DVec3;
 use sinew::engine::mesh::generate::{box_tets, jitter_interior};
 use sinew::engine::mesh::{Mesh, MeshError};
@@ -51,12 +49,7 @@ pub(super) fn cases() -> Result<Cases, MeshError> {
     Ok(cases)
 }
 
-fn hanging<'a>(
-    setting: &CaseSetting,
-    mesh: &'a Mesh,
-    young: f64,
-    nu: f64,
-) -> Result<CaseRun<'a>, CaseProblem> {
+fn hanging<'a>(setting: &CaseSetting, mesh: &'a Mesh, young: f64, nu: f64) -> Result<CaseRun<'a>> {
     let mut run = CaseRun::new(setting, mesh, tissue(young, nu))?;
     run.simulation.set_gravity(GRAVITY);
     run.clamp("x0")?;

@@ -3,9 +3,7 @@
 
 use super::friction;
 use super::rows::{CasePart, Check, PassColumn};
-use super::runner::{
-    CaseOutcome, CaseProblem, CaseRandom, CaseRun, CaseSetting, Cases, Scope, tissue,
-};
+use super::runner::{CaseOutcome, CaseRandom, CaseRun, CaseSetting, Cases, Result, Scope, tissue};
 use super::touch_rig::{BLOCK, DAMPING, RADIUS, STEP, ToolHand, held, single};
 use crate::toolbox::beam;
 use glam::{DQuat, DVec2, DVec3};
@@ -154,7 +152,7 @@ fn inside(setting: &CaseSetting, mesh: &Mesh) -> CaseOutcome {
 }
 
 /// A sheet held at its edges, with damping.
-fn sheet<'a>(setting: &CaseSetting, mesh: &'a Mesh) -> Result<CaseRun<'a>, CaseProblem> {
+fn sheet<'a>(setting: &CaseSetting, mesh: &'a Mesh) -> Result<CaseRun<'a>> {
     let membrane = MembraneDescription::new(&mesh.triangles, 0.001, tissue(1e4, 0.3));
     let mut run = CaseRun::of(setting, mesh, &beam::sheet("sheet", mesh, membrane))?;
     run.solver(|s| s.mass_damping = DAMPING);
@@ -314,7 +312,7 @@ fn rough(setting: &CaseSetting, mesh: &Mesh, contrast: f64) -> CaseOutcome {
     if contrast > 1.0 {
         setting.of_tetrahedra()?;
     }
-    let press = |setting: &CaseSetting, tight: bool| -> Result<(CaseRun, ToolHand), CaseProblem> {
+    let press = |setting: &CaseSetting, tight: bool| -> Result<(CaseRun, ToolHand)> {
         let mut run = held(setting, mesh, &["z0"])?;
         let x = |t: &[u32; 4]| t.iter().map(|&v| mesh.points[v as usize].x).sum::<f64>() / 4.0;
         let young: Vec<f64> = mesh
@@ -396,7 +394,7 @@ fn removed(setting: &CaseSetting, mesh: &Mesh, parts: usize) -> CaseOutcome {
 fn fast(setting: &CaseSetting, mesh: &Mesh, dt: f64) -> CaseOutcome {
     // 15 mm deep, after a way of 0.1 m
     let deep = DVec3::new(0.05, 0.05, 0.05 + RADIUS - 0.015);
-    let press = |speed: f64| -> Result<(CaseRun, ToolHand, [f64; 2]), CaseProblem> {
+    let press = |speed: f64| -> Result<(CaseRun, ToolHand, [f64; 2])> {
         let mut run = held(setting, mesh, &["z0"])?;
         run.simulation.set_dt(dt);
         let mut hand = ToolHand::ball(&mut run, RADIUS, deep + DVec3::Z * 0.1)?;
@@ -445,7 +443,7 @@ fn thin(
     run: &mut CaseRun,
     [half_length, edge]: [f64; 2],
     mut inside: impl FnMut(&mut CaseRun, DVec3) -> bool,
-) -> Result<Vec<Check>, CaseProblem> {
+) -> Result<Vec<Check>> {
     let radius = 0.2 * edge;
     let shape = Shape::Capsule { half_length, radius };
     let start = DVec3::new(0.05, 0.05, 1.0);

@@ -2,7 +2,7 @@
 //! stiffness, and a ball on a cylinder beside the continuum.
 
 use super::rows::{CasePart, Check};
-use super::runner::{CaseOutcome, CaseProblem, CaseRun, CaseSetting, Cases, Scope, tissue};
+use super::runner::{CaseOutcome, CaseRun, CaseSetting, Cases, Result, Scope, tissue};
 use super::touch_rig::{BLOCK, RADIUS, STEP, ToolHand, held, single};
 use glam::DVec3;
 use sinew::engine::mesh::generate::{box_tets, cylinder_tets};
@@ -76,7 +76,7 @@ pub(super) fn cases() -> Result<Cases, MeshError> {
 }
 
 /// Two jaws beside a cube that stands at the origin, with a gap (m) to it.
-fn jaws(run: &mut CaseRun, gap: f64, friction: f64) -> Result<[ToolHand; 2], CaseProblem> {
+fn jaws(run: &mut CaseRun, gap: f64, friction: f64) -> Result<[ToolHand; 2]> {
     let half = DVec3::splat(0.02);
     let mut jaw = |side: f64| {
         let at =
@@ -91,12 +91,7 @@ fn jaws(run: &mut CaseRun, gap: f64, friction: f64) -> Result<[ToolHand; 2], Cas
 }
 
 /// Both jaws go on by as much: towards each other, and along.
-fn both(
-    run: &mut CaseRun,
-    jaws: &mut [ToolHand; 2],
-    closer: f64,
-    along: DVec3,
-) -> Result<(), CaseProblem> {
+fn both(run: &mut CaseRun, jaws: &mut [ToolHand; 2], closer: f64, along: DVec3) -> Result<()> {
     jaws[0].shift(run, DVec3::X * closer + along)?;
     jaws[1].shift(run, DVec3::X * -closer + along)?;
     run.step()
@@ -271,7 +266,7 @@ fn drag(setting: &CaseSetting, mesh: &Mesh, dt: f64) -> CaseOutcome {
 }
 
 fn press(setting: &CaseSetting, mesh: &Mesh) -> CaseOutcome {
-    let pressed = |dt: f64, stiffness: f64| -> Result<(CaseRun, f64), CaseProblem> {
+    let pressed = |dt: f64, stiffness: f64| -> Result<(CaseRun, f64)> {
         let mut run = held(setting, mesh, &["z0"])?;
         run.simulation.set_dt(dt);
         let above = DVec3::new(0.05, 0.05, BLOCK.z + RADIUS);
@@ -316,7 +311,7 @@ fn graded(rings: usize, layers: usize) -> Result<Mesh, MeshError> {
 const MESHES: [[usize; 2]; 3] = [[12, 11], [16, 14], [20, 18]];
 
 fn continuum(setting: &CaseSetting, depth: f64, truth: f64) -> CaseOutcome {
-    let pressed = |[rings, layers]: [usize; 2], stiffness: f64| -> Result<_, CaseProblem> {
+    let pressed = |[rings, layers]: [usize; 2], stiffness: f64| -> Result<_> {
         let mesh = graded(rings, layers)?;
         let mut run = CaseRun::new(setting, &mesh, tissue(1e4, 0.4))?;
         run.solver(|s| {

@@ -2,9 +2,7 @@
 //! state as it was; extreme but valid input gives bounded results.
 
 use super::rows::{CasePart, Check, Figures};
-use super::runner::{
-    CaseOutcome, CaseProblem, CaseRun, CaseSetting, Cases, GRAVITY, Scope, tissue,
-};
+use super::runner::{CaseOutcome, CaseRun, CaseSetting, Cases, GRAVITY, Result, Scope, tissue};
 use glam::DVec3;
 use sinew::engine::mesh::check::{FindingCode, Severity};
 use sinew::engine::mesh::generate::{box_tets, jitter_interior};
@@ -53,7 +51,7 @@ pub(super) fn cases() -> Result<Cases, MeshError> {
 }
 
 /// A sound body in motion, to which bad things are done.
-fn sound<'a>(setting: &CaseSetting, mesh: &'a Mesh) -> Result<CaseRun<'a>, CaseProblem> {
+fn sound<'a>(setting: &CaseSetting, mesh: &'a Mesh) -> Result<CaseRun<'a>> {
     let mut run = CaseRun::new(setting, mesh, tissue(2e4, 0.4))?;
     run.simulation.set_gravity(GRAVITY);
     run.clamp("x0")?;
@@ -89,7 +87,7 @@ impl Refusals {
         material: YoungPoisson,
         kind: fn(&BodyError) -> bool,
         words: &[&str],
-    ) -> Result<(), CaseProblem> {
+    ) -> Result<()> {
         let mut run = sound(setting, good)?;
         let before =
             (run.simulation.state_hash(), run.simulation.world().entities().count_spawned());
@@ -112,7 +110,7 @@ impl Refusals {
         spoil: impl Fn(&mut Simulation),
         kind: fn(&StepError) -> bool,
         words: &[&str],
-    ) -> Result<(), CaseProblem> {
+    ) -> Result<()> {
         let mut run = sound(setting, mesh)?;
         let hash = run.simulation.state_hash();
         spoil(&mut run.simulation);
@@ -357,7 +355,7 @@ fn unused(setting: &CaseSetting, mesh: &Mesh) -> CaseOutcome {
 }
 
 fn far(setting: &CaseSetting, mesh: &Mesh) -> CaseOutcome {
-    let sag = |offset: f64, precision| -> Result<Vec<DVec3>, CaseProblem> {
+    let sag = |offset: f64, precision| -> Result<Vec<DVec3>> {
         let mut moved = mesh.clone();
         moved.points.iter_mut().for_each(|x| *x += DVec3::new(offset, -offset, offset));
         let mut run =

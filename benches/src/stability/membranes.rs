@@ -2,9 +2,7 @@
 //! line, a sphere blown up to many times its size.
 
 use super::rows::{CasePart, Check};
-use super::runner::{
-    CaseOutcome, CaseProblem, CaseRandom, CaseRun, CaseSetting, Cases, Scope, tissue,
-};
+use super::runner::{CaseOutcome, CaseRandom, CaseRun, CaseSetting, Cases, Result, Scope, tissue};
 use crate::toolbox::beam;
 use glam::{DVec2, DVec3};
 use sinew::engine::load::Pressure;
@@ -64,11 +62,7 @@ pub(super) fn cases() -> Result<Cases, MeshError> {
     Ok(cases)
 }
 
-fn sheet<'a>(
-    setting: &CaseSetting,
-    mesh: &'a Mesh,
-    model: MembraneModel,
-) -> Result<CaseRun<'a>, CaseProblem> {
+fn sheet<'a>(setting: &CaseSetting, mesh: &'a Mesh, model: MembraneModel) -> Result<CaseRun<'a>> {
     let material = tissue(1e4, 0.3);
     let membrane = MembraneDescription::new(&mesh.triangles, THICKNESS, material);
     let body = beam::sheet("sheet", mesh, MembraneDescription { model, ..membrane });
@@ -76,7 +70,7 @@ fn sheet<'a>(
 }
 
 /// Starts at rest, with noise (m) on the displacements.
-fn start(run: &mut CaseRun, mut u: Vec<DVec3>, noise: f64) -> Result<(), CaseProblem> {
+fn start(run: &mut CaseRun, mut u: Vec<DVec3>, noise: f64) -> Result<()> {
     let mut random = CaseRandom(0x5678_9abc_def1_2345);
     u.iter_mut().for_each(|u| *u += 2.0 * noise * (random.vector() - DVec3::splat(0.5)));
     run.place_still(&u)

@@ -4,7 +4,7 @@
 //! from inversion, which is for bodies that were crushed and are let go, must not make anything worse.
 
 use super::rows::{CasePart, Check, PassColumn};
-use super::runner::{CaseOutcome, CaseProblem, CaseRun, CaseSetting, Cases, Scope, tissue};
+use super::runner::{CaseOutcome, CaseRun, CaseSetting, Cases, Result, Scope, tissue};
 use glam::{DVec2, DVec3};
 use sinew::engine::load::Pressure;
 use sinew::engine::mesh::generate::{box_hexahedra, box_tets, cup_hexahedra, triangle_grid};
@@ -216,7 +216,7 @@ fn start<'a>(
     subject: &'a OverloadSubject,
     load: Overload,
     clamped: bool,
-) -> Result<CaseRun<'a>, CaseProblem> {
+) -> Result<CaseRun<'a>> {
     let mesh = &*subject.mesh;
     let material = tissue(YOUNG, POISSON);
     let description = if subject.membrane {
@@ -271,7 +271,7 @@ fn start<'a>(
 }
 
 /// Runs to the end.
-fn go(run: &mut CaseRun) -> Result<End, CaseProblem> {
+fn go(run: &mut CaseRun) -> Result<End> {
     let (mut work, mut gained) = (0.0, 0.0);
     for _ in 0..STEPS {
         run.step()?;

@@ -2,7 +2,7 @@
 
 use super::Suite;
 use super::rows::{CasePart, CaseStatus, Check, HardCaseRow, PassColumn};
-use crate::toolbox::error::BenchError;
+use crate::toolbox::error::Result;
 use crate::toolbox::report::ReportFiles;
 use sinew_tune::page::Page;
 use sinew_tune::table::{Cell, Table, escape, three_digits};
@@ -242,10 +242,7 @@ impl Suite {
     }
 
     /// Writes the page: into `stability.html` of a folder, or into a file that ends in `.html`.
-    ///
-    /// # Errors
-    /// When it cannot be written.
-    pub fn write_html(&self, path: &Path) -> Result<PathBuf, BenchError> {
+    pub fn write_html(&self, path: &Path) -> Result<PathBuf> {
         let is_page = path.extension().is_some_and(|e| e == "html" || e == "htm");
         let file = if is_page { path.to_path_buf() } else { path.join("stability.html") };
         let folder = file.parent().unwrap_or(Path::new(""));

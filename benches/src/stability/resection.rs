@@ -3,8 +3,7 @@
 
 use super::rows::{CasePart, Check};
 use super::runner::{
-    CaseOutcome, CaseProblem, CaseRandom, CaseRun, CaseSetting, Cases, Fall, GRAVITY, nearest,
-    tissue,
+    CaseOutcome, CaseRandom, CaseRun, CaseSetting, Cases, Fall, GRAVITY, Result, nearest, tissue,
 };
 use glam::DVec3;
 use sinew::engine::mesh::generate::box_tets;
@@ -57,7 +56,7 @@ pub(super) fn cases() -> Result<Cases, MeshError> {
     Ok(cases)
 }
 
-fn loaded<'a>(setting: &CaseSetting, mesh: &'a Mesh, dt: f64) -> Result<CaseRun<'a>, CaseProblem> {
+fn loaded<'a>(setting: &CaseSetting, mesh: &'a Mesh, dt: f64) -> Result<CaseRun<'a>> {
     let mut run = CaseRun::new(setting, mesh, tissue(1e4, 0.45))?;
     run.simulation.set_gravity(GRAVITY);
     run.simulation.set_dt(dt);
@@ -71,11 +70,7 @@ fn weight(run: &mut CaseRun) -> f64 {
 }
 
 /// Difference from a body built anew; masses count where they were summed again.
-fn fresh(
-    run: &mut CaseRun,
-    setting: &CaseSetting,
-    policy: MassPolicy,
-) -> Result<Check, CaseProblem> {
+fn fresh(run: &mut CaseRun, setting: &CaseSetting, policy: MassPolicy) -> Result<Check> {
     let difference = run.simulation.verify_against_fresh(run.body)?;
     let mass = if policy == MassPolicy::Recompute { difference.mass } else { 0.0 };
     let limit = setting.pick(1e-12, 2e-5);
@@ -83,12 +78,7 @@ fn fresh(
 }
 
 /// Takes away elements of a list in so many parts, with a step after each.
-fn cut(
-    run: &mut CaseRun,
-    policy: MassPolicy,
-    gone: &[u32],
-    parts: usize,
-) -> Result<(), CaseProblem> {
+fn cut(run: &mut CaseRun, policy: MassPolicy, gone: &[u32], parts: usize) -> Result<()> {
     for some in gone.chunks(gone.len().div_ceil(parts)) {
         let removal = Removal { region: run.region(some), mass: policy };
         run.remove(&removal)?;

@@ -14,8 +14,11 @@ use std::sync::Arc;
 /// Why a case could not be run to its end.
 pub(super) type CaseProblem = Box<dyn std::error::Error + Send + Sync>;
 
+/// What may stop a case.
+pub(super) type Result<T, E = CaseProblem> = std::result::Result<T, E>;
+
 /// What a case gives: figures and criteria.
-pub(super) type CaseOutcome = Result<(Figures, Vec<Check>), CaseProblem>;
+pub(super) type CaseOutcome = Result<(Figures, Vec<Check>)>;
 
 /// With what a case is run.
 #[derive(Clone, Copy, Debug)]
@@ -27,7 +30,7 @@ pub(super) struct CaseSetting {
 
 impl CaseSetting {
     /// Refuses a case that has to do with four-node tetrahedra.
-    pub fn of_tetrahedra(&self) -> Result<(), CaseProblem> {
+    pub fn of_tetrahedra(&self) -> Result<()> {
         if self.column.cells == SolidCells::Tetrahedra { Ok(()) } else { Err(OtherCells.into()) }
     }
 
@@ -58,7 +61,7 @@ pub(super) struct OtherCells;
 
 impl SolidCells {
     /// A mesh of tetrahedra, cut into these cells.
-    fn of<'a>(self, mesh: &'a Mesh) -> Result<Cow<'a, Mesh>, CaseProblem> {
+    fn of<'a>(self, mesh: &'a Mesh) -> Result<Cow<'a, Mesh>> {
         match self {
             Self::Tetrahedra => Ok(Cow::Borrowed(mesh)),
             // a sheet is the same, whatever solids are cut into
@@ -187,11 +190,7 @@ pub(super) struct CaseRun<'a> {
 
 impl<'a> CaseRun<'a> {
     /// A body at rest without gravity, no damping.
-    pub fn new(
-        setting: &CaseSetting,
-        mesh: &'a Mesh,
-        material: YoungPoisson,
-    ) -> Result<Self, CaseProblem> {
+    pub fn new(setting: &CaseSetting, mesh: &'a Mesh, material: YoungPoisson) -> Result<Self> {
         Self::of(setting, mesh, &BodyDescription::new("body", mesh, material))
     }
 
@@ -200,7 +199,7 @@ impl<'a> CaseRun<'a> {
         setting: &CaseSetting,
         mesh: &'a Mesh,
         description: &BodyDescription,
-    ) -> Result<Self, CaseProblem> {
+    ) -> Result<Self> {
         let PassColumn { model, volume, .. } = setting.column;
         Self::with(setting, mesh, &BodyDescription { model, volume, ..description.clone() })
     }
@@ -210,7 +209,7 @@ impl<'a> CaseRun<'a> {
         setting: &CaseSetting,
         mesh: &'a Mesh,
         description: &BodyDescription,
-    ) -> Result<Self, CaseProblem> {
+    ) -> Result<Self> {
         let CaseSetting { precision, threads, .. } = *setting;
         let options = SimulationOptions { precision, threads, ..Default::default() };
         let mut simulation = Simulation::new(options)?;
@@ -232,11 +231,7 @@ impl<'a> CaseRun<'a> {
     }
 
     /// The same of soft tissue that is damped on its way to rest.
-    pub fn damped(
-        setting: &CaseSetting,
-        mesh: &'a Mesh,
-        poisson_ratio: f64,
-    ) -> Result<Self, CaseProblem> {
+    pub fn damped(setting: &CaseSetting, mesh: &'a Mesh, poisson_ratio: f64) -> Result<Self> {
         let mut run = Self::new(setting, mesh, tissue(1e4, poisson_ratio))?;
         run.solver(|s| s.mass_damping = DAMPING);
         Ok(run)
@@ -253,29 +248,25 @@ impl<'a> CaseRun<'a> {
     }
 
     /// Vertex rows of a side of the mesh.
-    pub fn side(&self, name: &str) -> Result<Vec<VertexRow>, CaseProblem> {
+    pub fn side(&self, name: &str) -> Result<Vec<VertexRow>> {
         Ok(self.simulation.group_rows(self.body, self.mesh, name)?)
     }
 
     /// Holds a side for good.
-    pub fn clamp(&mut self, side: &str) -> Result<Entity, CaseProblem> {
+    pub fn clamp(&mut self, side: &str) -> Result<Entity> {
         let rows = self.side(side)?;
         Ok(self.simulation.add_constraint(Constraint::hold(side, rows)))
     }
 
     /// Puts the body somewhere, and starts the books there.
-    pub fn place(
-        &mut self,
-        displacements: &[DVec3],
-        velocities: &[DVec3],
-    ) -> Result<(), CaseProblem> {
+    pub fn place(&mut self, displacements: &[DVec3], velocities: &[DVec3]) -> Result<()> {
         self.simulation.set_state(self.body, displacements, velocities)?;
         self.open_books();
         Ok(())
     }
 
     /// The same without motion.
-    pub fn place_still(&mut self, displacements: &[DVec3]) -> Result<(), CaseProblem> {
+    pub fn place_still(&mut self, displacements: &[DVec3]) -> Result<()> {
         self.place(displacements, &vec![DVec3::ZERO; displacements.len()])
     }
 
@@ -301,7 +292,7 @@ impl<'a> CaseRun<'a> {
     }
 
     /// One step, booked.
-    pub fn step(&mut self) -> Result<(), CaseProblem> {
+    pub fn step(&mut self) -> Result<()> {
         self.simulation.step()?;
         let report = self.simulation.report();
         let put_in = report.contact.work;
@@ -332,7 +323,7 @@ impl<'a> CaseRun<'a> {
     }
 
     /// Takes elements away; the energy that goes with them counts as outside work.
-    pub fn remove(&mut self, removal: &Removal) -> Result<RemovalReport, CaseProblem> {
+    pub fn remove(&mut self, removal: &Removal) -> Result<RemovalReport> {
         let report = self.simulation.remove_elements(self.body, removal)?;
         self.outside -= report.elastic_energy + report.kinetic_energy;
         Ok(report)
@@ -352,18 +343,18 @@ impl<'a> CaseRun<'a> {
     }
 
     /// Several steps.
-    pub fn steps(&mut self, count: u64) -> Result<(), CaseProblem> {
+    pub fn steps(&mut self, count: u64) -> Result<()> {
         (0..count).try_for_each(|_| self.step())
     }
 
     /// Steps of `dt` until about so many seconds have passed.
-    pub fn seconds(&mut self, dt: f64, seconds: f64) -> Result<(), CaseProblem> {
+    pub fn seconds(&mut self, dt: f64, seconds: f64) -> Result<()> {
         self.simulation.set_dt(dt);
         self.steps((seconds / dt).round() as u64)
     }
 
     /// Ten steps; most elements inverted after one of them.
-    pub fn held_steps(&mut self) -> Result<u64, CaseProblem> {
+    pub fn held_steps(&mut self) -> Result<u64> {
         let mut inverted = 0;
         for _ in 0..10 {
             self.step()?;

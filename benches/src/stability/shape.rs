@@ -3,7 +3,7 @@
 
 use super::rows::{CasePart, Check, Figures, PassColumn};
 use super::runner::{
-    CaseOutcome, CaseProblem, CaseRun, CaseSetting, Cases, GRAVITY, Scope, bend, nearest, tissue,
+    CaseOutcome, CaseRun, CaseSetting, Cases, GRAVITY, Result, Scope, bend, nearest, tissue,
 };
 use glam::DVec3;
 use sinew::engine::columns::single_table;
@@ -186,7 +186,7 @@ fn scale_mass<S: Scalar>(simulation: &mut Simulation, row: usize, factor: f64) {
 
 /// The same bar a micrometre and a kilometre long, time and gravity scaled alike.
 fn similar(setting: &CaseSetting, mesh: &Mesh, nu: f64) -> CaseOutcome {
-    let run = |length: f64| -> Result<(Figures, Vec<Check>, Vec<DVec3>), CaseProblem> {
+    let run = |length: f64| -> Result<(Figures, Vec<Check>, Vec<DVec3>)> {
         let scale = length / SIZE.x;
         let mut scaled = mesh.clone();
         scaled.points.iter_mut().for_each(|x| *x *= scale);
@@ -224,7 +224,7 @@ fn far(column: PassColumn, mesh: &Mesh, offset: f64) -> CaseOutcome {
             DVec3::new(x.x + x.y, wave, 0.5 * x.z - wave) * strain
         };
         let u: Vec<DVec3> = mesh.points.iter().map(field).collect();
-        let force = |precision| -> Result<Vec<DVec3>, CaseProblem> {
+        let force = |precision| -> Result<Vec<DVec3>> {
             let setting = CaseSetting { column, precision, threads: 1 };
             let mut run = CaseRun::new(&setting, &moved, tissue(1e4, 0.4))?;
             run.place_still(&u)?;

@@ -1,7 +1,7 @@
 //! Group 5: momentum of spinning and flying bodies.
 
 use super::rows::{CasePart, Check};
-use super::runner::{CaseOutcome, CaseProblem, CaseRun, CaseSetting, Cases, Fall, GRAVITY, tissue};
+use super::runner::{CaseOutcome, CaseRun, CaseSetting, Cases, Fall, GRAVITY, Result, tissue};
 use crate::bench::integrators::spin_elsewhere;
 use glam::DVec3;
 use sinew::engine::mesh::generate::{box_tets, jitter_interior};
@@ -59,7 +59,7 @@ pub(super) fn momenta(run: &mut CaseRun) -> Momenta {
 }
 
 /// Turns about the centre of mass (rad/s) and flies (m/s).
-fn launch(run: &mut CaseRun, turn: DVec3, flight: DVec3) -> Result<Momenta, CaseProblem> {
+fn launch(run: &mut CaseRun, turn: DVec3, flight: DVec3) -> Result<Momenta> {
     let centre = momenta(run).centre;
     let v: Vec<DVec3> = run.mesh.points.iter().map(|x| flight + turn.cross(*x - centre)).collect();
     run.place(&vec![DVec3::ZERO; v.len()], &v)?;

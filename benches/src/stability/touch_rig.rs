@@ -1,6 +1,6 @@
 //! The block, the hand and the steps that the cases of contact and friction share.
 
-use super::runner::{CaseProblem, CaseRun, CaseSetting};
+use super::runner::{CaseRun, CaseSetting, Result};
 use bevy_ecs::entity::Entity;
 use glam::DVec3;
 use sinew::engine::mesh::Mesh;
@@ -25,30 +25,24 @@ pub(super) struct ToolHand {
 }
 
 impl ToolHand {
-    pub fn new(run: &mut CaseRun, tool: Tool) -> Result<Self, CaseProblem> {
+    pub fn new(run: &mut CaseRun, tool: Tool) -> Result<Self> {
         let at = tool.start.position;
         Ok(Self { tool: run.simulation.add_tool(tool)?, at })
     }
 
     /// A ball.
-    pub fn ball(run: &mut CaseRun, radius: f64, at: DVec3) -> Result<Self, CaseProblem> {
+    pub fn ball(run: &mut CaseRun, radius: f64, at: DVec3) -> Result<Self> {
         Self::new(run, Tool::new("ball", Shape::Sphere { radius }, at))
     }
 
     /// Goes on by so much of the way in the next step.
-    pub fn shift(&mut self, run: &mut CaseRun, way: DVec3) -> Result<(), CaseProblem> {
+    pub fn shift(&mut self, run: &mut CaseRun, way: DVec3) -> Result<()> {
         self.at += way;
         Ok(run.simulation.move_tool(self.tool, self.at)?)
     }
 
     /// Goes somewhere evenly at a speed (m/s), in whole steps of `dt` (s).
-    pub fn go(
-        &mut self,
-        run: &mut CaseRun,
-        to: DVec3,
-        speed: f64,
-        dt: f64,
-    ) -> Result<(), CaseProblem> {
+    pub fn go(&mut self, run: &mut CaseRun, to: DVec3, speed: f64, dt: f64) -> Result<()> {
         let from = self.at;
         let steps = (from.distance(to) / (speed * dt)).ceil().max(1.0);
         for i in 1..=steps as u32 {
@@ -70,7 +64,7 @@ pub(super) fn held<'a>(
     setting: &CaseSetting,
     mesh: &'a Mesh,
     sides: &[&str],
-) -> Result<CaseRun<'a>, CaseProblem> {
+) -> Result<CaseRun<'a>> {
     let mut run = CaseRun::damped(setting, mesh, 0.45)?;
     run.simulation.set_dt(STEP);
     for side in sides {

@@ -2,6 +2,9 @@
 
 use std::path::PathBuf;
 
+/// What is measured or written, or why not.
+pub type Result<T, E = BenchError> = std::result::Result<T, E>;
+
 /// A bench that cannot be carried out or written.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]

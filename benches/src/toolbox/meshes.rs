@@ -1,16 +1,13 @@
 //! Meshes of the demos, and uniform refinement: every tetrahedron into eight, vertices of the coarse mesh first.
 
-use super::error::BenchError;
+use super::error::{BenchError, Result};
 use glam::DVec3;
 use sinew::engine::mesh::{CheckOptions, Group, Mesh, check};
 use std::collections::HashMap;
 use std::path::Path;
 
 /// A mesh of the demos, checked.
-///
-/// # Errors
-/// When it cannot be read or is damaged.
-pub fn demo_mesh(file: &str) -> Result<Mesh, BenchError> {
+pub fn demo_mesh(file: &str) -> Result<Mesh> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../demos/meshes").join(file);
     let checked = check(&Mesh::read(&path)?, &CheckOptions::default());
     let checked = checked.map_err(|e| BenchError::Request {

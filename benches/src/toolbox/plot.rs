@@ -1,6 +1,6 @@
 //! Charts as SVG text.
 
-use super::error::BenchError;
+use super::error::{BenchError, Result};
 use super::stats::Spread;
 use plotters::coord::Shift;
 use plotters::coord::ranged1d::ValueFormatter;
@@ -91,11 +91,7 @@ fn failed(error: impl std::fmt::Display) -> BenchError {
 }
 
 /// Draws into SVG text that scales with the page.
-fn svg(
-    name: &str,
-    size: (u32, u32),
-    draw: impl FnOnce(&Area<'_>) -> Result<(), BenchError>,
-) -> Result<Chart, BenchError> {
+fn svg(name: &str, size: (u32, u32), draw: impl FnOnce(&Area<'_>) -> Result<()>) -> Result<Chart> {
     let mut svg = String::new();
     {
         let area = SVGBackend::with_string(&mut svg, size).into_drawing_area();
@@ -168,7 +164,7 @@ struct Plot<'a> {
 const MARKS: usize = 12;
 
 impl Plot<'_> {
-    fn chart(&self, name: &str) -> Result<Chart, BenchError> {
+    fn chart(&self, name: &str) -> Result<Chart> {
         let [xs, ys] = self.ranges.clone();
         svg(name, (860, 520), |area| {
             let (area, legend) = area.split_horizontally(630);
@@ -189,7 +185,7 @@ impl Plot<'_> {
     fn fill<X, Y>(
         &self,
         mut chart: ChartContext<'_, SVGBackend<'_>, Cartesian2d<X, Y>>,
-    ) -> Result<(), BenchError>
+    ) -> Result<()>
     where
         X: Ranged<ValueType = f64> + ValueFormatter<f64>,
         Y: Ranged<ValueType = f64> + ValueFormatter<f64>,
@@ -237,7 +233,7 @@ impl Plot<'_> {
     }
 
     /// The legend; series of one name share a place.
-    fn name(&self, legend: &Area<'_>) -> Result<(), BenchError> {
+    fn name(&self, legend: &Area<'_>) -> Result<()> {
         let series = self.series;
         let first = |i: &usize| series[..*i].iter().all(|s| s.name != series[*i].name);
         let mut y = 52;
@@ -266,7 +262,7 @@ fn entry(
     line: Option<ShapeStyle>,
     mark: ShapeStyle,
     dashed: bool,
-) -> Result<(), BenchError> {
+) -> Result<()> {
     let dashes = if dashed { &[[5, 10], [14, 19]][..] } else { &[[5, 19]] };
     match line {
         Some(line) => dashes.iter().try_for_each(|ends| {
@@ -310,15 +306,12 @@ const PANEL_FLOOR: f64 = 1e-4;
 
 /// Error (%) over cost, both logarithmic, of several cases on the same scales: every case by itself, then, when there
 /// are several, all in one picture of two columns with this name.
-///
-/// # Errors
-/// When they cannot be drawn.
 pub fn panels(
     name: &str,
     axes: [&str; 2],
     panels: &[ChartPanel],
     lines: bool,
-) -> Result<Vec<Chart>, BenchError> {
+) -> Result<Vec<Chart>> {
     let points = || panels.iter().flat_map(|p| &p.series).flat_map(|s| &s.points);
     let range = |k: usize, floor: f64| {
         let values = points().map(|p| p[k]).filter(|x| x.is_finite() && *x > 0.0);
@@ -329,7 +322,7 @@ pub fn panels(
     let (Some(xs), Some(ys)) = (range(0, 0.0), range(1, PANEL_FLOOR)) else {
         return Err(BenchError::Chart(format!("{name}: no points")));
     };
-    let draw = |panel: &ChartPanel, area: &Area<'_>| -> Result<(), BenchError> {
+    let draw = |panel: &ChartPanel, area: &Area<'_>| -> Result<()> {
         let series = raised(&panel.series, PANEL_FLOOR);
         let plot = Plot {
             title: &panel.title,
@@ -384,16 +377,13 @@ pub fn panels(
 }
 
 /// Error (%) over cost (s), both logarithmic, with lines through the points that nothing beats.
-///
-/// # Errors
-/// When it cannot be drawn.
 pub fn speed_against_error(
     name: &str,
     title: &str,
     axes: [&str; 2],
     series: &[Series],
     fronts: &[Vec<[f64; 2]>],
-) -> Result<Chart, BenchError> {
+) -> Result<Chart> {
     let all = || series.iter().flat_map(|s| &s.points);
     let errors = decades(all().map(|p| p[1].max(FLOOR)));
     let (Some(xs), Some(ys)) = (decades(all().map(|p| p[0])), errors) else {
@@ -439,16 +429,13 @@ pub enum Scales {
 }
 
 /// Lines, and points on logarithmic axes or where these are asked for. Series of one name share a place in the legend.
-///
-/// # Errors
-/// When it cannot be drawn.
 pub fn lines(
     name: &str,
     title: &str,
     axes: [&str; 2],
     series: &[Series],
     scales: Scales,
-) -> Result<Chart, BenchError> {
+) -> Result<Chart> {
     let logarithmic = scales == Scales::Logarithmic;
     let drawn = |p: &&[f64; 2]| p.iter().all(|x| x.is_finite() && (!logarithmic || *x > 0.0));
     let points = || series.iter().flat_map(|s| &s.points).filter(drawn);
@@ -491,10 +478,7 @@ pub fn lines(
 
 /// Horizontal bars with quartiles; a tick shows what was aimed at. Points on a logarithmic axis when they
 /// differ by more than a factor of 30.
-///
-/// # Errors
-/// When it cannot be drawn.
-pub fn bars(name: &str, title: &str, unit: &str, bars: &[Bar]) -> Result<Chart, BenchError> {
+pub fn bars(name: &str, title: &str, unit: &str, bars: &[Bar]) -> Result<Chart> {
     let values = || bars.iter().flat_map(|b| [b.value, b.quartiles[1]].into_iter().chain(b.aim));
     let Some(range) = decades(values()) else {
         return Err(BenchError::Chart(format!("{title}: no bars")));

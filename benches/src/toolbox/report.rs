@@ -1,6 +1,6 @@
 //! What every report is made of, tables and charts, and the one writer of files.
 
-use crate::toolbox::error::BenchError;
+use crate::toolbox::error::{BenchError, Result};
 use serde::Serialize;
 use sinew_tune::page::Chart;
 use sinew_tune::table::Table;
@@ -18,14 +18,7 @@ impl ReportFiles {
     }
 
     /// A value in JSON.
-    ///
-    /// # Errors
-    /// When it has no such form.
-    pub fn json(
-        &mut self,
-        name: impl Into<String>,
-        value: &impl Serialize,
-    ) -> Result<(), BenchError> {
+    pub fn json(&mut self, name: impl Into<String>, value: &impl Serialize) -> Result<()> {
         let name = name.into();
         let text = serde_json::to_string_pretty(value).map_err(|e| failed(Path::new(&name), e))?;
         self.add(name, text + "\n");
@@ -33,14 +26,11 @@ impl ReportFiles {
     }
 
     /// One SVG file a chart and one CSV file a table.
-    ///
-    /// # Errors
-    /// When a table has no such form.
     pub fn parts<'a>(
         &mut self,
         charts: &[Chart],
         tables: impl IntoIterator<Item = &'a Table>,
-    ) -> Result<(), BenchError> {
+    ) -> Result<()> {
         for chart in charts {
             self.add(format!("{}.svg", chart.name), chart.svg.as_str());
         }
@@ -53,10 +43,7 @@ impl ReportFiles {
     }
 
     /// Writes them into a folder, which is made; returns their paths.
-    ///
-    /// # Errors
-    /// When a file cannot be written.
-    pub fn write(self, folder: &Path) -> Result<Vec<PathBuf>, BenchError> {
+    pub fn write(self, folder: &Path) -> Result<Vec<PathBuf>> {
         std::fs::create_dir_all(folder).map_err(|e| failed(folder, e))?;
         let write = |(name, content): (String, Vec<u8>)| {
             let path = folder.join(name);

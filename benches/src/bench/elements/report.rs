@@ -3,7 +3,7 @@
 use super::ElementTruth;
 use super::{CAPPED, DENSITY, Discretisation, ElementBody, ElementReport, ElementRow, KINDS, SIZE};
 use crate::toolbox::aim::BenchAim;
-use crate::toolbox::error::BenchError;
+use crate::toolbox::error::Result;
 use crate::toolbox::plot::{self, ChartPanel, Series};
 use sinew_tune::page::Chart;
 use sinew_tune::table::{Table, three_digits};
@@ -270,10 +270,7 @@ impl ElementReport {
     }
 
     /// The chart: one for each Poisson's ratio, then all in one picture.
-    ///
-    /// # Errors
-    /// When it cannot be drawn.
-    pub fn charts(&self) -> Result<Vec<Chart>, BenchError> {
+    pub fn charts(&self) -> Result<Vec<Chart>> {
         let panel = |nu: f64| ChartPanel {
             name: format!("{}-{nu}", self.body.name()),
             title: format!("Static error against time of a step{}, nu {nu}", self.of_body()),

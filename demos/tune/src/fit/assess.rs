@@ -1,7 +1,7 @@
 //! What a body of springs is worth: virtual tests against finite elements of the same mesh, and the
 //! verdict.
 
-use super::FitError;
+use super::Result;
 use super::rig::{Rig, Test};
 use serde::{Deserialize, Serialize};
 use sinew_identify::LinearMaterial;
@@ -137,12 +137,8 @@ fn placed(points: &[[f64; 3]], u: &[[f64; 3]]) -> Vec<[f64; 3]> {
 /// Tests springs against finite elements of the same mesh and judges them.
 ///
 /// # Errors
-/// [`FitError`] when the finite elements themselves have no answer: the ends do not hold the body.
-pub fn assess(
-    rig: &Rig,
-    material: &LinearMaterial,
-    springs: &FittedSprings,
-) -> Result<Assessment, FitError> {
+/// [`FitError`](super::FitError) when the finite elements themselves have no answer: the ends do not hold the body.
+pub fn assess(rig: &Rig, material: &LinearMaterial, springs: &FittedSprings) -> Result<Assessment> {
     let stress = Rig::stress(material);
     let mut tests = Vec::new();
     let mut shear = None;
@@ -188,7 +184,7 @@ fn moduli(
     material: &LinearMaterial,
     springs: &FittedSprings,
     shear: Option<f64>,
-) -> Result<Option<BodyModuli>, FitError> {
+) -> Result<Option<BodyModuli>> {
     let stress = Rig::stress(material);
     for clamped in [false, true] {
         let loading =

@@ -15,7 +15,7 @@
 //!
 //! [`read`] takes both; a CSV file says nothing of virtual tests.
 
-use super::{BodySpring, ElementConstants, FitError, FittedBody, SCHEMA};
+use super::{BodySpring, ElementConstants, FitError, FittedBody, Result, SCHEMA};
 use sinew_identify::mesh::{FitReport, Residuals};
 use sinew_identify::{ElementKind, ElementMethod, Plane};
 use std::path::Path;
@@ -27,7 +27,7 @@ fn fault(path: &Path, reason: impl ToString) -> FitError {
     FitError::File { path: path.into(), reason: reason.to_string() }
 }
 
-fn is_csv(path: &Path) -> Result<bool, FitError> {
+fn is_csv(path: &Path) -> Result<bool> {
     match path.extension().and_then(|e| e.to_str()) {
         Some("json") => Ok(false),
         Some("csv") => Ok(true),
@@ -39,7 +39,7 @@ fn is_csv(path: &Path) -> Result<bool, FitError> {
 ///
 /// # Errors
 /// [`FitError::File`].
-pub fn write(path: &Path, body: &FittedBody) -> Result<(), FitError> {
+pub fn write(path: &Path, body: &FittedBody) -> Result<()> {
     let bytes = if is_csv(path)? {
         to_csv(body).map_err(|e| fault(path, e))?
     } else {
@@ -54,7 +54,7 @@ pub fn write(path: &Path, body: &FittedBody) -> Result<(), FitError> {
 ///
 /// # Errors
 /// [`FitError::File`] for an extension other than `.json` and `.csv`.
-pub fn check_name(path: &Path) -> Result<(), FitError> {
+pub fn check_name(path: &Path) -> Result<()> {
     is_csv(path).map(|_| ())
 }
 
@@ -62,7 +62,7 @@ pub fn check_name(path: &Path) -> Result<(), FitError> {
 ///
 /// # Errors
 /// [`FitError::File`], with the line of a CSV file.
-pub fn read(path: &Path) -> Result<FittedBody, FitError> {
+pub fn read(path: &Path) -> Result<FittedBody> {
     let csv = is_csv(path)?;
     let bytes = std::fs::read(path).map_err(|e| fault(path, e))?;
     let body: FittedBody = if csv {

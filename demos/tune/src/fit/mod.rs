@@ -18,6 +18,9 @@ use std::path::PathBuf;
 
 pub use sinew_scene::springs::{BodySpring, ElementConstants, SCHEMA};
 
+/// What may fail on the way to springs.
+pub type Result<T, E = FitError> = std::result::Result<T, E>;
+
 /// Springs that cannot be found, tested or written.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -150,7 +153,7 @@ pub struct FittedBody {
 ///
 /// # Errors
 /// [`FitError`], naming the file, the element or the group and what to do.
-pub fn fit_file(path: &std::path::Path, request: &FitRequest) -> Result<FittedBody, FitError> {
+pub fn fit_file(path: &std::path::Path, request: &FitRequest) -> Result<FittedBody> {
     fit_mesh(&Mesh::read(path)?, request)
 }
 
@@ -185,7 +188,7 @@ pub fn fit_file(path: &std::path::Path, request: &FitRequest) -> Result<FittedBo
 /// assert!((body.masses.iter().sum::<f64>() - 8e-3).abs() < 1e-12);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
-pub fn fit_mesh(mesh: &Mesh, request: &FitRequest) -> Result<FittedBody, FitError> {
+pub fn fit_mesh(mesh: &Mesh, request: &FitRequest) -> Result<FittedBody> {
     let checked = check(mesh, &CheckOptions::default())?.mesh;
     if checked.is_second_order() {
         return Err(FitError::SecondOrder { source_name: mesh.source.clone() });

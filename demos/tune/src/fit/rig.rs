@@ -1,7 +1,7 @@
 //! A mesh in a testing machine: which nodes are held, which are loaded, and the loadings of the
 //! virtual tests.
 
-use super::FitError;
+use super::{FitError, Result};
 use glam::DVec3;
 use sinew::engine::mesh::Mesh;
 use sinew_identify::cells::Cells;
@@ -150,13 +150,13 @@ impl Rig {
     /// # Errors
     /// [`FitError`] when a group is missing or its nodes are not usable, when both ends share nodes, or
     /// when a mesh of plane elements is not flat.
-    pub fn new(mesh: &Mesh, section: Section, grips: &Grips) -> Result<Self, FitError> {
+    pub fn new(mesh: &Mesh, section: Section, grips: &Grips) -> Result<Self> {
         let mut rig = Self::without_ends(mesh, section);
         let (points, nodes) = (&rig.points, &rig.nodes);
         if points.is_empty() {
             return Err(IdentifyError::NoElements.into());
         }
-        let named = |name: &Option<String>| -> Result<Option<Vec<usize>>, FitError> {
+        let named = |name: &Option<String>| -> Result<Option<Vec<usize>>> {
             let Some(name) = name else { return Ok(None) };
             let group = mesh.group(name).ok_or_else(|| FitError::Group {
                 mesh: mesh.source.clone(),

@@ -5,6 +5,9 @@ use sinew::simulation::SimulationError;
 use sinew_scene::error::SceneError;
 use std::path::PathBuf;
 
+/// What may fail in a fit.
+pub type Result<T, E = DataFitError> = std::result::Result<T, E>;
+
 /// A fit that cannot be carried out.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]

@@ -1,6 +1,6 @@
 //! Equilibria of a scene at given load factors for given parameters.
 
-use super::error::DataFitError;
+use super::error::{DataFitError, Result};
 use super::observe::{Observation, Observed};
 use super::parameter::{Constant, ElementMaterials, Parameter};
 use bevy_ecs::prelude::World;
@@ -94,7 +94,7 @@ impl Forward {
         &mut self,
         materials: &[ElementMaterials],
         parameters: &[Parameter],
-    ) -> Result<(), DataFitError> {
+    ) -> Result<()> {
         for (i, material) in materials.iter().enumerate() {
             if !parameters.iter().any(|p| p.body == i) {
                 continue;
@@ -121,7 +121,7 @@ impl Forward {
     ///
     /// # Errors
     /// [`DataFitError::NoEquilibrium`], or what the engine refuses.
-    pub fn solve(&mut self, parameters: &[Parameter], values: &[f64]) -> Result<(), DataFitError> {
+    pub fn solve(&mut self, parameters: &[Parameter], values: &[f64]) -> Result<()> {
         let mut materials = self.materials.clone();
         for (parameter, &value) in parameters.iter().zip(values) {
             materials[parameter.body].set(parameter, value);

@@ -16,7 +16,7 @@
 //! derivative `g` of the observation by the free unknowns, and then `w . df/dp`. At each load factor
 //! whichever takes fewer solves.
 
-use super::error::DataFitError;
+use super::error::{DataFitError, Result};
 use super::forward::{Forward, at_load};
 use super::observe::{Observation, Observed};
 use super::parameter::{Constant, ElementMaterials, Parameter};
@@ -73,7 +73,7 @@ impl Forward {
         parameters: &[Parameter],
         values: &[f64],
         observed: &[Observation],
-    ) -> Result<(DMatrix<f64>, Gradient), DataFitError> {
+    ) -> Result<(DMatrix<f64>, Gradient)> {
         self.work.jacobians += 1;
         if self.without_tangent().is_some() {
             let jacobian = self.differences(parameters, values, observed)?;
@@ -157,7 +157,7 @@ impl Forward {
         parameters: &[Parameter],
         values: &[f64],
         observed: &[Observation],
-    ) -> Result<DMatrix<f64>, DataFitError> {
+    ) -> Result<DMatrix<f64>> {
         let mut jacobian = DMatrix::zeros(observed.len(), parameters.len());
         for (column, parameter) in parameters.iter().enumerate() {
             let room = match parameter.constant.is_modulus() {
@@ -181,10 +181,7 @@ impl Forward {
     }
 
     /// `df/dp` (N per Pa or per 1) of every parameter at every equilibrium, at fixed displacements.
-    fn force_changes(
-        &mut self,
-        parameters: &[Parameter],
-    ) -> Result<Vec<Vec<Rows<f64>>>, DataFitError> {
+    fn force_changes(&mut self, parameters: &[Parameter]) -> Result<Vec<Vec<Rows<f64>>>> {
         let mut changes = Vec::with_capacity(parameters.len());
         for parameter in parameters {
             // whatever an earlier parameter of the body has changed is set back with it
@@ -291,12 +288,7 @@ impl Forward {
     }
 
     /// `x` with `K x = b` on the free unknowns of a body, zero elsewhere; held entries of `b` are ignored.
-    fn solve_tangent(
-        &mut self,
-        load: f64,
-        body: usize,
-        b: &Rows<f64>,
-    ) -> Result<Rows<f64>, DataFitError> {
+    fn solve_tangent(&mut self, load: f64, body: usize, b: &Rows<f64>) -> Result<Rows<f64>> {
         self.work.linear_solves += 1;
         let mut solver = std::mem::take(&mut self.solver);
         let world = self.scene.simulation.world();

@@ -1,6 +1,6 @@
 //! The least-squares problem as the crate `levenberg-marquardt` sees it.
 
-use super::error::DataFitError;
+use super::error::{DataFitError, Result};
 use super::forward::Forward;
 use super::observe::Observation;
 use super::parameter::Parameter;
@@ -107,7 +107,7 @@ pub(super) fn minimise(
     mut forward: Forward,
     parameters: &[Parameter],
     observed: &[Observation],
-) -> Result<FitOutcome, DataFitError> {
+) -> Result<FitOutcome> {
     let start: Vec<f64> = parameters.iter().map(|p| p.start).collect();
     forward.solve(parameters, &start)?;
     let residual = DVector::from_vec(residuals(observed, &forward.predictions(observed)));

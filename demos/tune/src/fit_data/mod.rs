@@ -21,7 +21,7 @@ pub mod statistics;
 mod least_squares;
 mod verdict;
 
-use error::DataFitError;
+use error::{DataFitError, Result};
 use forward::Forward;
 use gradient::Gradient;
 use nalgebra::DMatrix;
@@ -59,7 +59,7 @@ pub struct DataFitRequest {
 /// # Errors
 /// [`DataFitError`] for scenes, data and parameters that cannot be used, and when the starting values have no
 /// stable equilibrium.
-pub fn fit(loaded: &LoadedScene, request: &DataFitRequest) -> Result<DataFitReport, DataFitError> {
+pub fn fit(loaded: &LoadedScene, request: &DataFitRequest) -> Result<DataFitReport> {
     let clock = Instant::now();
     if loaded.scene.mode == Mode::Dynamic {
         return Err(DataFitError::Dynamic { file: loaded.file.clone() });
@@ -152,7 +152,7 @@ struct Fit<'a> {
 
 impl Fit<'_> {
     /// Finds the active parameters, and what the derivatives there say about them.
-    fn minimise(&mut self, forward: Forward, check: bool) -> Result<Forward, DataFitError> {
+    fn minimise(&mut self, forward: Forward, check: bool) -> Result<Forward> {
         let (report, observed) = (&mut self.report, &self.observations.list);
         let chosen: Vec<Parameter> =
             self.active.iter().map(|&i| self.parameters[i].clone()).collect();

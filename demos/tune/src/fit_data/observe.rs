@@ -1,6 +1,6 @@
 //! Observations: CSV files of displacements, or of reactions of constraints.
 
-use super::error::DataFitError;
+use super::error::{DataFitError, Result};
 use glam::DVec3;
 use serde::Serialize;
 use sinew_scene::assemble::{BuiltBody, BuiltScene};
@@ -98,7 +98,7 @@ impl Observations {
     ///
     /// # Errors
     /// [`DataFitError::Io`], [`DataFitError::Table`], [`DataFitError::Header`] or [`DataFitError::Cell`].
-    pub fn read(paths: &[PathBuf], scene: &BuiltScene) -> Result<Self, DataFitError> {
+    pub fn read(paths: &[PathBuf], scene: &BuiltScene) -> Result<Self> {
         let mut all = Self::default();
         for (i, path) in paths.iter().enumerate() {
             let has_sigma = read_file(path, scene, &mut all)?;
@@ -155,7 +155,7 @@ impl ObservedTable<'_> {
         }
     }
 
-    fn number(&self, column: &str) -> Result<Option<f64>, DataFitError> {
+    fn number(&self, column: &str) -> Result<Option<f64>> {
         let Some(text) = self.text(column) else { return Ok(None) };
         match text.parse::<f64>() {
             Ok(value) if value.abs() <= 1e12 => Ok(Some(value)),
@@ -166,11 +166,11 @@ impl ObservedTable<'_> {
         }
     }
 
-    fn required(&self, column: &str, remedy: &str) -> Result<f64, DataFitError> {
+    fn required(&self, column: &str, remedy: &str) -> Result<f64> {
         self.number(column)?.ok_or_else(|| self.cell(column, "nothing is given", remedy))
     }
 
-    fn load(&self) -> Result<f64, DataFitError> {
+    fn load(&self) -> Result<f64> {
         let load = self.number("load")?.unwrap_or(1.0);
         if (0.0..=1.0).contains(&load) {
             return Ok(load);
@@ -180,7 +180,7 @@ impl ObservedTable<'_> {
     }
 
     /// Divisor of the residual over the scale of the file (1 with `sigma`, which is absolute).
-    fn scale(&self) -> Result<f64, DataFitError> {
+    fn scale(&self) -> Result<f64> {
         for column in ["sigma", "weight"] {
             if !self.has(column) {
                 continue;
@@ -197,11 +197,7 @@ impl ObservedTable<'_> {
 }
 
 /// Reads one file and returns whether it has standard deviations.
-fn read_file(
-    path: &Path,
-    scene: &BuiltScene,
-    all: &mut Observations,
-) -> Result<bool, DataFitError> {
+fn read_file(path: &Path, scene: &BuiltScene, all: &mut Observations) -> Result<bool> {
     let io = |source: csv::Error| {
         let path = path.into();
         match source.is_io_error() {
@@ -294,7 +290,7 @@ fn read_file(
 }
 
 /// The constraint, axis and force of a row.
-fn reaction(table: &ObservedTable, scene: &BuiltScene) -> Result<(Observed, f64), DataFitError> {
+fn reaction(table: &ObservedTable, scene: &BuiltScene) -> Result<(Observed, f64)> {
     let name = table.text("constraint").unwrap_or_default();
     let names = || scene.constraints.iter().map(|c| c.name.as_str());
     let constraint = names().position(|known| known == name).ok_or_else(|| {
@@ -315,7 +311,7 @@ fn reaction(table: &ObservedTable, scene: &BuiltScene) -> Result<(Observed, f64)
 }
 
 /// The body and vertex of a row, and how far (m) the vertex is from the given position.
-fn vertex(table: &ObservedTable, scene: &BuiltScene) -> Result<(usize, u32, f64), DataFitError> {
+fn vertex(table: &ObservedTable, scene: &BuiltScene) -> Result<(usize, u32, f64)> {
     let names = || scene.bodies.iter().map(|b| b.name.as_str());
     let body = match table.text("body") {
         Some(name) => names().position(|known| known == name).ok_or_else(|| {

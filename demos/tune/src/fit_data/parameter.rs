@@ -1,7 +1,7 @@
 //! Parameters: which constants of which elements are fitted, and the smooth maps that keep them in
 //! range.
 
-use super::error::DataFitError;
+use super::error::{DataFitError, Result};
 use serde::Serialize;
 use sinew::models::body::SoftBody;
 use sinew::models::material::{MAX_POISSON_RATIO, YoungPoisson};
@@ -201,7 +201,7 @@ pub fn parse(
     bounds: &[String],
     scene: &BuiltScene,
     materials: &[ElementMaterials],
-) -> Result<Vec<Parameter>, DataFitError> {
+) -> Result<Vec<Parameter>> {
     let mut all: Vec<Parameter> = Vec::new();
     for text in fit {
         for parameter in parse_one(text, scene, materials)? {
@@ -236,7 +236,7 @@ fn parse_one(
     text: &str,
     scene: &BuiltScene,
     materials: &[ElementMaterials],
-) -> Result<Vec<Parameter>, DataFitError> {
+) -> Result<Vec<Parameter>> {
     let fault = |found, remedy| DataFitError::option(format!("--fit {text}"), found, remedy);
     let (head, region) = match text.split_once(':') {
         Some((head, region)) => (head, Some(region)),
@@ -362,7 +362,7 @@ fn elements_of(
 /// Most values of an array of cell data that is taken for one of regions.
 const MOST_REGIONS: usize = 64;
 
-fn set_bounds(text: &str, parameters: &mut [Parameter]) -> Result<(), DataFitError> {
+fn set_bounds(text: &str, parameters: &mut [Parameter]) -> Result<()> {
     let fault = |found, remedy| DataFitError::option(format!("--bounds {text}"), found, remedy);
     let form = || "write PARAMETER=LOW..HIGH, such as young=1e3..1e5".to_string();
     let (name, range) =
