@@ -288,20 +288,20 @@ impl Discretisation {
         Ok(Beam { name, mesh, fixed, material, gravity })
     }
 
-    /// Steps of 10 ms.
+    /// Steps by an integrator.
     fn run(self, integrator: Integrator, h: f64) -> SinewRun {
-        let settings = SolverSettings { integrator, ..Default::default() };
-        SinewRun::new(self.name(), ENERGY, settings, Some(h)).with_volume(self.volume())
+        self.solved(SolverSettings { integrator, ..Default::default() }, h)
     }
 
     /// Steps that are converged: the linear systems too.
     fn converged(self, integrator: Integrator, h: f64) -> SinewRun {
-        let settings = SolverSettings {
-            integrator,
-            linear_tolerance: 1e-6,
-            max_linear_iterations: 50_000,
-            ..Default::default()
-        };
+        let (linear_tolerance, max_linear_iterations) = (1e-6, 50_000);
+        let tight =
+            SolverSettings { linear_tolerance, max_linear_iterations, ..Default::default() };
+        self.solved(SolverSettings { integrator, ..tight }, h)
+    }
+
+    fn solved(self, settings: SolverSettings, h: f64) -> SinewRun {
         SinewRun::new(self.name(), ENERGY, settings, Some(h)).with_volume(self.volume())
     }
 }

@@ -16,17 +16,20 @@ pub const STEP: f64 = 1.0 / 60.0;
 /// Version in `Cargo.toml`; the crate does not tell its own.
 const VERSION: &str = "0.36";
 
-/// The constraint solver (its default), the finite-element solver with its default 20 iterations and
-/// with 300, in steps of `h` (s).
-pub fn rivals(case: &BeamCase, h: f64) -> Vec<Box<dyn Rival>> {
+/// The constraint solver (its default), the finite-element solver with its default 20 iterations and with 300.
+fn settings() -> [(SoftBodySolver, usize); 3] {
     let default = SoftFemParameters::default().max_linear_iterations;
-    let settings = [
+    [
         (SoftBodySolver::Constraints, default),
         (SoftBodySolver::Fem, default),
         (SoftBodySolver::Fem, 300),
-    ];
+    ]
+}
+
+/// All settings in steps of `h` (s).
+pub fn rivals(case: &BeamCase, h: f64) -> Vec<Box<dyn Rival>> {
     let masses: Vec<f32> = case.beam.masses().iter().map(|&m| m as f32).collect();
-    settings
+    settings()
         .into_iter()
         .map(|(solver, iterations)| -> Box<dyn Rival> {
             Box::new(RapierRun { solver, iterations, h, masses: masses.clone() })
@@ -177,13 +180,7 @@ impl Rival for RapierRun {
 /// iterations. Steps down to 1/240 s, 8 substeps, stiffer contact, undamped strain and 2 000 iterations were tried
 /// beside it: the force went from 11 % below the equilibrium of its energy to 5 % above, and settled no better.
 pub fn fingers(block: &TouchBlock, quick: bool) -> Result<Vec<Box<dyn Finger>>> {
-    let default = SoftFemParameters::default().max_linear_iterations;
-    let settings = [
-        (SoftBodySolver::Constraints, default),
-        (SoftBodySolver::Fem, default),
-        (SoftBodySolver::Fem, 300),
-    ];
-    settings
+    settings()
         .into_iter()
         .take(if quick { 2 } else { 3 })
         .map(|(solver, iterations)| -> Result<Box<dyn Finger>> {

@@ -94,11 +94,7 @@ impl BeamCase {
             setting,
             threads: 1,
             precision: "f64".into(),
-            ms_per_step: None,
-            cost_per_simulated_second: None,
-            force_ns_per_element: None,
-            error_percent: None,
-            note: String::new(),
+            ..PeerRow::default()
         }
     }
 }

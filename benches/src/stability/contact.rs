@@ -147,8 +147,7 @@ fn inside(setting: &CaseSetting, mesh: &Mesh) -> CaseOutcome {
         Check::at_most("fastest vertex (m/s)", fastest, 0.5),
         Check::at_least("force at the end (N)", report.force.z, 0.1),
     ];
-    let scale = run.largest;
-    Ok(run.finish(scale, checks))
+    Ok(run.finish_by_largest(checks))
 }
 
 /// A sheet held at its edges, with damping.
@@ -192,8 +191,7 @@ fn squeezed(setting: &CaseSetting, mesh: &Mesh) -> CaseOutcome {
         Check::at_most("edge error at the end", error, 1e-3),
         no_force(&[above, below], &run),
     ];
-    let scale = run.largest;
-    Ok(run.finish(scale, checks))
+    Ok(run.finish_by_largest(checks))
 }
 
 fn falls(setting: &CaseSetting, mesh: &Mesh, dt: f64) -> CaseOutcome {
@@ -356,8 +354,7 @@ fn rough(setting: &CaseSetting, mesh: &Mesh, contrast: f64) -> CaseOutcome {
             0.01,
         ),
     ];
-    let scale = run.largest;
-    Ok(run.finish(scale, checks))
+    Ok(run.finish_by_largest(checks))
 }
 
 fn removed(setting: &CaseSetting, mesh: &Mesh, parts: usize) -> CaseOutcome {
@@ -387,8 +384,7 @@ fn removed(setting: &CaseSetting, mesh: &Mesh, parts: usize) -> CaseOutcome {
         Check::at_most("difference from a fresh build", fresh, setting.pick(1e-12, 2e-5)),
         no_force(&[&hand], &run),
     ];
-    let scale = run.largest;
-    Ok(run.finish(scale, checks))
+    Ok(run.finish_by_largest(checks))
 }
 
 fn fast(setting: &CaseSetting, mesh: &Mesh, dt: f64) -> CaseOutcome {
@@ -427,8 +423,7 @@ fn fast(setting: &CaseSetting, mesh: &Mesh, dt: f64) -> CaseOutcome {
         Check::at_most("probe off its target at the end (m)", place.distance(deep), 1e-15),
         Check::none("inverted at the end", run.inverted()),
     ];
-    let scale = run.largest;
-    Ok(run.finish(scale, checks))
+    Ok(run.finish_by_largest(checks))
 }
 
 /// Ten edges of a surface of the block or sheet, mean: `n` cells on `size` (m), both with diagonals.
@@ -515,8 +510,7 @@ fn thin_on_block(setting: &CaseSetting, mesh: &Mesh) -> CaseOutcome {
         })
     };
     let checks = thin(&mut run, [0.03, edge(BLOCK.x, 8.0)], inside)?;
-    let scale = run.largest;
-    Ok(run.finish(scale, checks))
+    Ok(run.finish_by_largest(checks))
 }
 
 fn thin_on_sheet(setting: &CaseSetting, mesh: &Mesh) -> CaseOutcome {
@@ -536,6 +530,5 @@ fn thin_on_sheet(setting: &CaseSetting, mesh: &Mesh) -> CaseOutcome {
         })
     };
     let checks = thin(&mut run, [0.015, edge(0.1, 8.0)], inside)?;
-    let scale = run.largest;
-    Ok(run.finish(scale, checks))
+    Ok(run.finish_by_largest(checks))
 }

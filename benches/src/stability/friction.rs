@@ -173,8 +173,7 @@ fn again(setting: &CaseSetting, mesh: &Mesh) -> CaseOutcome {
         Check::at_most("energy left in contacts (J)", contact.energy, 0.0),
         Check::at_most("edge error at the end", error, setting.pick(1e-6, 1e-4)),
     ];
-    let scale = run.largest;
-    Ok(run.finish(scale, checks))
+    Ok(run.finish_by_largest(checks))
 }
 
 /// Gravity (m/s^2) on an incline of this slope that drops towards +x.
@@ -261,8 +260,7 @@ fn drag(setting: &CaseSetting, mesh: &Mesh, dt: f64) -> CaseOutcome {
         Check::none("points that stick at the end", report.sticking.into()),
         Check::at_most("friction over its limit off 1", (ratio - 1.0).abs(), setting.loose(1e-4)),
     ];
-    let scale = run.largest;
-    Ok(run.finish(scale, checks))
+    Ok(run.finish_by_largest(checks))
 }
 
 fn press(setting: &CaseSetting, mesh: &Mesh) -> CaseOutcome {
@@ -286,8 +284,7 @@ fn press(setting: &CaseSetting, mesh: &Mesh) -> CaseOutcome {
         Check::at_most("force at twice the stiffness", off(pressed(0.01, 100.0)?), 0.02),
         Check::at_least("force (N)", middle, 0.1),
     ];
-    let scale = run.largest;
-    Ok(run.finish(scale, checks))
+    Ok(run.finish_by_largest(checks))
 }
 
 /// A cylinder of radius 50 mm and height 40 mm along z, whose cells are smallest in the middle of its top: 0.4 of

@@ -96,8 +96,7 @@ fn wrinkle(
     run.seconds(dt, 1.0)?;
     let u = run.simulation.displacements(run.body);
     let out = u.iter().map(|u| u.z.abs()).fold(0.0, f64::max) / SIZE;
-    let scale = run.largest;
-    Ok(run.finish(scale, [Check::at_least("way out of its plane over size", out, 0.01)]))
+    Ok(run.finish_by_largest([Check::at_least("way out of its plane over size", out, 0.01)]))
 }
 
 /// A free sheet in a point or on a line.

@@ -409,6 +409,15 @@ impl<'a> CaseRun<'a> {
         (self.close(), checks)
     }
 
+    /// The same over the largest energy (J) since the books were opened.
+    pub fn finish_by_largest(
+        self,
+        others: impl IntoIterator<Item = Check>,
+    ) -> (Figures, Vec<Check>) {
+        let scale = self.largest;
+        self.finish(scale, others)
+    }
+
     /// Ends without a look at the books, which equilibria do not keep.
     pub fn close(mut self) -> Figures {
         self.figures.hash = self.simulation.state_hash();

@@ -60,11 +60,6 @@ impl Spread {
     pub fn quartiles(&self) -> String {
         format!("{}-{}", three_digits(self.lower_quartile), three_digits(self.upper_quartile))
     }
-
-    /// Distance between the quartiles over the median.
-    pub fn relative_spread(&self) -> f64 {
-        (self.upper_quartile - self.lower_quartile) / self.median
-    }
 }
 
 /// Median of samples; `None` without any or when one is not a number.

@@ -95,9 +95,6 @@ pub struct SpringsAgainst {
 }
 
 /// Displacements (m) of linear finite elements.
-///
-/// # Errors
-/// [`VirtualTestError`].
 pub fn reference(
     rig: &Rig,
     material: &LinearMaterial,
@@ -108,9 +105,6 @@ pub fn reference(
 
 /// Springs under a loading, linear ones without `options`, and their distance from the displacements
 /// `fem` (m).
-///
-/// # Errors
-/// [`VirtualTestError`].
 pub fn against(
     rig: &Rig,
     springs: &FittedSprings,

@@ -149,9 +149,6 @@ impl Forward {
     }
 
     /// The same from equilibria for parameters a little to either side.
-    ///
-    /// # Errors
-    /// What [`Forward::solve`] finds.
     pub fn differences(
         &mut self,
         parameters: &[Parameter],
