@@ -23,9 +23,8 @@ pub mod sinew_rows;
 pub mod touch;
 
 use crate::toolbox::aim::BenchAim;
-use crate::toolbox::error::Result;
 use crate::toolbox::options::BenchOptions;
-use serde::Serialize;
+use crate::toolbox::prelude::*;
 use sinew_tune::table::three_digits;
 
 pub use beam::{Beam, at_zero};

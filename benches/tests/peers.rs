@@ -1,6 +1,5 @@
 //! Rivals: beams, the ball, what their processes answer, charts and verdicts.
 
-use glam::DVec3;
 use sinew::prelude::*;
 use sinew_benches::peers::beam::masses;
 use sinew_benches::peers::mujoco::{MuJoCo, parse, to_vectors};

@@ -1,16 +1,12 @@
 //! Bourguignon & Cani 2000, table 1: seconds of computing per second of motion, with the springs of the paper.
 
 use super::frame::{damped_axes, stormer, uniform, world, world_of_axes};
+use super::prelude::*;
 use crate::axes::springs::VolumeForm::{self, Balanced, Printed};
-use crate::figure::{Figure, Finding};
 use sinew::engine::element::EdgeVertices;
 use sinew::engine::mesh::generate::{box_hexahedra, irregular_box_tets};
 use sinew::engine::vertex::FixedAxes;
 use sinew::models::body::MassRule;
-use sinew::prelude::*;
-use sinew_benches::toolbox::error::Result;
-use sinew_tune::table_of;
-use std::time::Instant;
 
 const SIDE: f64 = 0.1;
 const CELLS: [usize; 3] = [5, 5, 5];

@@ -1,14 +1,10 @@
 //! What Bourguignon & Cani 2000 leave open: how stiff a body of axes is in directions between them.
 
 use super::frame::{equilibrium, settle, world};
-use crate::figure::{Figure, Finding};
+use super::prelude::*;
 use sinew::engine::mesh::generate::box_hexahedra;
 use sinew::engine::vertex::FixedAxes;
 use sinew::models::axes::description::{AxesDescription, AxisFamily};
-use sinew::prelude::*;
-use sinew_benches::toolbox::error::Result;
-use sinew_benches::toolbox::plot::{Scales, Series, lines};
-use sinew_tune::table_of;
 use std::borrow::Cow;
 
 const MATERIAL: YoungPoisson =

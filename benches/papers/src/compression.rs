@@ -1,13 +1,9 @@
 //! Delingette 2008, figure 2, left: one tetrahedron, a vertex moved towards the opposite face.
 
-use crate::figure::{Figure, Finding};
+use super::prelude::*;
 use sinew::engine::scalar::dot;
 use sinew::models::element::precompute::RestTetrahedron;
 use sinew::models::element::tetrahedron::{Element, forces};
-use sinew::prelude::YoungPoisson;
-use sinew_benches::toolbox::error::Result;
-use sinew_benches::toolbox::plot::{Scales, Series, lines};
-use sinew_tune::table_of;
 
 const RATIOS: [f64; 4] = [0.0, 0.3, 0.45, 0.49];
 

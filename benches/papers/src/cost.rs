@@ -1,9 +1,7 @@
 //! Delingette 2008, figure 3, top: time of force and matrix-vector product of the formulations, for
 //! membranes and tetrahedra.
 
-use crate::figure::{Figure, Finding};
-use glam::DVec3;
-use sinew::engine::mesh::Mesh;
+use super::prelude::*;
 use sinew::engine::scalar::Scalar;
 use sinew::models::body::Evaluation;
 use sinew::models::body::sheet::MembraneModel;
@@ -11,16 +9,11 @@ use sinew::models::frame::stand_in::Corotational;
 use sinew::models::laws::corotational::WarpedStiffness;
 use sinew::models::laws::quadratic::QuadraticSprings;
 use sinew::models::laws::svk::FusedStVK;
-use sinew::prelude::*;
 use sinew_benches::bench::membranes::{MembraneSubject, QUANTITIES, sheet};
 use sinew_benches::bench::subject::{Free, KernelTiming, Reference, Timed, free, repetitions};
 use sinew_benches::toolbox::beam::{beam, bend, bent, cells_for, precision_of};
-use sinew_benches::toolbox::error::{BenchError, Result};
 use sinew_benches::toolbox::plot::{Bar, bars};
 use sinew_benches::toolbox::stats::{Rounds, Spread, interleave};
-use sinew_tune::page::Chart;
-use sinew_tune::table::Table;
-use sinew_tune::table_of;
 
 /// Places in [`QUANTITIES`].
 const FORCE: usize = 0;

@@ -1,14 +1,8 @@
 //! Delingette 2008, figure 2, right: a soft cylinder clamped at one end bends under its weight.
 
 use super::frame::{clamp, world};
-use crate::figure::{Figure, Finding};
-use glam::DVec3;
-use sinew::engine::mesh::Mesh;
+use super::prelude::*;
 use sinew::engine::mesh::generate::cylinder_tets;
-use sinew::prelude::*;
-use sinew_benches::toolbox::error::Result;
-use sinew_benches::toolbox::plot::{Scales, Series, lines};
-use sinew_tune::table_of;
 
 const RADIUS: f64 = 0.005;
 const LENGTH: f64 = 0.1;

@@ -1,8 +1,7 @@
 //! Deformed bodies as plain SVG: the edges of the surface that the viewer sees, and fibres on it.
 
-use glam::{DMat3, DVec2, DVec3};
-use sinew::engine::mesh::Mesh;
-use sinew_tune::page::Chart;
+use super::prelude::*;
+use glam::{DMat3, DVec2};
 use sinew_tune::table::escape;
 use std::fmt::Write;
 

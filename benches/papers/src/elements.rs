@@ -4,9 +4,8 @@
 use super::Setup;
 use super::lumped::{Meshes, Ours, Row, against_print, error_table, rows_alike};
 use super::overlay;
+use super::prelude::*;
 use super::shapes::printed;
-use crate::figure::{Figure, Finding};
-use sinew_benches::toolbox::error::Result;
 use sinew_identify::ElementMethod::{Block, Frobenius, TwoNorm};
 
 /// Mesh, name in the paper, printed errors (rms, max) of the 2-norm and the Frobenius norm.

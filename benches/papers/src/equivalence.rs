@@ -3,20 +3,14 @@
 //! triangles nothing but edges at a Poisson's ratio of 1/3.
 
 use super::frame::world;
-use crate::figure::{Figure, Finding};
-use glam::{DMat2, DMat3, DVec2, DVec3};
-use sinew::engine::mesh::Mesh;
+use super::prelude::*;
+use glam::{DMat2, DMat3, DVec2};
 use sinew::engine::mesh::generate::{box_tets, jitter_interior};
 use sinew::models::body::Evaluation;
 use sinew::models::body::sheet::{MembraneDescription, MembraneModel};
 use sinew::models::element::membrane::{RestTriangle, SpringConstants, plane_stress};
 use sinew::models::material::LameParameters;
-use sinew::prelude::*;
 use sinew_benches::bench::membranes::sheet;
-use sinew_benches::toolbox::error::{BenchError, Result};
-use sinew_benches::toolbox::plot::{Scales, Series, lines};
-use sinew_tune::page::Chart;
-use sinew_tune::table_of;
 
 /// Ordinary constants: the paper prints none for these statements.
 const MATERIAL: YoungPoisson =

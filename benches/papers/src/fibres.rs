@@ -7,18 +7,13 @@ use super::drawing::{Panel, bodies};
 use super::frame::{
     clamp, damped_axes, equilibrium, settle, stormer, uniform, world, world_of_axes,
 };
+use super::prelude::*;
 use crate::axes::springs::VolumeForm;
-use crate::figure::{Figure, Finding};
 use rayon::prelude::*;
 use sinew::engine::mesh::generate::{box_hexahedra, irregular_box_tets};
 use sinew::models::axes::description::AxesDescription;
 use sinew::models::axes::field::{FibreError, helicoidal, hemicircular, random};
 use sinew::models::body::MassRule;
-use sinew::prelude::*;
-use sinew_benches::toolbox::error::{BenchError, Result};
-use sinew_benches::toolbox::plot::{Scales, Series, lines};
-use sinew_tune::page::Chart;
-use sinew_tune::table_of;
 use std::borrow::Cow;
 use std::f64::consts::FRAC_PI_4;
 

@@ -1,15 +1,12 @@
 //! Natsupakpong & Cavusoglu 2010, table 2: time to find the constants of one element.
 
 use super::lumped::{MATERIAL, SECTION, printed_name};
-use crate::figure::{Figure, Finding};
-use sinew_benches::toolbox::error::Result;
+use super::prelude::*;
 use sinew_benches::toolbox::stats::Spread;
 use sinew_identify::ElementMethod::{self, Block, Frobenius, TwoNorm};
 use sinew_identify::{ElementGeometry, ElementKind, fit_element};
 use sinew_tune::fit::FitError;
-use sinew_tune::table_of;
 use std::hint::black_box;
-use std::time::Instant;
 
 /// Element, springs, printed seconds of the Frobenius norm and of the 2-norm.
 const TABLE_2: [(ElementKind, usize, [f64; 2]); 4] = [

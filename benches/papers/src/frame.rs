@@ -1,14 +1,11 @@
 //! What the scenes of the figures share: a body in a world of its own, settings of equilibria, and ways to them.
 
+use super::prelude::*;
 use crate::axes::PrintedDescription;
 use crate::axes::law::IN_TETRAHEDRA;
 use crate::axes::springs::VolumeForm;
-use glam::DVec3;
-use sinew::engine::mesh::Mesh;
 use sinew::models::axes::description::AxesDescription;
 use sinew::models::body::lumped::{HexahedronSprings, SpringRule, UniformSprings};
-use sinew::prelude::*;
-use sinew_benches::toolbox::error::{BenchError, Result};
 
 /// A body in a world of its own, without gravity, on one thread.
 pub(crate) fn world(

@@ -18,6 +18,7 @@ mod lumped;
 mod overlay;
 #[cfg(feature = "render")]
 mod picture;
+mod prelude;
 mod relaxed;
 mod resection;
 mod shapes;

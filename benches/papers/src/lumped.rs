@@ -3,18 +3,14 @@
 //! measured and judged in both readings.
 
 use super::Options;
+use super::prelude::*;
 use super::shapes;
-use crate::figure::Finding;
-use sinew::engine::mesh::Mesh;
-use sinew_benches::toolbox::error::{BenchError, Result};
 use sinew_identify::error_metrics::PositionErrors;
 use sinew_identify::mesh::{FittedSprings, fit_elements};
 use sinew_identify::virtual_test::{Loading, SpringOptions};
 use sinew_identify::{ElementMethod, LinearMaterial, Plane, Section};
 use sinew_tune::fit::assess::{against, reference};
 use sinew_tune::fit::rig::{Grips, Reading, Rig};
-use sinew_tune::table::{Cell, Table};
-use sinew_tune::table_of;
 use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

@@ -2,13 +2,11 @@
 //! Natsupakpong & Cavusoglu 2010 show them. Drawn as SVG text; bodies in space are seen from above and aside.
 
 use super::lumped::{Meshes, Specimen, printed_name};
-use glam::{DVec2, DVec3};
-use sinew::engine::mesh::Mesh;
-use sinew_benches::toolbox::error::Result;
+use super::prelude::*;
+use glam::DVec2;
 use sinew_identify::ElementMethod::{Frobenius, TwoNorm};
 use sinew_tune::fit::assess::against;
 use sinew_tune::fit::rig::Reading;
-use sinew_tune::page::Chart;
 use sinew_tune::table::escape;
 use std::collections::BTreeSet;
 use std::fmt::Write;

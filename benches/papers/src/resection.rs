@@ -1,14 +1,9 @@
 //! Delingette 2008, figure 3, bottom: interactive resection of a liver.
 
-use crate::figure::{Figure, Finding};
+use super::prelude::*;
 use sinew::models::resection::Region;
-use sinew::prelude::*;
 use sinew_benches::bench::resection::{FRAME, Organ, ResectionFrame, ResectionRun, at_random, cut};
-use sinew_benches::toolbox::error::{BenchError, Result};
 use sinew_benches::toolbox::meshes::demo_mesh;
-use sinew_benches::toolbox::plot::{Scales, Series, lines};
-use sinew_tune::table::Table;
-use sinew_tune::table_of;
 
 /// Frames while single tetrahedra are taken out.
 const FRAMES: usize = 300;

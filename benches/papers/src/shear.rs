@@ -4,15 +4,12 @@ use super::Setup;
 use super::lumped::{
     MATERIAL, Meshes, Ours, Row, against_print, error_table, percents, printed_name,
 };
-use crate::figure::{Figure, Finding};
-use glam::DVec3;
-use sinew_benches::toolbox::error::Result;
+use super::prelude::*;
 use sinew_identify::ElementMethod::{self, Baudet, Frobenius, Lloyd, TwoNorm, VanGelder};
 use sinew_identify::error_metrics::PositionErrors;
 use sinew_identify::virtual_test::SpringOptions;
 use sinew_tune::fit::assess::{against, reference};
 use sinew_tune::fit::rig::{Rig, Test};
-use sinew_tune::table_of;
 
 /// Mesh, element, method, printed errors (rms, max).
 const TABLE_6: [(&str, &str, ElementMethod, [f64; 2]); 10] = [

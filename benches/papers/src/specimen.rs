@@ -6,9 +6,8 @@ use super::lumped::{
     MATERIAL, Meshes, Ours, Specimen, against_print, pair, percents, printed_name, rows_alike,
 };
 use super::overlay;
+use super::prelude::*;
 use super::shapes::WIDTH;
-use crate::figure::{Figure, Finding};
-use sinew_benches::toolbox::error::Result;
 use sinew_identify::ElementMethod::{self, Baudet, Frobenius, Lloyd, TwoNorm, VanGelder};
 use sinew_identify::baselines::baudet_tension_correction;
 use sinew_identify::virtual_test::Loading;
@@ -16,8 +15,6 @@ use sinew_identify::virtual_test::facets::nodes_at;
 use sinew_identify::virtual_test::gauge::{MeasuredModuli, tensile_moduli};
 use sinew_tune::fit::assess::against;
 use sinew_tune::fit::rig::Reading;
-use sinew_tune::table::Cell;
-use sinew_tune::table_of;
 
 const STRETCH: f64 = 0.1;
 

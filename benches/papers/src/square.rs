@@ -2,20 +2,15 @@
 //! went in.
 
 use super::lumped::{SECTION, printed_name};
-use crate::figure::{Figure, Finding};
+use super::prelude::*;
 use glam::DVec2;
 use sinew::engine::mesh::generate::quad_grid;
-use sinew_benches::toolbox::error::Result;
-use sinew_benches::toolbox::plot::{Scales, Series, lines};
 use sinew_identify::ElementMethod::{self, Baudet, Block, Frobenius, TwoNorm};
 use sinew_identify::LinearMaterial;
 use sinew_identify::mesh::fit_elements;
 use sinew_tune::fit::FitError;
 use sinew_tune::fit::assess::{against, reference};
 use sinew_tune::fit::rig::{Grips, Rig};
-use sinew_tune::page::Chart;
-use sinew_tune::table::{Cell, Table};
-use sinew_tune::table_of;
 
 const SIDE: f64 = 0.02;
 const METHODS: [ElementMethod; 4] = [Frobenius, TwoNorm, Block, Baudet];

@@ -2,19 +2,13 @@
 //! tessellations. A square sheet is stretched and sheared on both and held against a fine solution.
 
 use super::frame::{self, Stride, clamp, equilibrium, world};
-use crate::figure::{Figure, Finding};
-use glam::{DVec2, DVec3};
+use super::prelude::*;
+use glam::DVec2;
 use rayon::prelude::*;
-use sinew::engine::mesh::Mesh;
 use sinew::engine::mesh::generate::{jitter_interior, triangle_grid};
 use sinew::engine::vertex::FixedAxes;
 use sinew::models::body::sheet::{MembraneDescription, MembraneModel};
-use sinew::prelude::*;
 use sinew_benches::toolbox::beam::sheet as sheet_body;
-use sinew_benches::toolbox::error::{BenchError, Result};
-use sinew_benches::toolbox::plot::{Scales, Series, lines};
-use sinew_tune::page::Chart;
-use sinew_tune::table_of;
 
 /// Side (m) and thickness (m) of the sheet.
 const SIDE: f64 = 0.1;

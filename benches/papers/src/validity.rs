@@ -3,17 +3,9 @@
 //! discussion: quadratic springs below about 10 % strain).
 
 use super::frame::{self, Stride, clamp, equilibrium, world};
-use crate::figure::{Figure, Finding};
-use glam::{DQuat, DVec3};
+use super::prelude::*;
 use rayon::prelude::*;
-use sinew::engine::mesh::Mesh;
 use sinew::engine::mesh::generate::{box_tets, jitter_interior};
-use sinew::prelude::*;
-use sinew_benches::toolbox::error::Result;
-use sinew_benches::toolbox::plot::{Scales, Series, lines};
-use sinew_tune::page::Chart;
-use sinew_tune::table::{Cell, Table};
-use sinew_tune::table_of;
 
 /// Strains at which laws are compared.
 const STRAINS: [f64; 7] = [0.01, 0.02, 0.05, 0.1, 0.2, 0.3, 0.5];

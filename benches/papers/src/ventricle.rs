@@ -7,22 +7,17 @@
 //! solved for together, and nothing has to be iterated between them.
 
 use super::frame::{clamp, world};
-use crate::figure::{Figure, Finding};
-use glam::{DVec2, DVec3};
+use super::prelude::*;
+use glam::DVec2;
 use sinew::engine::load::Pressure;
-use sinew::engine::mesh::{Group, Mesh};
+use sinew::engine::mesh::Group;
 use sinew::engine::vertex::Mass;
 use sinew::models::body::sheet::{MembraneDescription, MembraneModel};
 use sinew::models::resection::{Region, Removal, RemovalError};
-use sinew::prelude::*;
 use sinew_benches::toolbox::beam::{relative_distance, sheet};
-use sinew_benches::toolbox::error::{BenchError, Result};
-use sinew_benches::toolbox::plot::{Scales, Series, lines};
 use sinew_identify::ElementMethod;
 use sinew_tune::measures::quantile;
-use sinew_tune::table_of;
 use std::collections::BTreeSet;
-use std::time::Instant;
 
 /// Radius (m), thickness (m) and material of the floor; none is printed.
 const RADIUS: f64 = 0.01;

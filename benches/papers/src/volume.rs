@@ -5,16 +5,12 @@ use super::drawing::{Panel, bodies};
 use super::frame::{
     clamp, damped_axes, equilibrium, settle, stormer, uniform, world, world_of_axes,
 };
+use super::prelude::*;
 use crate::axes::springs::VolumeForm;
-use crate::figure::{Figure, Finding};
 use rayon::prelude::*;
 use sinew::engine::mesh::generate::{box_hexahedra, irregular_box_tets};
 use sinew::engine::vertex::FixedAxes;
 use sinew::models::body::MassRule;
-use sinew::prelude::*;
-use sinew_benches::toolbox::error::Result;
-use sinew_benches::toolbox::plot::{Scales, Series, lines};
-use sinew_tune::table_of;
 
 /// Side of the cube (m) and cells along it: the numbers of masses and tetrahedra of the paper's table 1.
 const SIDE: f64 = 0.1;

@@ -1,6 +1,6 @@
 //! Laws of axes, of hexahedra and of membranes that are added from another crate: this one.
 
-use glam::{DVec2, DVec3};
+use glam::DVec2;
 use sinew::engine::element::MembraneVertices;
 use sinew::engine::law::{TangentKind, partition_laws};
 use sinew::engine::mesh::generate::{box_hexahedra, box_tets, jitter_interior, triangle_grid};

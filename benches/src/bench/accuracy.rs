@@ -2,16 +2,12 @@
 
 use super::cases::{AccuracyCase, AccuracyKind, CaseTruth, Method, MethodOutcome, cases};
 use super::elements::{self, ElementBody, ElementReport};
-use crate::toolbox::error::{BenchError, Result};
 use crate::toolbox::options::BenchOptions;
+use crate::toolbox::prelude::*;
 use crate::toolbox::stats::{Rounds, Spread, interleave};
-use serde::Serialize;
 use sinew::models::body::Evaluation;
-use sinew::prelude::*;
 use sinew_scene::summary::{evaluation_name, model_name};
 use sinew_tune::measures::{displacement_error, front};
-use sinew_tune::table::Table;
-use sinew_tune::table_of;
 
 /// One method on one mesh.
 #[derive(Clone, Debug, PartialEq, Serialize)]

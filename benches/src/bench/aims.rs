@@ -5,8 +5,7 @@ use super::elements::ElementReport;
 use super::kernels::KernelReport;
 use super::step::{StepRow, StepsReport};
 use crate::toolbox::aim::BenchAim;
-use sinew_tune::table::Table;
-use sinew_tune::table_of;
+use crate::toolbox::prelude::*;
 
 const SIZES: [(&str, usize); 2] = [("5k", 5_000), ("50k", 50_000)];
 

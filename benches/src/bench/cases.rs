@@ -1,12 +1,9 @@
 //! The scenes of the chart of speed against error, each on meshes that refine one another.
 
-use crate::toolbox::error::{BenchError, Result};
 use crate::toolbox::meshes::{demo_mesh, refined};
-use glam::DVec3;
-use sinew::engine::mesh::Mesh;
+use crate::toolbox::prelude::*;
 use sinew::engine::mesh::generate::box_tets;
 use sinew::models::body::Evaluation;
-use sinew::prelude::*;
 use sinew_tune::measures::displacement_error;
 
 /// A scene with one body.

@@ -2,16 +2,11 @@
 //! fast, two bodies, and a liver that is palpated at 100 steps a second. Every time has the error of the force.
 
 use crate::toolbox::aim::BenchAim;
-use crate::toolbox::error::{BenchError, Result};
 use crate::toolbox::meshes::demo_mesh;
+use crate::toolbox::prelude::*;
 use crate::toolbox::stats::Spread;
 use bevy_ecs::entity::Entity;
-use glam::DVec3;
 use sinew::engine::mesh::generate::box_tets;
-use sinew::prelude::*;
-use sinew_tune::table::Table;
-use sinew_tune::table_of;
-use std::time::Instant;
 
 /// Length of a step (s), steps of a run, and those after which the force is held against converged steps.
 const STEP: f64 = 0.01;

@@ -19,22 +19,18 @@ use crate::peers::mujoco::{Freedom, MuJoCo};
 use crate::peers::rapier;
 use crate::peers::sinew_rows::SinewRun;
 use crate::peers::{Beam, BeamCase, Rival, at_zero, say};
-use crate::toolbox::error::{BenchError, Result};
 use crate::toolbox::meshes::demo_mesh;
 use crate::toolbox::meshes::refined;
 use crate::toolbox::options::BenchOptions;
+use crate::toolbox::prelude::*;
 use crate::toolbox::stats::{Rounds, Spread, interleave};
-use glam::DVec3;
-use serde::Serialize;
+use sinew::engine::mesh::Group;
 use sinew::engine::mesh::generate::{box_hexahedra, box_tets};
-use sinew::engine::mesh::{Group, Mesh};
 use sinew::models::body::VolumeRule;
-use sinew::prelude::*;
 use sinew_tune::measures::displacement_error;
 use sinew_tune::table::three_digits;
 use std::collections::{HashMap, HashSet};
 use std::rc::Rc;
-use std::time::Instant;
 
 /// What is bent.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]

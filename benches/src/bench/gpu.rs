@@ -2,16 +2,11 @@
 //! gpu`.
 
 use crate::toolbox::beam::{MATERIAL, beam, bend, cells_for, evaluate, relative_distance, request};
-use crate::toolbox::error::Result;
+use crate::toolbox::prelude::*;
 use crate::toolbox::stats::{Spread, median};
-use glam::DVec3;
 use sinew::gpu::{GpuBackend, GpuOptions, GpuReport};
-use sinew::prelude::*;
 use sinew::simulation::{Backend, Readback};
 use sinew::solvers::settings::Preconditioner;
-use sinew_tune::table::Table;
-use sinew_tune::table_of;
-use std::time::Instant;
 
 /// One way of computing; errors are against `f64`, over the largest.
 struct DeviceRow {

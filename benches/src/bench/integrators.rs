@@ -1,14 +1,8 @@
 //! Integrators beside each other: work against error on a swinging beam, and what is left of a fast spin.
 
-use crate::toolbox::error::Result;
-use glam::DVec3;
-use sinew::engine::mesh::Mesh;
+use crate::toolbox::prelude::*;
 use sinew::engine::mesh::generate::{box_tets, jitter_interior};
 use sinew::engine::report::Fallbacks;
-use sinew::prelude::*;
-use sinew_tune::table::Table;
-use sinew_tune::table_of;
-use std::time::Instant;
 
 /// The integrators in time.
 fn compared() -> impl Iterator<Item = Integrator> {

@@ -11,30 +11,23 @@ use super::subject::{
 use crate::toolbox::beam::{
     beam, bend, bent, cells_for, evaluate, lend, precision_of, request, take_back,
 };
-use crate::toolbox::error::{BenchError, Result};
+use crate::toolbox::prelude::*;
 use crate::toolbox::stats::{Rounds, Spread, interleave};
-use glam::DVec3;
-use serde::Serialize;
 use sinew::engine::columns::single_table;
 use sinew::engine::element::{
     EdgeVertices, TetrahedronBlocks, TetrahedronEdges, TetrahedronVertices, TriangleEdges,
 };
 use sinew::engine::lanes::InstructionSet;
 use sinew::engine::law::{ElasticEnergy, TangentKind};
-use sinew::engine::mesh::Mesh;
 use sinew::engine::report::SystemTimes;
 use sinew::engine::scalar::Scalar;
 use sinew::engine::vertex::ElasticForce;
 use sinew::engine::workers::Workers;
 use sinew::models::body::Evaluation;
 use sinew::models::laws::svk::FusedStVK;
-use sinew::prelude::*;
-use sinew_tune::table::Table;
-use sinew_tune::table_of;
 use std::collections::BTreeMap;
 use std::hint::black_box;
 use std::mem::size_of;
-use std::time::Instant;
 
 /// One kernel at one size.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]

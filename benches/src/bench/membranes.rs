@@ -5,13 +5,11 @@ use super::subject::{
     Free, KernelQuantity, KernelTiming, Reference, Timed, directions, edge_sums, repetitions,
 };
 use crate::toolbox::beam::{self, precision_of};
-use crate::toolbox::error::{BenchError, Result};
+use crate::toolbox::prelude::*;
 use crate::toolbox::stats::{Rounds, Spread, interleave};
 use bevy_ecs::prelude::World;
-use glam::{DVec2, DVec3};
-use serde::Serialize;
+use glam::DVec2;
 use sinew::engine::law::TangentKind;
-use sinew::engine::mesh::Mesh;
 use sinew::engine::mesh::generate::{jitter_interior, triangle_grid};
 use sinew::engine::scalar::Scalar;
 use sinew::models::body::Evaluation;
@@ -24,9 +22,6 @@ use sinew::models::frame::triangles::multiply;
 use sinew::models::laws::membranes::{
     BiquadraticMembrane, CorotationalMembrane, QuadraticMembrane,
 };
-use sinew::prelude::*;
-use sinew_tune::table::Table;
-use sinew_tune::table_of;
 
 /// One kernel of one formulation.
 #[derive(Clone, Debug, PartialEq, Serialize)]

@@ -7,15 +7,13 @@ use super::roofline::MachineLimits;
 use super::step::StepsReport;
 use crate::peers::{self, PeerReport};
 use crate::toolbox::aim::BenchAim;
-use crate::toolbox::error::Result;
 use crate::toolbox::plot::{self, Bar, Series};
+use crate::toolbox::prelude::*;
 use crate::toolbox::report::ReportFiles;
-use serde::Serialize;
 use sinew::engine::lanes::InstructionSet;
 use sinew_tune::machine::{Load, MachineNotes};
-use sinew_tune::page::{Chart, Page, Verdict};
-use sinew_tune::table::{Table, escape, three_digits};
-use sinew_tune::table_of;
+use sinew_tune::page::{Page, Verdict};
+use sinew_tune::table::{escape, three_digits};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 

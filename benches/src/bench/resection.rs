@@ -1,14 +1,10 @@
 //! Frame times while tetrahedra are removed: one per frame of 1/60 s, safe step, organs that hang
 //! under their weight.
 
-use crate::toolbox::error::Result;
+use crate::toolbox::prelude::*;
 use sinew::engine::mesh::generate::sphere_tets;
 use sinew::models::resection::{Region, Removal};
-use sinew::prelude::*;
 use sinew_tune::measures::quantile;
-use sinew_tune::table::Table;
-use sinew_tune::table_of;
-use std::time::Instant;
 
 /// Distribution of times (ms).
 #[derive(Clone, Debug)]

@@ -4,10 +4,9 @@
 //! The probes are plain loops over arrays, compiled once per instruction set; the one that the
 //! machine has is chosen at run time.
 
-use serde::Serialize;
+use crate::toolbox::prelude::*;
 use std::hint::black_box;
 use std::sync::Barrier;
-use std::time::Instant;
 
 use sinew_tune::machine::MachineNotes;
 

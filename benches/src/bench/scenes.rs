@@ -1,12 +1,10 @@
 //! The scenes that come with Sinew, as they are.
 
-use crate::toolbox::error::{BenchError, Result};
+use crate::toolbox::prelude::*;
 use sinew_scene::assemble::BuildOptions;
 use sinew_scene::run::{RunOptions, Silent, run as run_scene};
 use sinew_scene::scene::LoadedScene;
 use sinew_scene::scene_folder;
-use sinew_tune::table::Table;
-use sinew_tune::table_of;
 
 /// Runs every scene; quick runs stop after `quick_steps` steps.
 pub fn run(quick_steps: Option<u64>, mut tell: impl FnMut(&str)) -> Result<Table> {

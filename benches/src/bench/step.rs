@@ -5,25 +5,18 @@ use crate::toolbox::beam::{
     EXTENT, MATERIAL, as_in_a_step, beam, bend, bent, bent_with, cells_for, lend, request,
     take_back,
 };
-use crate::toolbox::error::{BenchError, Result};
+use crate::toolbox::prelude::*;
 use crate::toolbox::stats::{Rounds, Spread, interleave};
-use glam::DVec3;
-use serde::Serialize;
 use sinew::engine::lanes::InstructionSet;
 use sinew::engine::law::TangentKind;
-use sinew::engine::mesh::Mesh;
 use sinew::engine::report::SystemTimes;
 use sinew::engine::schedule::{Executor, ForceSchedule};
 use sinew::engine::workers::Workers;
 use sinew::models::body::Evaluation;
-use sinew::prelude::*;
 use sinew::snapshot::Snapshot;
 use sinew::solvers::settings::{LinearPrecision, Preconditioner};
-use sinew_tune::table::Table;
-use sinew_tune::table_of;
 use std::collections::BTreeMap;
 use std::hint::black_box;
-use std::time::Instant;
 
 /// One kind of step at one size.
 #[derive(Clone, Debug, PartialEq, Serialize)]

@@ -1,13 +1,11 @@
 //! A body whose kernels are timed, and the plain sums over elements that its errors are measured against.
 
 use crate::toolbox::beam::{MATERIAL, as_in_a_step, evaluate, request};
-use crate::toolbox::error::Result;
+use crate::toolbox::prelude::*;
 use bevy_ecs::prelude::World;
-use glam::DVec3;
 use sinew::engine::element::TETRAHEDRON_EDGES;
 use sinew::engine::law::{LawBuffers, TangentKind};
 use sinew::engine::matrix::{BlockMatrix, ProductSpans, Tangent};
-use sinew::engine::mesh::Mesh;
 use sinew::engine::row::{IndexVec, LocalRow};
 use sinew::engine::scalar::{Scalar, add, dot, scale, sub};
 use sinew::engine::schedule::ForceSchedule;
@@ -28,9 +26,7 @@ use sinew::models::laws::stvk_fem::StVKFem;
 use sinew::models::laws::svk::FusedStVK;
 use sinew::models::laws::svk_volume::StVKVolume;
 use sinew::models::material::LameParameters;
-use sinew::prelude::*;
 use std::hint::black_box;
-use std::time::Instant;
 
 /// What a kernel computes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

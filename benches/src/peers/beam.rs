@@ -1,11 +1,7 @@
 //! The beams that all engines share.
 
-use crate::toolbox::error::Result;
-use glam::DVec3;
-use serde::Serialize;
-use sinew::engine::mesh::Mesh;
+use crate::toolbox::prelude::*;
 use sinew::engine::mesh::generate::box_tets;
-use sinew::prelude::*;
 
 /// A clamped body under its own weight: a beam, or one of another shape.
 #[derive(Clone, Debug)]

@@ -1,9 +1,8 @@
 //! Speed against error of the rivals, a chart for each scene.
 
 use super::{PeerReport, PeerRow};
-use crate::toolbox::error::Result;
 use crate::toolbox::plot::{ChartPanel, Series, panels};
-use sinew_tune::page::Chart;
+use crate::toolbox::prelude::*;
 
 /// Places in the list of colours of Sinew, and of the first and second setting of a rival.
 const COLOURS: [(&str, usize); 8] = [

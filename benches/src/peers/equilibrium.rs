@@ -1,10 +1,8 @@
 //! The truth that errors are measured against.
 
 use super::beam::Beam;
-use crate::toolbox::error::{BenchError, Result};
-use glam::DVec3;
+use crate::toolbox::prelude::*;
 use sinew::models::body::VolumeRule;
-use sinew::prelude::*;
 
 /// A clamped beam in a world of its own.
 pub fn simulation(

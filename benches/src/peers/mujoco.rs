@@ -2,11 +2,9 @@
 
 use super::rival::{BeamCase, DAMPING, PeerRow, Rival, milliseconds, say};
 use super::touch::{self, Finger, Sample, TouchBlock, TouchRow, TouchTurn};
-use crate::toolbox::error::{BenchError, Result};
-use glam::DVec3;
+use crate::toolbox::prelude::*;
 use serde::Deserialize;
 use serde_json::json;
-use sinew::engine::mesh::Mesh;
 use std::cell::RefCell;
 use std::io::{BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};

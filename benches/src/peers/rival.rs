@@ -2,12 +2,9 @@
 
 use super::beam::Beam;
 use super::equilibrium::equilibrium;
-use crate::toolbox::error::Result;
+use crate::toolbox::prelude::*;
 use crate::toolbox::stats::median;
-use glam::DVec3;
-use serde::Serialize;
 use sinew::models::body::VolumeRule;
-use sinew::prelude::*;
 
 /// Mass-proportional damping (1/s) while a beam settles.
 pub const DAMPING: f64 = 20.0;

@@ -2,14 +2,11 @@
 
 use super::equilibrium::{equilibrium, simulation};
 use super::rival::{BeamCase, DAMPING, PeerRow, Rival, milliseconds, say};
-use crate::toolbox::error::{BenchError, Result};
+use crate::toolbox::prelude::*;
 use crate::toolbox::stats::median;
-use glam::DVec3;
 use sinew::engine::law::EvaluationRequest;
 use sinew::engine::schedule::ForceSchedule;
 use sinew::models::body::VolumeRule;
-use sinew::prelude::*;
-use std::time::Instant;
 
 /// One setting of Sinew.
 pub struct SinewRun {

@@ -10,16 +10,11 @@
 
 use super::beam::BodyFile;
 use super::rival::{DAMPING, milliseconds, say};
-use crate::toolbox::error::{BenchError, Result};
+use crate::toolbox::prelude::*;
 use crate::toolbox::stats::median;
 use bevy_ecs::entity::Entity;
-use glam::DVec3;
-use serde::Serialize;
-use sinew::engine::mesh::Mesh;
 use sinew::engine::mesh::generate::box_tets;
-use sinew::prelude::*;
 use sinew::touch::tool::{Points, Stiffness};
-use std::time::Instant;
 
 /// Block (m). As deep as one and a half balls' radii, and so wide that the ball stays a radius away from the sides.
 pub const SIZE: DVec3 = DVec3::new(0.08, 0.06, 0.03);

@@ -1,19 +1,11 @@
 //! Group 10: axes, the stiffest a hundred times as stiff as the others, with and without a material beside
 //! them; steps beyond the limit of explicit integrators; momenta of an element by itself.
 
-use super::rows::{CasePart, Check};
-use super::runner::{
-    CaseOutcome, CaseRandom, CaseRun, CaseSetting, Cases, GRAVITY, Result, Scope, tissue,
-};
+use super::prelude::*;
 use super::spin::momenta;
-use glam::DVec3;
-use sinew::engine::mesh::generate::{box_tets, jitter_interior};
-use sinew::engine::mesh::{Mesh, MeshError};
 use sinew::models::axes::description::{AxesDescription, AxisAngle, AxisFamily};
 use sinew::models::body::VolumeRule;
-use sinew::prelude::*;
 use std::borrow::Cow;
-use std::sync::Arc;
 
 const BESIDE: CasePart =
     CasePart { group: 10, name: "axes 100 : 1 with a material", criterion: "none inverted" };

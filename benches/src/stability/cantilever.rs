@@ -1,12 +1,7 @@
 //! Group 1: cantilevers over a grid of steps and materials, and explicit steps beyond their limit.
 
-use super::rows::{CasePart, Check};
-use super::runner::{CaseOutcome, CaseRun, CaseSetting, Cases, GRAVITY, Result, Scope, tissue};
-use glam::DVec3;
-use sinew::engine::mesh::generate::{box_tets, jitter_interior};
-use sinew::engine::mesh::{Mesh, MeshError};
+use super::prelude::*;
 use sinew::engine::step::StepError;
-use std::sync::Arc;
 
 const GRID: CasePart = CasePart {
     group: 1,

@@ -1,12 +1,7 @@
 //! Group 3: free cubes that start flat, folded, mirrored, collapsed or at random.
 
-use super::rows::{CasePart, Check};
-use super::runner::{CaseOutcome, CaseRandom, CaseRun, CaseSetting, Cases, nearest};
-use glam::DVec3;
+use super::prelude::*;
 use sinew::engine::isoparametric::MIDDLES;
-use sinew::engine::mesh::generate::{box_tets, jitter_interior};
-use sinew::engine::mesh::{Mesh, MeshError};
-use std::sync::Arc;
 
 const ORDERED: CasePart = CasePart {
     group: 3,

@@ -2,19 +2,15 @@
 //! thinner than their edges; bodies that fall, lie on each other and roll. Friction and figures are in `friction`.
 
 use super::friction;
-use super::rows::{CasePart, Check, PassColumn};
-use super::runner::{CaseOutcome, CaseRandom, CaseRun, CaseSetting, Cases, Result, Scope, tissue};
+use super::prelude::*;
 use super::touch_rig::{BLOCK, DAMPING, RADIUS, STEP, ToolHand, held, single};
 use crate::toolbox::beam;
-use glam::{DQuat, DVec2, DVec3};
-use sinew::engine::mesh::generate::{box_tets, irregular_box_tets, sphere_tets, triangle_grid};
-use sinew::engine::mesh::{Mesh, MeshError};
+use glam::DVec2;
+use sinew::engine::mesh::generate::{irregular_box_tets, sphere_tets, triangle_grid};
 use sinew::models::body::present::MassPolicy;
 use sinew::models::body::sheet::MembraneDescription;
 use sinew::models::material::field::MaterialField;
 use sinew::models::resection::Removal;
-use sinew::prelude::*;
-use std::sync::Arc;
 
 const THROUGH: CasePart = CasePart {
     group: 13,

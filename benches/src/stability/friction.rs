@@ -1,15 +1,10 @@
 //! Group 13, figures: grasping, friction on an incline and in a drag, the force of a press for any step and
 //! stiffness, and a ball on a cylinder beside the continuum.
 
-use super::rows::{CasePart, Check};
-use super::runner::{CaseOutcome, CaseRun, CaseSetting, Cases, Result, Scope, tissue};
+use super::prelude::*;
 use super::touch_rig::{BLOCK, RADIUS, STEP, ToolHand, held, single};
-use glam::DVec3;
-use sinew::engine::mesh::generate::{box_tets, cylinder_tets};
-use sinew::engine::mesh::{Mesh, MeshError};
-use sinew::prelude::*;
+use sinew::engine::mesh::generate::cylinder_tets;
 use sinew::touch::tool::{Points, Stiffness};
-use std::sync::Arc;
 
 const GRASP: CasePart = CasePart {
     group: 13,

@@ -1,16 +1,10 @@
 //! Group 11: bad input gives a typed error that names the entity before the first step, and leaves the
 //! state as it was; extreme but valid input gives bounded results.
 
-use super::rows::{CasePart, Check, Figures};
-use super::runner::{CaseOutcome, CaseRun, CaseSetting, Cases, GRAVITY, Result, Scope, tissue};
-use glam::DVec3;
+use super::prelude::*;
 use sinew::engine::mesh::check::{FindingCode, Severity};
-use sinew::engine::mesh::generate::{box_tets, jitter_interior};
-use sinew::engine::mesh::{Mesh, MeshError};
 use sinew::engine::step::StepError;
 use sinew::models::body::BodyError;
-use sinew::prelude::*;
-use std::sync::Arc;
 
 const PART: CasePart = CasePart {
     group: 11,

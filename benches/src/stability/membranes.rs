@@ -1,18 +1,14 @@
 //! Group 9: a sheet whose edges are brought together until it wrinkles, sheets collapsed to a point or a
 //! line, a sphere blown up to many times its size.
 
-use super::rows::{CasePart, Check};
-use super::runner::{CaseOutcome, CaseRandom, CaseRun, CaseSetting, Cases, Result, Scope, tissue};
+use super::prelude::*;
 use crate::toolbox::beam;
-use glam::{DVec2, DVec3};
+use glam::DVec2;
 use sinew::engine::load::Pressure;
 use sinew::engine::mesh::generate::{sphere_triangles, triangle_grid};
-use sinew::engine::mesh::{Mesh, MeshError};
 use sinew::engine::vertex::FixedAxes;
 use sinew::models::body::sheet::{MembraneDescription, MembraneModel};
 use sinew::models::element::membrane::plane_stress;
-use sinew::prelude::*;
-use std::sync::Arc;
 
 const WRINKLED: CasePart = CasePart {
     group: 9,

@@ -14,6 +14,7 @@ mod input;
 mod membranes;
 mod motion;
 mod overload;
+mod prelude;
 mod release;
 mod report;
 mod resection;

@@ -1,13 +1,7 @@
 //! Groups 6 and 7: bars twisted, stretched, teleported, and held and let go at every step.
 
-use super::rows::{CasePart, Check};
-use super::runner::{CaseOutcome, CaseRandom, CaseRun, CaseSetting, Cases, bend, nearest};
-use glam::DVec3;
-use sinew::engine::mesh::generate::{box_tets, jitter_interior};
-use sinew::engine::mesh::{Mesh, MeshError};
-use sinew::prelude::*;
+use super::prelude::*;
 use std::f64::consts::TAU;
-use std::sync::Arc;
 
 const DRIVEN: CasePart = CasePart {
     group: 6,

@@ -3,17 +3,13 @@
 //! Whatever the load, a run stays finite, its books balance, and it ends at rest or fails by name. Recovery
 //! from inversion, which is for bodies that were crushed and are let go, must not make anything worse.
 
-use super::rows::{CasePart, Check, PassColumn};
-use super::runner::{CaseOutcome, CaseRun, CaseSetting, Cases, Result, Scope, tissue};
-use glam::{DVec2, DVec3};
+use super::prelude::*;
+use glam::DVec2;
 use sinew::engine::load::Pressure;
-use sinew::engine::mesh::generate::{box_hexahedra, box_tets, cup_hexahedra, triangle_grid};
-use sinew::engine::mesh::{Mesh, MeshError};
+use sinew::engine::mesh::generate::{box_hexahedra, cup_hexahedra, triangle_grid};
 use sinew::engine::step::StepError;
 use sinew::models::body::VolumeRule;
 use sinew::models::body::sheet::MembraneDescription;
-use sinew::prelude::*;
-use std::sync::Arc;
 
 const OVERLOAD: CasePart = CasePart {
     group: 12,

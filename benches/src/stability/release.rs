@@ -1,12 +1,6 @@
 //! Group 2: a cube crushed between its faces and let go.
 
-use super::rows::{CasePart, Check};
-use super::runner::{CaseOutcome, CaseRun, CaseSetting, Cases};
-use glam::DVec3;
-use sinew::engine::mesh::generate::{box_tets, jitter_interior};
-use sinew::engine::mesh::{Mesh, MeshError};
-use sinew::prelude::*;
-use std::sync::Arc;
+use super::prelude::*;
 
 const PART: CasePart = CasePart {
     group: 2,

@@ -1,17 +1,9 @@
 //! Group 8: elements removed from loaded bars, until what is left hangs on an edge, on a vertex or on
 //! nothing.
 
-use super::rows::{CasePart, Check};
-use super::runner::{
-    CaseOutcome, CaseRandom, CaseRun, CaseSetting, Cases, Fall, GRAVITY, Result, nearest, tissue,
-};
-use glam::DVec3;
-use sinew::engine::mesh::generate::box_tets;
-use sinew::engine::mesh::{Mesh, MeshError};
+use super::prelude::*;
 use sinew::models::body::present::MassPolicy;
 use sinew::models::resection::{Region, Removal};
-use sinew::prelude::*;
-use std::sync::Arc;
 
 const REMOVED: CasePart = CasePart {
     group: 8,

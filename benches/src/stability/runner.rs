@@ -2,8 +2,7 @@
 
 use super::rows::{CasePart, Check, Figures, PassColumn, SolidCells};
 use bevy_ecs::entity::Entity;
-use glam::DVec3;
-use sinew::engine::mesh::{Group, Mesh};
+use sinew::engine::mesh::Group;
 use sinew::engine::report::{Fallbacks, StepReport};
 use sinew::models::resection::{Region, Removal, RemovalReport};
 use sinew::prelude::*;

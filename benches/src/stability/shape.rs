@@ -1,18 +1,10 @@
 //! Group 4: bad shapes, masses apart by a million, bodies of a micrometre and of a kilometre, far from
 //! the origin.
 
-use super::rows::{CasePart, Check, Figures, PassColumn};
-use super::runner::{
-    CaseOutcome, CaseRun, CaseSetting, Cases, GRAVITY, Result, Scope, bend, nearest, tissue,
-};
-use glam::DVec3;
+use super::prelude::*;
 use sinew::engine::columns::single_table;
-use sinew::engine::mesh::generate::{box_tets, jitter_interior};
-use sinew::engine::mesh::{Mesh, MeshError};
 use sinew::engine::scalar::Scalar;
 use sinew::engine::vertex::Mass;
-use sinew::prelude::*;
-use std::sync::Arc;
 
 const SHAPES: CasePart = CasePart {
     group: 4,

@@ -1,12 +1,7 @@
 //! Group 5: momentum of spinning and flying bodies.
 
-use super::rows::{CasePart, Check};
-use super::runner::{CaseOutcome, CaseRun, CaseSetting, Cases, Fall, GRAVITY, Result, tissue};
+use super::prelude::*;
 use crate::bench::integrators::spin_elsewhere;
-use glam::DVec3;
-use sinew::engine::mesh::generate::{box_tets, jitter_interior};
-use sinew::engine::mesh::{Mesh, MeshError};
-use std::sync::Arc;
 
 const SPIN: CasePart = CasePart {
     group: 5,

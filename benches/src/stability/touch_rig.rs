@@ -1,10 +1,7 @@
 //! The block, the hand and the steps that the cases of contact and friction share.
 
-use super::runner::{CaseRun, CaseSetting, Result};
+use super::prelude::*;
 use bevy_ecs::entity::Entity;
-use glam::DVec3;
-use sinew::engine::mesh::Mesh;
-use sinew::prelude::*;
 
 /// Block (m) that tools meet, length of a step (s), and the radius (m) of probes.
 pub(super) const BLOCK: DVec3 = DVec3::new(0.1, 0.1, 0.05);

@@ -1,10 +1,9 @@
 //! The beams that all kernel and step benches use: 0.2 x 0.05 x 0.05 m, bent by half a radian.
 
 use bevy_ecs::prelude::World;
-use glam::DVec3;
 use sinew::engine::law::{EvaluationRequest, TangentKind};
+use sinew::engine::mesh::MeshError;
 use sinew::engine::mesh::generate::box_tets;
-use sinew::engine::mesh::{Mesh, MeshError};
 use sinew::engine::scalar::Scalar;
 use sinew::engine::schedule::ForceSchedule;
 use sinew::engine::workers::Workers;

@@ -7,5 +7,6 @@ pub mod error;
 pub mod meshes;
 pub mod options;
 pub mod plot;
+pub mod prelude;
 pub mod report;
 pub mod stats;

@@ -12,7 +12,6 @@ use crate::machine::{Load, MachineNotes, Watch};
 use crate::measures::{displacement_error, front, quantile};
 use crate::table::{Table, three_digits};
 use crate::table_of;
-use glam::DVec3;
 use serde::Serialize;
 use sinew::models::body::{Evaluation, VolumeRule};
 use sinew::prelude::*;

@@ -3,11 +3,9 @@
 use super::ElementTruth;
 use super::{CAPPED, DENSITY, Discretisation, ElementBody, ElementReport, ElementRow, KINDS, SIZE};
 use crate::toolbox::aim::BenchAim;
-use crate::toolbox::error::Result;
 use crate::toolbox::plot::{self, ChartPanel, Series};
-use sinew_tune::page::Chart;
-use sinew_tune::table::{Table, three_digits};
-use sinew_tune::table_of;
+use crate::toolbox::prelude::*;
+use sinew_tune::table::three_digits;
 use std::collections::BTreeSet;
 
 /// Colours of [`KINDS`]: a rival's elements have that of ours of the same kind.
