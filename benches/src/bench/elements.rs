@@ -548,9 +548,8 @@ impl ElementEntry {
         if let Err(error) = self.measure(truth, newton) {
             say(&mut self.row.note, format!("failed: {error}"));
         }
-        let remark = self.rival.remark();
-        if self.kind.is_none() && !remark.is_empty() {
-            say(&mut self.row.note, remark);
+        if self.kind.is_none() {
+            say(&mut self.row.note, self.rival.remark());
         }
         self.row
     }

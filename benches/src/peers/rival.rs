@@ -111,12 +111,11 @@ pub fn milliseconds(seconds: f64) -> String {
     format!("{} ms", (seconds * 1e5).round() / 100.0)
 }
 
-/// Adds a sentence to a note.
+/// Adds a sentence to a note, if there is one.
 pub fn say(note: &mut String, text: impl AsRef<str>) {
-    if !note.is_empty() {
-        note.push_str("; ");
-    }
-    note.push_str(text.as_ref());
+    let text = text.as_ref();
+    *note += if note.is_empty() || text.is_empty() { "" } else { "; " };
+    *note += text;
 }
 
 /// One engine in one setting: timed in turns with the others, then settled.
@@ -200,10 +199,7 @@ pub fn compete(case: &BeamCase, rivals: &mut [Box<dyn Rival + '_>], quick: bool)
             }
             Err(error) => say(&mut row.note, format!("failed to settle: {error}")),
         }
-        let remark = rival.remark();
-        if !remark.is_empty() {
-            say(&mut row.note, remark);
-        }
+        say(&mut row.note, rival.remark());
     }
     rows
 }

@@ -480,10 +480,7 @@ pub fn compete(block: &TouchBlock, fingers: &mut [Box<dyn Finger + '_>]) -> Resu
             held => Some(TouchScale::new(block, finger.energy())?.weigh(held)?.z),
         };
         figures(&mut row, finger.as_ref(), &truths, &faces, [&smooth[i], &rough[i]], clamp);
-        let remark = finger.remark();
-        if !remark.is_empty() {
-            say(&mut row.note, remark);
-        }
+        say(&mut row.note, finger.remark());
         rows.push(row);
     }
     Ok(rows)

@@ -1,7 +1,7 @@
 //! What can be wrong with a sweep.
 
 use sinew_scene::error::SceneError;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// A sweep that cannot be planned, run or merged.
 #[derive(Debug, thiserror::Error)]
@@ -137,6 +137,20 @@ pub enum SweepError {
         /// What the writer said.
         message: String,
     },
+}
+
+impl SweepError {
+    /// An entry of a file that cannot be used.
+    pub(super) fn entry(
+        file: &Path,
+        line: Option<usize>,
+        key: &str,
+        found: impl Into<String>,
+        remedy: impl Into<String>,
+    ) -> Self {
+        let (file, key, found, remedy) = (file.into(), key.into(), found.into(), remedy.into());
+        Self::Entry { file, line, key, found, remedy }
+    }
 }
 
 /// An error about a file.

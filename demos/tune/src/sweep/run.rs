@@ -120,13 +120,9 @@ fn failed(results: &SweepResults, index: usize) -> bool {
 /// Parameters of a plan in its scene.
 fn found_again(manifest: &Manifest, opened: &Opened) -> Result<Vec<KeyPath>, SweepError> {
     let find = |key: &String| {
-        opened.template.find(key).map_err(|(found, remedy)| SweepError::Entry {
-            file: manifest.header.scene.clone(),
-            line: None,
-            key: key.clone(),
-            found,
-            remedy,
-        })
+        let file = &manifest.header.scene;
+        let fault = |(found, remedy)| SweepError::entry(file, None, key, found, remedy);
+        opened.template.find(key).map_err(fault)
     };
     manifest.header.parameters.iter().map(find).collect()
 }

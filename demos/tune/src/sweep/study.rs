@@ -90,13 +90,7 @@ impl StudyFile<'_> {
         found: impl Into<String>,
         remedy: impl Into<String>,
     ) -> SweepError {
-        SweepError::Entry {
-            file: self.file.into(),
-            line: Some(self.line(at.start)),
-            key: key.into(),
-            found: found.into(),
-            remedy: remedy.into(),
-        }
+        SweepError::entry(self.file, Some(self.line(at.start)), key, found, remedy)
     }
 }
 
@@ -141,23 +135,18 @@ impl Study {
     fn check_all(&self, file: &Path) -> Result<(), SweepError> {
         let mut seen = std::collections::HashMap::new();
         for (i, values) in self.runs.iter().enumerate() {
-            let entry = |key: &str, found, remedy: &str| SweepError::Entry {
-                file: file.into(),
-                line: None,
-                key: key.into(),
-                found,
-                remedy: remedy.into(),
-            };
             self.template.scene(&self.paths, values).map_err(|(which, message)| {
                 let key = which.map_or("parameters", |p| &self.parameters[p]);
                 let given = which.map_or(Value::Array(values.clone()), |p| values[p].clone());
                 let remedy = "see demos/scenes/README.md for what the key holds";
-                entry(key, format!("{given} in run {i}: {message}"), remedy)
+                let found = format!("{given} in run {i}: {message}");
+                SweepError::entry(file, None, key, found, remedy)
             })?;
             let text = Value::Array(values.clone()).to_string();
             if let Some(first) = seen.insert(Hash::of(&text).text(), i) {
                 let found = format!("runs {first} and {i} are the same, {text}");
-                return Err(entry("parameters", found, "give every value or row once"));
+                let remedy = "give every value or row once";
+                return Err(SweepError::entry(file, None, "parameters", found, remedy));
             }
         }
         Ok(())
@@ -296,12 +285,8 @@ fn plain(value: &toml::Value) -> Result<Value, (String, String)> {
 /// Runs of a CSV file: a heading of keys, a row a run; an empty cell leaves what the scene has.
 fn read_list(file: &Path, template: &Template) -> Result<Sampled, SweepError> {
     let text = read_text(file)?;
-    let entry = |line: usize, key: &str, found: String, remedy: &str| SweepError::Entry {
-        file: file.into(),
-        line: Some(line),
-        key: key.into(),
-        found,
-        remedy: remedy.into(),
+    let entry = |line: usize, key: &str, found: String, remedy: &str| {
+        SweepError::entry(file, Some(line), key, found, remedy)
     };
     let mut reader =
         csv::ReaderBuilder::new().trim(csv::Trim::All).flexible(true).from_reader(text.as_bytes());
