@@ -1,11 +1,10 @@
 //! `sinew-lab bench`.
 
 use clap::{Args, Subcommand};
-use sinew::prelude::{Integrator, Model};
 use sinew_benches::bench::{BenchPart, run};
-use sinew_benches::stability::{SolidCells, SuiteOptions};
+use sinew_benches::stability::SuiteOptions;
 use sinew_benches::toolbox::options::BenchOptions;
-use sinew_cli::{Outcome, PrecisionArgument, choice, print};
+use sinew_cli::{Outcome, print};
 use std::path::PathBuf;
 
 #[derive(Subcommand)]
@@ -42,56 +41,20 @@ pub enum BenchCommand {
 
 #[derive(Args)]
 pub struct BenchArguments {
-    /// Smaller sizes and fewer repeats: a minute or two instead of a quarter of an hour.
-    #[arg(long)]
-    quick: bool,
+    #[command(flatten)]
+    options: BenchOptions,
     /// Folder for report.html, report.json, readme.md, one CSV per table and one SVG per chart.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Print the JSON report instead of tables.
     #[arg(long)]
     json: bool,
-    /// Sizes of the bodies in tetrahedra, such as 5000,50000, where a part has a choice.
-    #[arg(long, value_name = "N", value_delimiter = ',')]
-    tets: Vec<usize>,
-    /// Only this case of the accuracy part (`elements` and `elements-liver` are the kinds of elements), kind of contact, or of `peers`
-    /// `beam` or `touch`; may be given several times.
-    #[arg(long = "case", value_name = "NAME")]
-    cases: Vec<String>,
-    /// Python with the package `mujoco`.
-    #[arg(long, value_name = "PATH", default_value = "python3")]
-    python: String,
 }
 
 #[derive(Args)]
 pub struct StabilityArguments {
-    /// A selection from every group: below a minute on two cores.
-    #[arg(long)]
-    quick: bool,
-    /// Number type of the state.
-    #[arg(long, default_value = "f64")]
-    precision: PrecisionArgument,
-    /// Only this integrator; may be given several times.
-    #[arg(long = "integrator", value_parser = choice::<Integrator>)]
-    integrators: Vec<Integrator>,
-    /// Only this energy; may be given several times.
-    #[arg(long = "model", value_parser = choice::<Model>)]
-    models: Vec<Model>,
-    /// Volume by clusters, with energies that have it.
-    #[arg(long)]
-    clusters: bool,
-    /// What solids are cut into: tetrahedra, tetrahedra10 or hexahedra; the last where they are boxes.
-    #[arg(long, value_parser = choice::<SolidCells>, default_value_t)]
-    cells: SolidCells,
-    /// Without recovery from inversion.
-    #[arg(long)]
-    no_recovery: bool,
-    /// Only this group, 1 to 13; may be given several times.
-    #[arg(long = "group", value_name = "N")]
-    groups: Vec<u8>,
-    /// Only cases whose names contain this; may be given several times.
-    #[arg(long = "case", value_name = "TEXT")]
-    cases: Vec<String>,
+    #[command(flatten)]
+    options: SuiteOptions,
     /// File for the JSON form; `-` prints it instead of the tables.
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
@@ -120,16 +83,16 @@ fn measured(command: &BenchCommand) -> Option<(Vec<BenchPart>, &'static str, &Be
 }
 
 /// The command that makes such a report.
-fn command(what: &str, arguments: &BenchArguments) -> String {
+fn command(what: &str, options: &BenchOptions) -> String {
     let mut words = vec!["sinew-lab bench".to_string(), what.into()];
-    if arguments.quick {
+    if options.quick {
         words.push("--quick".into());
     }
-    if !arguments.tets.is_empty() {
-        let sizes: Vec<String> = arguments.tets.iter().map(usize::to_string).collect();
+    if !options.sizes.is_empty() {
+        let sizes: Vec<String> = options.sizes.iter().map(usize::to_string).collect();
         words.push(format!("--tets {}", sizes.join(",")));
     }
-    words.extend(arguments.cases.iter().map(|case| format!("--case \"{case}\"")));
+    words.extend(options.cases.iter().map(|case| format!("--case \"{case}\"")));
     words.push("--out DIR".into());
     words.join(" ")
 }
@@ -143,23 +106,12 @@ pub fn bench(bench: &BenchCommand) -> Outcome {
 }
 
 fn stability(arguments: &StabilityArguments) -> Outcome {
-    let options = SuiteOptions {
-        quick: arguments.quick,
-        precision: arguments.precision.into(),
-        integrators: arguments.integrators.clone(),
-        models: arguments.models.clone(),
-        clusters: arguments.clusters,
-        cells: arguments.cells,
-        no_recovery: arguments.no_recovery,
-        groups: arguments.groups.clone(),
-        cases: arguments.cases.clone(),
-    };
     let tell = |done: usize, all: usize| {
         if done == all || done.is_multiple_of(100) {
             eprintln!("{done} of {all} cases");
         }
     };
-    let suite = sinew_benches::stability::run(&options, tell)?;
+    let suite = sinew_benches::stability::run(&arguments.options, tell)?;
     let json = || serde_json::to_string_pretty(&suite);
     match &arguments.json {
         Some(path) if path.as_os_str() == "-" => print(format_args!("{}\n", json()?))?,
@@ -184,14 +136,9 @@ fn measure(parts: &[BenchPart], what: &str, arguments: &BenchArguments) -> Outco
             "warning: this is a debug build; use `cargo run --release` for figures that count"
         );
     }
-    let options = BenchOptions {
-        quick: arguments.quick,
-        sizes: arguments.tets.clone(),
-        cases: arguments.cases.clone(),
-        python: arguments.python.clone(),
-    };
+    let options = &arguments.options;
     let tell = |what: &str| eprintln!("{what}");
-    let report = run(&command(what, arguments), parts, &options, tell)?;
+    let report = run(&command(what, options), parts, options, tell)?;
     if arguments.json {
         print(format_args!("{}\n", serde_json::to_string_pretty(&report)?))?;
     } else {

@@ -28,6 +28,7 @@ pub use rows::{
     CasePart, CaseStatus, Check, Figures, HardCaseRow, KnownMiss, PassColumn, SolidCells,
 };
 
+use clap::builder::{EnumValueParser, TypedValueParser};
 use overload::MORE_ENERGY;
 use rayon::prelude::*;
 use runner::{CaseSetting, HardCase, OtherCells, Scope};
@@ -36,6 +37,7 @@ use sinew::engine::lanes::{InstructionSet, InstructionSetError};
 use sinew::engine::mesh::MeshError;
 use sinew::models::body::VolumeRule;
 use sinew::prelude::*;
+use sinew_cli::{PrecisionArgument, choice};
 use sinew_tune::machine::MachineNotes;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
@@ -80,26 +82,40 @@ impl Suite {
     }
 }
 
-/// Choice of cases and columns.
-#[derive(Clone, Debug, Default)]
+// no words on the type: the command would take them for its own
+#[allow(missing_docs, reason = "its options say it")]
+#[derive(clap::Args, Clone, Debug, Default)]
 pub struct SuiteOptions {
-    /// A selection from every group, short enough for continuous integration.
+    /// A selection from every group: below a minute on two cores.
+    #[arg(long)]
     pub quick: bool,
-    /// Number type.
+    /// Number type of the state.
+    #[arg(
+        long,
+        default_value = "f64",
+        value_parser = EnumValueParser::<PrecisionArgument>::new().map(Precision::from)
+    )]
     pub precision: Precision,
-    /// Integrators; with none, the default one and others beside it for comparison.
+    /// Only this integrator; may be given several times.
+    #[arg(long = "integrator", value_parser = choice::<Integrator>)]
     pub integrators: Vec<Integrator>,
-    /// Models; with none, the default one and others beside it for comparison.
+    /// Only this energy; may be given several times.
+    #[arg(long = "model", value_parser = choice::<Model>)]
     pub models: Vec<Model>,
-    /// Volume by clusters, with models that have it.
+    /// Volume by clusters, with energies that have it.
+    #[arg(long)]
     pub clusters: bool,
-    /// What solids are cut into.
+    /// What solids are cut into: tetrahedra, tetrahedra10 or hexahedra; the last where they are boxes.
+    #[arg(long, value_parser = choice::<SolidCells>, default_value_t)]
     pub cells: SolidCells,
-    /// Recovery from inversion switched off, also where it is on by default.
+    /// Without recovery from inversion.
+    #[arg(long)]
     pub no_recovery: bool,
-    /// Groups; all when empty.
+    /// Only this group, 1 to 13; may be given several times.
+    #[arg(long = "group", value_name = "N")]
     pub groups: Vec<u8>,
-    /// Parts of the names of cases; all cases when empty.
+    /// Only cases whose names contain this; may be given several times.
+    #[arg(long = "case", value_name = "TEXT")]
     pub cases: Vec<String>,
 }
 

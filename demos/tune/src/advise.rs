@@ -27,6 +27,9 @@ use cuts::Cuts;
 /// Name and version of the JSON.
 pub const SCHEMA: &str = "sinew-advise/1";
 
+/// What may fail on the way to advice.
+pub type Result<T, E = AdviseError> = std::result::Result<T, E>;
+
 /// Advice that cannot be given.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -257,7 +260,7 @@ pub fn advise(
     loaded: &LoadedScene,
     request: Request,
     mut tell: impl FnMut(&str),
-) -> Result<Advice, AdviseError> {
+) -> Result<Advice> {
     let watch = Watch::start();
     let (mut cuts, mut own) = (None, loaded.clone());
     if let Some(largest) = request.mesh_error {
@@ -276,7 +279,7 @@ pub fn advise(
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let mut rows: Vec<AdviceRow> = Vec::new();
     let mut tried: Vec<Choice> = Vec::new();
-    let mut attempt = |choice: Choice, rows: &mut Vec<AdviceRow>| -> Result<(), AdviseError> {
+    let mut attempt = |choice: Choice, rows: &mut Vec<AdviceRow>| -> Result<()> {
         if !tried.contains(&choice) {
             tell(&format!("trying {}", choice.options()));
             rows.push(search.row(&choice, &truth)?);
@@ -363,11 +366,7 @@ fn mark(rows: &mut [AdviceRow]) {
 impl<'a> AdviceSearch<'a> {
     /// The part of a scene that takes about so long (s of wall time) with the settings of the scene, and the frames of all
     /// of it.
-    fn of(
-        loaded: &'a LoadedScene,
-        request: Request,
-        seconds: f64,
-    ) -> Result<(Self, u64), AdviseError> {
+    fn of(loaded: &'a LoadedScene, request: Request, seconds: f64) -> Result<(Self, u64)> {
         let plan = build(loaded, &BuildOptions::default())?.plan;
         let fixed = plan.mode == Mode::Static;
         let mut search =
@@ -460,7 +459,7 @@ impl AdviceSearch<'_> {
     }
 
     /// Runs the horizon; stops when `limit` (s of wall time per frame) is exceeded by far.
-    fn run(&self, choice: &Choice, limit: Option<f64>) -> Result<TimedRun, AdviseError> {
+    fn run(&self, choice: &Choice, limit: Option<f64>) -> Result<TimedRun> {
         let mut loaded = self.loaded.clone();
         choice.apply(&mut loaded);
         let mut scene = build(&loaded, &BuildOptions::default())?;
@@ -510,7 +509,7 @@ impl AdviceSearch<'_> {
         Ok(run)
     }
 
-    fn row(&self, choice: &Choice, truth: &[Vec<DVec3>]) -> Result<AdviceRow, AdviseError> {
+    fn row(&self, choice: &Choice, truth: &[Vec<DVec3>]) -> Result<AdviceRow> {
         let run = self.run(choice, Some(HOPELESS * self.request.budget_s))?;
         let mut loaded = self.loaded.clone();
         choice.apply(&mut loaded);
@@ -558,14 +557,14 @@ impl AdviceSearch<'_> {
 
     /// A converged run, how it was made, and an estimate of its own error (a share): the distance from
     /// the run with twice the step.
-    fn truth(&self, tell: &mut impl FnMut(&str)) -> Result<Converged, AdviseError> {
+    fn truth(&self, tell: &mut impl FnMut(&str)) -> Result<Converged> {
         let base = Choice {
             threads: Some(0),
             precision: Some(Precision::F64),
             evaluation: Some(Evaluation::Fused),
             ..Choice::default()
         };
-        let states = |choice: &Choice| -> Result<Vec<Vec<DVec3>>, AdviseError> {
+        let states = |choice: &Choice| -> Result<Vec<Vec<DVec3>>> {
             let run = self.run(choice, None)?;
             if run.finished && run.note.is_empty() {
                 Ok(run.states)

@@ -3,7 +3,7 @@
 //! The error of a mesh is that of its converged steps: the scene's `dt` by Newton's method, against the same on the finest cut,
 //! at the vertices that both have. The error of a solver has no part in it.
 
-use super::{AdviceSearch, AdviseError, Choice};
+use super::{AdviceSearch, AdviseError, Choice, Result};
 use crate::measures::displacement_error;
 use crate::table::Table;
 use crate::table_of;
@@ -177,7 +177,7 @@ pub struct CutMotion {
 
 impl AdviceSearch<'_> {
     /// The converged steps of the scene as it is cut.
-    fn converged(&self) -> Result<CutMotion, AdviseError> {
+    fn converged(&self) -> Result<CutMotion> {
         let built = build(self.loaded, &BuildOptions::default())?;
         let rest = built.bodies.iter().enumerate();
         let rest = rest.flat_map(|(i, body)| body.mesh.points.iter().map(move |&x| (i, x)));
@@ -201,11 +201,7 @@ impl AdviceSearch<'_> {
     }
 
     /// Tries all ways to cut the scene; `tell` hears of each.
-    pub(super) fn cuts(
-        &self,
-        largest: f64,
-        tell: &mut impl FnMut(&str),
-    ) -> Result<Cuts, AdviseError> {
+    pub(super) fn cuts(&self, largest: f64, tell: &mut impl FnMut(&str)) -> Result<Cuts> {
         let as_it_is = (Cut::default(), self.loaded.clone());
         let mut open: Vec<(Cut, LoadedScene)> = vec![as_it_is];
         for cut in Cut::all() {

@@ -11,7 +11,7 @@
 //! Claims save work; the results do not depend on them. Should two processes run the same shard all the same, merging
 //! compares what they found.
 
-use super::error::{SweepError, io};
+use super::error::{Result, SweepError, io};
 use serde::{Deserialize, Serialize};
 use std::fs::{File, OpenOptions};
 use std::io::{ErrorKind, Seek, SeekFrom, Write};
@@ -92,7 +92,7 @@ fn start_of(pid: u32) -> Option<u64> {
 }
 
 /// The last claim of a shard and its number.
-pub fn last(folder: &Path, shard: &str) -> Result<Option<(u32, PathBuf)>, SweepError> {
+pub fn last(folder: &Path, shard: &str) -> Result<Option<(u32, PathBuf)>> {
     let claims = folder.join("claims");
     let entries = match std::fs::read_dir(&claims) {
         Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
@@ -132,7 +132,7 @@ impl Claim {
         shard: &str,
         options: ClaimOptions,
         stop: &AtomicBool,
-    ) -> Result<Option<Self>, SweepError> {
+    ) -> Result<Option<Self>> {
         let claims = folder.join("claims");
         std::fs::create_dir_all(&claims).map_err(io(&claims))?;
         // the last claim as it was when it last changed
@@ -172,7 +172,7 @@ impl Claim {
     }
 
     /// The next claim, unless another process was faster.
-    fn make(folder: &Path, shard: &str, number: u32) -> Result<Option<Self>, SweepError> {
+    fn make(folder: &Path, shard: &str, number: u32) -> Result<Option<Self>> {
         let path = folder.join(format!("claims/{shard}.{number}"));
         let file = match OpenOptions::new().write(true).create_new(true).open(&path) {
             Err(error) if error.kind() == ErrorKind::AlreadyExists => return Ok(None),
@@ -190,7 +190,7 @@ impl Claim {
     }
 
     /// Writes what it says into its file.
-    pub fn write(&mut self) -> Result<(), SweepError> {
+    pub fn write(&mut self) -> Result<()> {
         // always of one length, so that nothing of an earlier text is left
         let text = serde_json::to_string(&self.holder).unwrap_or_default();
         let text = format!("{text:<400}\n");
@@ -203,7 +203,7 @@ impl Claim {
     ///
     /// # Errors
     /// [`SweepError::TakenOver`] when another process has taken the shard, or a file that cannot be written.
-    pub fn beat(&mut self) -> Result<(), SweepError> {
+    pub fn beat(&mut self) -> Result<()> {
         self.holder.beat += 1;
         self.write()?;
         match last(&self.folder, &self.shard)? {
@@ -215,7 +215,7 @@ impl Claim {
     }
 
     /// Lets go.
-    pub fn release(mut self) -> Result<(), SweepError> {
+    pub fn release(mut self) -> Result<()> {
         self.holder.released = true;
         self.write()
     }

@@ -3,6 +3,9 @@
 use sinew_scene::error::SceneError;
 use std::path::{Path, PathBuf};
 
+/// What may fail in a sweep.
+pub type Result<T, E = SweepError> = std::result::Result<T, E>;
+
 /// A sweep that cannot be planned, run or merged.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]

@@ -1,6 +1,6 @@
 //! The plan of a sweep: a header and one line a run, `manifest.jsonl`.
 
-use super::error::{SweepError, io};
+use super::error::{Result, SweepError, io};
 use super::hash::Hash;
 use super::study::{Kept, Study};
 use super::template::Template;
@@ -77,7 +77,7 @@ type SceneInputs = BTreeMap<String, String>;
 /// # Errors
 /// Everything that is wrong with the study, a scene that cannot be built as it stands, and a folder that cannot be
 /// written.
-pub fn plan(study: &Path, folder: &Path) -> Result<Manifest, SweepError> {
+pub fn plan(study: &Path, folder: &Path) -> Result<Manifest> {
     let study = Study::read(study)?;
     let loaded = study.template.loaded();
     let scene_hash = Hash::of(read_file(&loaded.file).map_err(io(&loaded.file))?).text();
@@ -148,7 +148,7 @@ fn path_of(folder: &Path) -> PathBuf {
 }
 
 /// Writes a file under another name, on the disk, and renames it: it is whole or not there.
-pub(super) fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), SweepError> {
+pub(super) fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
     let mut name = path.as_os_str().to_owned();
     name.push(format!(".{}", std::process::id()));
     let partial = PathBuf::from(name);
@@ -165,7 +165,7 @@ pub(super) fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), SweepError> {
 }
 
 /// Builds a scene; the files it read with their hashes, and what building said.
-fn recorded(loaded: &LoadedScene) -> (SceneInputs, Result<Vec<String>, SweepError>) {
+fn recorded(loaded: &LoadedScene) -> (SceneInputs, Result<Vec<String>>) {
     let folder = loaded.resolve(Path::new(""));
     let read = Arc::new(Mutex::new(SceneInputs::new()));
     let into = Arc::clone(&read);
@@ -182,7 +182,7 @@ fn recorded(loaded: &LoadedScene) -> (SceneInputs, Result<Vec<String>, SweepErro
 }
 
 /// Files and columns of a scene that can be built.
-fn files_of(loaded: &LoadedScene) -> Result<(SceneInputs, Vec<String>), SweepError> {
+fn files_of(loaded: &LoadedScene) -> Result<(SceneInputs, Vec<String>)> {
     let (files, columns) = recorded(loaded);
     Ok((files, columns?))
 }
@@ -193,7 +193,7 @@ fn name_of(path: &Path, folder: &Path) -> String {
 }
 
 /// The way from a folder to a file, so that both can be moved together.
-fn relative(file: &Path, folder: &Path) -> Result<PathBuf, SweepError> {
+fn relative(file: &Path, folder: &Path) -> Result<PathBuf> {
     let absolute = |path: &Path| path.canonicalize().map_err(io(path));
     let (file, folder) = (absolute(file)?, absolute(folder)?);
     let common = file.components().zip(folder.components()).take_while(|(a, b)| a == b).count();
@@ -206,7 +206,7 @@ impl Manifest {
     ///
     /// # Errors
     /// When there is none, or it is not as it was written.
-    pub fn read(folder: &Path) -> Result<Self, SweepError> {
+    pub fn read(folder: &Path) -> Result<Self> {
         let none = |found: String| SweepError::NoPlan { folder: folder.into(), found };
         let path = path_of(folder);
         let text = match std::fs::read_to_string(&path) {
@@ -238,7 +238,7 @@ impl Manifest {
     ///
     /// # Errors
     /// [`SweepError::Changed`], [`SweepError::Engine`], [`SweepError::InstructionSet`], or a file that is gone.
-    pub fn open(&self, folder: &Path) -> Result<Opened, SweepError> {
+    pub fn open(&self, folder: &Path) -> Result<Opened> {
         let header = &self.header;
         let own = Versions::this().sinew;
         if header.engine != own {
@@ -294,7 +294,7 @@ impl Opened {
     ///
     /// # Errors
     /// [`SweepError::Changed`].
-    pub fn unchanged(&self) -> Result<(), SweepError> {
+    pub fn unchanged(&self) -> Result<()> {
         let seen = self.changed.lock().unwrap_or_else(PoisonError::into_inner);
         seen.as_ref().map_or(Ok(()), |path| Err(SweepError::Changed { path: path.clone() }))
     }

@@ -1,6 +1,6 @@
 //! One table of all results.
 
-use super::error::SweepError;
+use super::error::{Result, SweepError};
 use super::manifest::{Manifest, write_whole};
 use super::page::page;
 use super::record::SweepResults;
@@ -26,7 +26,7 @@ pub struct Merged {
 ///
 /// # Errors
 /// [`SweepError::Incomplete`] unless `partial`, [`SweepError::Conflict`], or a file that cannot be read or written.
-pub fn merge(folder: &Path, partial: bool) -> Result<Merged, SweepError> {
+pub fn merge(folder: &Path, partial: bool) -> Result<Merged> {
     let manifest = Manifest::read(folder)?;
     let results = SweepResults::read(folder, &manifest, None)?;
     let (runs, missing) = (manifest.runs.len(), results.missing().count());

@@ -33,6 +33,7 @@ pub use record::Shard;
 pub use run::{ShardReport, ShardRequest, run_shard};
 pub use study::Kept;
 
+use error::Result;
 use record::SweepResults;
 use serde::Serialize;
 use std::fmt;
@@ -61,7 +62,7 @@ pub struct SweepStatus {
 ///
 /// # Errors
 /// A folder without a plan, a file that cannot be read, two results of one run that differ.
-pub fn status(folder: &Path) -> Result<SweepStatus, SweepError> {
+pub fn status(folder: &Path) -> Result<SweepStatus> {
     let manifest = Manifest::read(folder)?;
     let results = SweepResults::read(folder, &manifest, None)?;
     let (runs, missing) = (manifest.runs.len(), results.missing().count());
@@ -104,7 +105,7 @@ impl fmt::Display for SweepStatus {
 ///
 /// # Errors
 /// A folder without a plan, or 0 tasks or jobs.
-pub fn slurm(folder: &Path, array: usize, per_task: usize) -> Result<String, SweepError> {
+pub fn slurm(folder: &Path, array: usize, per_task: usize) -> Result<String> {
     let manifest = Manifest::read(folder)?;
     if array == 0 || per_task == 0 {
         return Err(SweepError::Shard { found: format!("{array} tasks of {per_task} jobs") });

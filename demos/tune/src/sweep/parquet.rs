@@ -1,6 +1,6 @@
 //! The table as a Parquet file, by the low-level column writer.
 
-use super::error::SweepError;
+use super::error::{Result, SweepError};
 use super::table::SweepTable;
 use crate::table::Cell;
 use parquet::basic::{LogicalType, Repetition, Type as Physical};
@@ -13,7 +13,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 /// The file of a table; what has no value is null. An error names `path`.
-pub fn bytes(table: &SweepTable, path: &Path) -> Result<Vec<u8>, SweepError> {
+pub fn bytes(table: &SweepTable, path: &Path) -> Result<Vec<u8>> {
     written(table)
         .map_err(|error| SweepError::Table { path: path.into(), message: error.to_string() })
 }

@@ -1,7 +1,7 @@
 //! Results of runs: append-only files with one line a run.
 
 use super::claim;
-use super::error::{SweepError, io};
+use super::error::{Result, SweepError, io};
 use super::hash::Hash;
 use super::manifest::Manifest;
 use serde::{Deserialize, Serialize};
@@ -22,7 +22,7 @@ impl std::str::FromStr for Shard {
     type Err = SweepError;
 
     /// Reads `3/40`.
-    fn from_str(text: &str) -> Result<Self, SweepError> {
+    fn from_str(text: &str) -> Result<Self> {
         let parts =
             text.split_once('/').and_then(|(i, n)| Some((i.parse().ok()?, n.parse().ok()?)));
         match parts {
@@ -103,7 +103,7 @@ pub(super) struct ShardFile {
 
 impl ShardFile {
     /// Makes the file of a claim, which no other process has.
-    pub fn new(folder: &Path, shard: Shard, claim: u32) -> Result<Self, SweepError> {
+    pub fn new(folder: &Path, shard: Shard, claim: u32) -> Result<Self> {
         let shards = folder.join("shards");
         std::fs::create_dir_all(&shards).map_err(io(&shards))?;
         let path = shards.join(format!("{}.{claim}.jsonl", shard.name()));
@@ -111,7 +111,7 @@ impl ShardFile {
         Ok(Self { path, file, length: 0, unsynced: false })
     }
 
-    fn append(&mut self, text: &str) -> Result<(), SweepError> {
+    fn append(&mut self, text: &str) -> Result<()> {
         self.file.write_all(text.as_bytes()).map_err(|source| {
             // half a line would spoil the next; the disk may be full, and the error is told anyway
             let _ = self.file.set_len(self.length);
@@ -123,17 +123,17 @@ impl ShardFile {
     }
 
     /// Notes that a run begins: should the process die in it, the next one does others first.
-    pub fn begin(&mut self, id: &str) -> Result<(), SweepError> {
+    pub fn begin(&mut self, id: &str) -> Result<()> {
         self.append(&line(&Begun { begun: id.into() }))
     }
 
     /// Adds a result.
-    pub fn end(&mut self, row: &SweepRow) -> Result<(), SweepError> {
+    pub fn end(&mut self, row: &SweepRow) -> Result<()> {
         self.append(&line(row))
     }
 
     /// Brings what was added onto the disk.
-    pub fn sync(&mut self) -> Result<(), SweepError> {
+    pub fn sync(&mut self) -> Result<()> {
         self.unsynced = false;
         self.file.sync_data().map_err(io(&self.path))
     }
@@ -156,11 +156,7 @@ impl SweepResults {
     ///
     /// # Errors
     /// [`SweepError::Conflict`], or a file that cannot be read.
-    pub fn read(
-        folder: &Path,
-        manifest: &Manifest,
-        only: Option<Shard>,
-    ) -> Result<Self, SweepError> {
+    pub fn read(folder: &Path, manifest: &Manifest, only: Option<Shard>) -> Result<Self> {
         let ids = manifest.by_id();
         let runs = manifest.runs.len();
         let mut results =
@@ -190,7 +186,7 @@ impl SweepResults {
         folder: &Path,
         bytes: &[u8],
         ids: &std::collections::HashMap<&str, usize>,
-    ) -> Result<(), SweepError> {
+    ) -> Result<()> {
         let Some(text) = checked(bytes) else {
             self.damaged += 1;
             return Ok(());
@@ -239,7 +235,7 @@ impl SweepResults {
 }
 
 /// Files of a folder in the order of their names; none where there is no folder.
-fn files(folder: &Path) -> Result<Vec<PathBuf>, SweepError> {
+fn files(folder: &Path) -> Result<Vec<PathBuf>> {
     match std::fs::read_dir(folder) {
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(Vec::new()),
         entries => {
@@ -265,7 +261,7 @@ fn difference(a: &SweepRow, b: &SweepRow) -> Option<String> {
 }
 
 /// Shards that processes hold or held when they died: name and holder.
-pub(super) fn held(folder: &Path) -> Result<Vec<(String, claim::Holder)>, SweepError> {
+pub(super) fn held(folder: &Path) -> Result<Vec<(String, claim::Holder)>> {
     let names = files(&folder.join("claims"))?.into_iter().filter_map(|path| {
         let name = path.file_name()?.to_str()?.rsplit_once('.')?.0;
         Some(name.to_string())

@@ -1,7 +1,7 @@
 //! Runs of a shard.
 
 use super::claim::{Claim, ClaimOptions, HEARTBEAT};
-use super::error::{SweepError, io};
+use super::error::{Result, SweepError, io};
 use super::manifest::{Manifest, Opened};
 use super::record::{Shard, ShardFile, SweepResults, SweepRow, rows_path};
 use super::study::Kept;
@@ -54,7 +54,7 @@ pub struct ShardReport {
 pub fn run_shard(
     request: &ShardRequest,
     told: &(dyn Fn(usize, usize) + Sync),
-) -> Result<ShardReport, SweepError> {
+) -> Result<ShardReport> {
     let ShardRequest { folder, shard, interrupt, .. } = request;
     let manifest = Manifest::read(folder)?;
     let opened = manifest.open(folder)?;
@@ -118,7 +118,7 @@ fn failed(results: &SweepResults, index: usize) -> bool {
 }
 
 /// Parameters of a plan in its scene.
-fn found_again(manifest: &Manifest, opened: &Opened) -> Result<Vec<KeyPath>, SweepError> {
+fn found_again(manifest: &Manifest, opened: &Opened) -> Result<Vec<KeyPath>> {
     let find = |key: &String| {
         let file = &manifest.header.scene;
         let fault = |(found, remedy)| SweepError::entry(file, None, key, found, remedy);
@@ -175,7 +175,7 @@ impl ShardWork<'_> {
     }
 
     /// Keeps the first error and ends all threads.
-    fn noted(&self, result: Result<(), SweepError>) {
+    fn noted(&self, result: Result<()>) {
         if let Err(error) = result {
             lock(&self.error).get_or_insert(error);
             self.stop.store(true, Ordering::Relaxed);
@@ -203,7 +203,7 @@ impl ShardWork<'_> {
     }
 
     /// Takes one run after another.
-    fn runs(&self) -> Result<(), SweepError> {
+    fn runs(&self) -> Result<()> {
         loop {
             let Some(&index) = self.pending.get(self.next.fetch_add(1, Ordering::Relaxed)) else {
                 return Ok(());
@@ -231,7 +231,7 @@ impl ShardWork<'_> {
     }
 
     /// Carries out a run.
-    fn row(&self, index: usize) -> Result<SweepRow, SweepError> {
+    fn row(&self, index: usize) -> Result<SweepRow> {
         let planned = &self.manifest.runs[index];
         let kept = self.manifest.header.probes;
         let columns = &self.manifest.header.columns;
@@ -292,7 +292,7 @@ impl ShardWork<'_> {
 }
 
 /// Writes the rows of a run; whole or not at all.
-fn write_rows(path: &Path, text: &str) -> Result<(), SweepError> {
+fn write_rows(path: &Path, text: &str) -> Result<()> {
     if let Some(folder) = path.parent() {
         std::fs::create_dir_all(folder).map_err(io(folder))?;
     }

@@ -1,6 +1,6 @@
 //! Study files: which scene, which parameters, which values.
 
-use super::error::{SweepError, io};
+use super::error::{Result, SweepError, io};
 use super::hash::Hash;
 use super::sampling::{Axis, RangeScale, ValueRange, cell_value, grid_runs, hypercube_runs};
 use super::template::{KeyPath, Template};
@@ -99,7 +99,7 @@ impl Study {
     ///
     /// # Errors
     /// Everything that is wrong with the file, by line and key; [`SweepError::Scene`] when the scene cannot be read.
-    pub fn read(file: &Path) -> Result<Self, SweepError> {
+    pub fn read(file: &Path) -> Result<Self> {
         let text = read_text(file)?;
         let source = StudyFile { file, text: &text };
         let document: Document = toml::from_str(&text).map_err(|error| SweepError::Syntax {
@@ -132,7 +132,7 @@ impl Study {
     }
 
     /// Every run is a scene, and no two are the same.
-    fn check_all(&self, file: &Path) -> Result<(), SweepError> {
+    fn check_all(&self, file: &Path) -> Result<()> {
         let mut seen = std::collections::HashMap::new();
         for (i, values) in self.runs.iter().enumerate() {
             self.template.scene(&self.paths, values).map_err(|(which, message)| {
@@ -153,7 +153,7 @@ impl Study {
     }
 }
 
-fn read_text(file: &Path) -> Result<String, SweepError> {
+fn read_text(file: &Path) -> Result<String> {
     let invalid = |e| std::io::Error::new(std::io::ErrorKind::InvalidData, e);
     let text = read_file(file).and_then(|bytes| String::from_utf8(bytes).map_err(invalid));
     text.map_err(io(file))
@@ -162,11 +162,7 @@ fn read_text(file: &Path) -> Result<String, SweepError> {
 type Sampled = (Vec<String>, Vec<KeyPath>, Vec<Vec<Value>>);
 
 /// Runs of a grid or a latin hypercube.
-fn sampled(
-    source: &StudyFile,
-    document: &Document,
-    template: &Template,
-) -> Result<Sampled, SweepError> {
+fn sampled(source: &StudyFile, document: &Document, template: &Template) -> Result<Sampled> {
     // in the order of the file
     let mut entries: Vec<_> = document.parameters.iter().collect();
     entries.sort_by_key(|(key, _)| key.span().start);
@@ -283,7 +279,7 @@ fn plain(value: &toml::Value) -> Result<Value, (String, String)> {
 }
 
 /// Runs of a CSV file: a heading of keys, a row a run; an empty cell leaves what the scene has.
-fn read_list(file: &Path, template: &Template) -> Result<Sampled, SweepError> {
+fn read_list(file: &Path, template: &Template) -> Result<Sampled> {
     let text = read_text(file)?;
     let entry = |line: usize, key: &str, found: String, remedy: &str| {
         SweepError::entry(file, Some(line), key, found, remedy)
