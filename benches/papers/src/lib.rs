@@ -209,11 +209,6 @@ fn paragraph(findings: &[Finding]) -> String {
 }
 
 impl Paper {
-    /// Whether every statement agrees with the numbers.
-    pub fn agrees(&self) -> bool {
-        self.figures.iter().all(|(_, _, figure)| figure.findings.iter().all(|f| f.agrees))
-    }
-
     /// For the terminal.
     pub fn text(&self) -> String {
         let meshes = self.meshes.iter().map(|m| format!("{m}.\n")).collect::<String>();

@@ -17,23 +17,13 @@ pub enum SolidCells {
     Hexahedra,
 }
 
-impl SolidCells {
-    /// All kinds.
-    pub const ALL: [Self; 3] = [Self::Tetrahedra, Self::Tetrahedra10, Self::Hexahedra];
-
-    /// Name in tables and commands.
-    pub fn name(self) -> &'static str {
-        match self {
+impl std::fmt::Display for SolidCells {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
             Self::Tetrahedra => "tetrahedra",
             Self::Tetrahedra10 => "tetrahedra10",
             Self::Hexahedra => "hexahedra",
-        }
-    }
-}
-
-impl std::fmt::Display for SolidCells {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(self.name())
+        })
     }
 }
 

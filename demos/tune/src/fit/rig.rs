@@ -26,19 +26,6 @@ pub enum Reading {
     EqualForces,
 }
 
-impl Reading {
-    /// Both.
-    pub const ALL: [Self; 2] = [Self::Traction, Self::EqualForces];
-
-    /// In words.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Traction => "traction",
-            Self::EqualForces => "equal forces",
-        }
-    }
-}
-
 /// A virtual test of a body with one end held.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Test {
