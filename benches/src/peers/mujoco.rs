@@ -216,9 +216,7 @@ impl MuJoCo {
             .into_iter()
             .map(|(h, iterations)| -> Box<dyn Rival> {
                 Box::new(MujocoRun {
-                    process: self.process.clone(),
-                    version: self.version.clone(),
-                    key,
+                    flex: self.flex(key),
                     h,
                     iterations,
                     default_cap: iterations == loaded.iterations,
@@ -226,7 +224,6 @@ impl MuJoCo {
                     measure_force: h == middle && iterations == loaded.iterations,
                     start: start.clone(),
                     truth: truth.clone(),
-                    remark: String::new(),
                 })
             })
             .collect())
@@ -253,47 +250,60 @@ fn touching() -> [Touching; 3] {
 }
 
 impl MuJoCo {
+    fn flex(&self, key: &'static str) -> Flex {
+        let (process, version) = (self.process.clone(), self.version.clone());
+        Flex { process, version, key, remark: String::new() }
+    }
+
     /// Settings for the ball.
     pub fn fingers(&mut self, block: &TouchBlock) -> Result<Vec<Box<dyn Finger>>> {
         let mesh = self.process.borrow().write("block.json", &block.file())?;
         Ok(touching()
             .into_iter()
             .map(|touching| -> Box<dyn Finger> {
-                Box::new(MujocoPress {
-                    process: self.process.clone(),
-                    version: self.version.clone(),
-                    mesh: mesh.clone(),
-                    touching,
-                    remark: String::new(),
-                })
+                let flex = self.flex(touching.3);
+                Box::new(MujocoPress { flex, mesh: mesh.clone(), touching })
             })
             .collect())
     }
 }
 
-/// One setting of MuJoCo under the ball.
-struct MujocoPress {
+/// What one setting says to MuJoCo, and what it is told.
+struct Flex {
     process: Rc<RefCell<Process>>,
     version: String,
-    mesh: PathBuf,
-    touching: Touching,
+    /// Name under which its body is loaded.
+    key: &'static str,
     remark: String,
 }
 
-impl MujocoPress {
+impl Flex {
     fn ask(&mut self, mut request: serde_json::Value) -> Result<Reply> {
-        request["key"] = self.touching.3.into();
+        request["key"] = self.key.into();
         let reply = self.process.borrow_mut().ask(&request)?;
-        warned(&mut self.remark, &reply);
+        for warning in &reply.warnings {
+            // the first sentence says what; numbers in the rest differ from run to run
+            let text = warning.split([':', ',']).next().unwrap_or(warning);
+            if !self.remark.contains(text) {
+                say(&mut self.remark, format!("it warns: {text}"));
+            }
+        }
         Ok(reply)
     }
+}
+
+/// One setting of MuJoCo under the ball.
+struct MujocoPress {
+    flex: Flex,
+    mesh: PathBuf,
+    touching: Touching,
 }
 
 impl Finger for MujocoPress {
     fn row(&self, block: &TouchBlock) -> TouchRow {
         let (h, _, _, words) = &self.touching;
         let setting = format!("flex StVK, discrete, h = {}, {words}", milliseconds(*h));
-        block.row("MuJoCo", &self.version, setting)
+        block.row("MuJoCo", &self.flex.version, setting)
     }
 
     fn step(&self) -> f64 {
@@ -302,7 +312,7 @@ impl Finger for MujocoPress {
 
     fn start(&mut self, block: &TouchBlock, friction: f64) -> Result<()> {
         let (h, option, contact, _) = self.touching.clone();
-        let loaded = self.ask(json!({
+        let loaded = self.flex.ask(json!({
             "op": "touch-load", "mesh": self.mesh, "young": block.material.young_modulus,
             "poisson": block.material.poisson_ratio, "gravity": 0.0, "damping": DAMPING, "h": h,
             "option": option, "contact": contact, "friction": friction, "radius": touch::RADIUS,
@@ -313,7 +323,7 @@ impl Finger for MujocoPress {
 
     fn advance(&mut self, block: &TouchBlock, places: &[DVec3]) -> Result<TouchTurn> {
         let to: Vec<[f64; 3]> = places.iter().map(|x| x.to_array()).collect();
-        let reply = self.ask(json!({ "op": "touch", "places": to }))?;
+        let reply = self.flex.ask(json!({ "op": "touch", "places": to }))?;
         let displacements = to_vectors(&reply.displacements, block.mesh.points.len())?;
         if [reply.milliseconds.len(), reply.forces.len()] != [places.len(); 2] {
             let given = reply.forces.len();
@@ -328,43 +338,19 @@ impl Finger for MujocoPress {
     }
 
     fn remark(&self) -> String {
-        self.remark.clone()
+        self.flex.remark.clone()
     }
 }
 
-/// One setting of MuJoCo on the loaded beam.
+/// One setting of MuJoCo on the loaded beam; the name of what moves it is that of the load.
 struct MujocoRun {
-    process: Rc<RefCell<Process>>,
-    version: String,
-    /// What moves it, under which name it is loaded.
-    key: &'static str,
+    flex: Flex,
     h: f64,
     iterations: u32,
     default_cap: bool,
     measure_force: bool,
     start: PathBuf,
     truth: PathBuf,
-    remark: String,
-}
-
-impl MujocoRun {
-    fn ask(&mut self, mut request: serde_json::Value) -> Result<Reply> {
-        request["key"] = self.key.into();
-        let reply = self.process.borrow_mut().ask(&request)?;
-        warned(&mut self.remark, &reply);
-        Ok(reply)
-    }
-}
-
-/// Adds its warnings to a remark, each once.
-fn warned(remark: &mut String, reply: &Reply) {
-    for warning in &reply.warnings {
-        // the first sentence says what; numbers in the rest differ from run to run
-        let text = warning.split([':', ',']).next().unwrap_or(warning);
-        if !remark.contains(text) {
-            say(remark, format!("it warns: {text}"));
-        }
-    }
 }
 
 impl Rival for MujocoRun {
@@ -373,18 +359,18 @@ impl Rival for MujocoRun {
             "op": "time", "h": self.h, "steps": steps, "start": self.start,
             "iterations": self.iterations,
         });
-        Ok(self.ask(request)?.milliseconds)
+        Ok(self.flex.ask(request)?.milliseconds)
     }
 
     fn force(&mut self, case: &BeamCase) -> Result<Option<f64>> {
         if !self.measure_force {
             return Ok(None);
         }
-        let reply = self.ask(json!({ "op": "force", "repeats": 20 }))?;
+        let reply = self.flex.ask(json!({ "op": "force", "repeats": 20 }))?;
         let text = "its flex kinematics before that cost another";
-        if !self.remark.contains(text) {
+        if !self.flex.remark.contains(text) {
             let ns = reply.kinematics_seconds * 1e9 / case.beam.mesh.tetrahedra.len() as f64;
-            say(&mut self.remark, format!("force is mj_passive; {text} {ns:.1} ns/tet"));
+            say(&mut self.flex.remark, format!("force is mj_passive; {text} {ns:.1} ns/tet"));
         }
         Ok(Some(reply.passive_seconds))
     }
@@ -396,7 +382,7 @@ impl Rival for MujocoRun {
             "op": "settle", "h": self.h, "steps": steps, "start": start, "damping": DAMPING,
             "iterations": self.iterations,
         });
-        let reply = self.ask(request)?;
+        let reply = self.flex.ask(request)?;
         to_vectors(&reply.displacements, case.beam.mesh.points.len())
     }
 
@@ -405,7 +391,7 @@ impl Rival for MujocoRun {
             "op": "swing", "h": self.h, "steps": steps, "every": every, "start": null,
             "iterations": self.iterations,
         });
-        let states = self.ask(request)?.states;
+        let states = self.flex.ask(request)?.states;
         if states.len() != steps / every {
             let (given, wanted) = (states.len(), steps / every);
             return Err(BenchError::Rival(format!("MuJoCo flex: {given} states of {wanted}")));
@@ -414,7 +400,7 @@ impl Rival for MujocoRun {
     }
 
     fn row(&self, case: &BeamCase) -> PeerRow {
-        let kind = match self.key {
+        let kind = match self.flex.key {
             "full" => String::new(),
             cells => format!("{cells} cells, "),
         };
@@ -424,7 +410,7 @@ impl Rival for MujocoRun {
             self.iterations,
             if self.default_cap { " (its default)" } else { "" }
         );
-        case.row("MuJoCo", &self.version, setting)
+        case.row("MuJoCo", &self.flex.version, setting)
     }
 
     fn step(&self) -> Option<f64> {
@@ -432,6 +418,6 @@ impl Rival for MujocoRun {
     }
 
     fn remark(&self) -> String {
-        self.remark.clone()
+        self.flex.remark.clone()
     }
 }
