@@ -351,7 +351,7 @@ fn bad_membranes_are_refused() {
     assert!(matches!(refused(try_spawn(pooled)), MembraneError::Evaluation { .. }));
     for triangle in [[0, 1, 9], [0, 1, 1]] {
         let source = refused(try_spawn(MembraneDescription::new(&[triangle], 0.01, hard)));
-        assert!(matches!(source, MembraneError::Index { triangle: 0, .. }));
+        assert!(matches!(source, MembraneError::Index { kind: "triangle", index: 0, .. }));
     }
     let line = [[0, 1, 2], [0, 1, 3]];
     let source = refused(try_spawn(MembraneDescription::new(&line, 0.01, hard)));
