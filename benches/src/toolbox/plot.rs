@@ -131,7 +131,7 @@ pub fn plain_label(x: &f64) -> String {
     format!("{}", (x * 1e9).round() / 1e9 + 0.0)
 }
 
-/// The same as [`tick_label`], only where the number begins with 1, 2 or 5: others would touch.
+/// The same as what labels the other axes, only where the number begins with 1, 2 or 5: others would touch.
 pub fn sparse_label(x: &f64) -> String {
     match format!("{x:.0e}").bytes().next() {
         Some(b'1' | b'2' | b'5') => tick_label(x),

@@ -66,7 +66,7 @@ fn octave(lame: &LameParameters) -> i32 {
     if shared > 0.0 { libm::log2(shared).round() as i32 } else { i32::MIN }
 }
 
-/// Tetrahedra across the faces of each, [`NONE`] where there are none.
+/// Tetrahedra across the faces of each, `u32::MAX` where there are none.
 pub fn neighbours(tetrahedra: &[[u32; 4]]) -> Vec<[u32; 4]> {
     let mut faces: Vec<([u32; 3], u32, u32)> = Vec::with_capacity(4 * tetrahedra.len());
     for (t, nodes) in (0..).zip(tetrahedra) {

@@ -235,7 +235,7 @@ impl LawRow {
     }
 }
 
-/// The laws that a world knows: [`LAWS`], then those that its users added.
+/// The laws that a world knows: [`LAWS`](crate::laws::LAWS), then those that its users added.
 #[derive(Resource, Clone, Debug)]
 pub struct LawTable(pub(crate) Vec<&'static LawRow>);
 

@@ -128,7 +128,7 @@ impl Model {
         self.has(Elements::Tetrahedra10, VolumeRule::Elements)
     }
 
-    /// Whether its volume term can act on means of several elements or points ([`VolumeRule::Clusters`](crate::frame::rules::VolumeRule::Clusters)).
+    /// Whether its volume term can act on means of several elements or points ([`VolumeRule::Clusters`]).
     pub fn keeps_mean_volume(self) -> bool {
         self.has(Elements::Tetrahedra, VolumeRule::Clusters)
     }
