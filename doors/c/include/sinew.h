@@ -500,7 +500,7 @@ typedef struct sinew_tool {
   size_t on_triangle_count;
 } sinew_tool;
 
-// What a tool felt in the last step, at its end.
+// Forces on a tool and its contacts at the end of the last step.
 typedef struct sinew_tool_report {
   // sizeof(sinew_tool_report), set by the caller
   uint32_t struct_size;
@@ -542,21 +542,21 @@ typedef struct sinew_tool_report {
   uint32_t sticking;
   // Points that touch it and slip.
   uint32_t slipping;
-  // What it is behind its target (m), because its way was more than the substeps of a step can follow.
+  // Distance (m) to its target, where its way was longer than the substeps of a step can follow.
   double lag;
   // How far (m) the surfaces of its shapes are drawn in, because it appeared inside of a body.
   double drawn_in;
-  // Force (N) by points of the other kind at the same state, if `SINEW_ERROR_BAR` asks for it: how far the two
-  // differ says how far the mesh resolves the contact. All 0 without.
+  // Force (N) by points of the other kind at the same state, if `SINEW_ERROR_BAR` asks for it. Its difference from
+  // `force` estimates the error that the mesh makes in the contact. All 0 without.
   double other_points[3];
-  // What its force (N) changes by per motion (m) of its end of the step, tissue answering within the step, if
-  // `SINEW_LOCAL_STIFFNESS` asks for it of an implicit integrator: the force is about `force + local_stiffness *
-  // way`. Symmetric; limits of friction as they are. Exact for `newton`, to the tolerance of the linear solver. All
-  // 0 without.
+  // Change of its force (N) per motion (m) of its pose at the end of the step, with the tissue moving along within
+  // the step, if `SINEW_LOCAL_STIFFNESS` asks for it of an implicit integrator: the force is about `force +
+  // local_stiffness * way`. Symmetric; limits of friction as they are. Exact for `newton`, to the tolerance of the
+  // linear solver. All 0 without.
   double local_stiffness[9];
 } sinew_tool_report;
 
-// What one part of a tool felt, such as one of two jaws.
+// Forces on one part of a tool, such as one of two jaws.
 typedef struct sinew_part_report {
   // Force (N) on it, normal and friction.
   double force[3];
