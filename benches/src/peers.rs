@@ -45,6 +45,9 @@ pub struct PeerReport {
 }
 
 /// Runs every rival that is there. What is missing is listed with the remedy; nothing is guessed.
+///
+/// # Errors
+/// When a mesh cannot be made or Sinew's own truth does not converge.
 pub fn run(options: &BenchOptions) -> Result<PeerReport> {
     let mut report = PeerReport::default();
     let named = |name: &str| options.cases.iter().any(|n| n == name);

@@ -44,6 +44,9 @@ pub(crate) fn equilibrium() -> SolverSettings {
 }
 
 /// Finds the equilibrium, loads applied by curves that end at `parts` steps of 1 s.
+///
+/// # Errors
+/// When there is none.
 pub(crate) fn settle(simulation: &mut Simulation, parts: u32, case: &str) -> Result<()> {
     simulation.set_dt(1.0);
     let none = |reason: String| BenchError::NoTruth { case: case.to_string(), reason };

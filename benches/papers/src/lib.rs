@@ -121,6 +121,10 @@ pub static PAPER_C: Source = Source {
 
 impl Source {
     /// Makes the figures with the letters given, all with none; `tell` hears what is going on.
+    ///
+    /// # Errors
+    /// When a letter is unknown, a mesh cannot be used, a simulation or test not be run or a chart not be
+    /// drawn.
     pub fn make(
         &'static self,
         only: &[char],
@@ -166,6 +170,9 @@ pub struct Paper {
 
 /// The picture of a paper when the figure it belongs to is wanted and a graphics adapter is there; `tell` hears
 /// why not.
+///
+/// # Errors
+/// When its runs cannot be carried out.
 fn pictures(
     paper: &str,
     wanted: bool,
@@ -271,6 +278,9 @@ impl Paper {
 
     /// Writes page, Markdown, findings (JSON), one CSV per table, one SVG per chart and the pictures into a folder,
     /// which is made; returns the files.
+    ///
+    /// # Errors
+    /// When a file cannot be written.
     pub fn write(&self, folder: &Path) -> Result<Vec<PathBuf>> {
         let name = self.source.name;
         let findings: Vec<_> = self.figures.iter().map(|(l, _, f)| (l, &f.findings)).collect();

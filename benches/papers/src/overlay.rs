@@ -82,6 +82,9 @@ fn words(x: f64, y: f64, size: u32, text: &str) -> String {
 
 /// Meshes by name and what they are called, a row each, stretched by `part` under a consistent traction: springs of the
 /// 2-norm on the left, of the F-norm on the right.
+///
+/// # Errors
+/// When a mesh cannot be had or fitted.
 pub(crate) fn chart(
     meshes: &Meshes,
     name: &str,

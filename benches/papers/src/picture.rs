@@ -72,6 +72,9 @@ fn drawn(plan: Plan, adapter: &AdapterRequest) -> Result<Image, RenderJobError> 
 }
 
 /// Delingette 2008: the slender cylinder under its weight by four energies.
+///
+/// # Errors
+/// When there is no adapter, or a run cannot be carried out.
 pub fn paper_a(adapter: &AdapterRequest) -> Result<Image, RenderJobError> {
     let models = [
         ("St Venant-Kirchhoff", Model::StVK),
@@ -98,6 +101,9 @@ pub fn paper_a(adapter: &AdapterRequest) -> Result<Image, RenderJobError> {
 }
 
 /// Natsupakpong & Cavusoglu 2010: a clamped bar of finite elements and of springs by three fits.
+///
+/// # Errors
+/// As [`paper_a`].
 pub fn paper_b(adapter: &AdapterRequest) -> Result<Image, RenderJobError> {
     use sinew::identify::ElementMethod;
     let fits = [
@@ -128,6 +134,9 @@ pub fn paper_b(adapter: &AdapterRequest) -> Result<Image, RenderJobError> {
 }
 
 /// Bourguignon & Cani 2000: a hanging bar with fibres at five angles.
+///
+/// # Errors
+/// As [`paper_a`].
 pub fn paper_c(adapter: &AdapterRequest) -> Result<Image, RenderJobError> {
     let scene = first_body("fibre_bar")?;
     let variants = [0.0f64, 22.5, 45.0, 67.5, 90.0].map(|degrees| {

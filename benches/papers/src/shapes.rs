@@ -50,6 +50,9 @@ pub(crate) fn printed(name: &str) -> Option<[usize; 2]> {
 }
 
 /// A mesh of [`PRINTED`] by its name, with the groups `x0` and `x1` of its ends.
+///
+/// # Errors
+/// When the name is not there.
 pub(crate) fn mesh(name: &str) -> Result<Mesh> {
     let Some([count, _]) = printed(name) else {
         let names: Vec<&str> = PRINTED.iter().map(|p| p.0).collect();

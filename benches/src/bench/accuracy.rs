@@ -93,7 +93,11 @@ pub struct AccuracyReport {
     pub elements: Vec<ElementReport>,
 }
 
-/// Runs all cases; `tell` hears what is going on. A method that fails is a point without error, with a note.
+/// Runs all cases; `tell` hears what is going on.
+///
+/// # Errors
+/// When a case cannot be set up or has no converged solution. A method that fails is a point without
+/// error, with a note.
 pub fn run(
     options: &BenchOptions,
     rounds: Rounds,

@@ -47,6 +47,9 @@ pub enum AccuracyKind {
 const EARTH: DVec3 = DVec3::new(0.0, 0.0, -9.81);
 
 /// All cases; quick ones are coarser.
+///
+/// # Errors
+/// When a mesh cannot be generated or read.
 pub fn cases(quick: bool) -> Result<Vec<AccuracyCase>> {
     let gel = YoungPoisson { young_modulus: 3e5, poisson_ratio: 0.45, density: 1000.0 };
     let soft = YoungPoisson { young_modulus: 1e4, ..gel };
@@ -232,6 +235,9 @@ impl AccuracyCase {
     }
 
     /// Computes the case on a mesh.
+    ///
+    /// # Errors
+    /// When it cannot be set up or a step fails.
     pub fn run(&self, mesh: &Mesh, method: &Method) -> Result<MethodOutcome> {
         match self.kind {
             AccuracyKind::Motion { duration, sample } => {
@@ -319,6 +325,9 @@ impl AccuracyCase {
     /// Equilibria: Newton to 1e-9, then once more with linear systems solved to 1e-10; the estimate
     /// is what that changed. Motions: Störmer-Verlet with a third of the stable step and with half of
     /// that; the estimate is a third of the difference (the scheme is of second order).
+    ///
+    /// # Errors
+    /// When it cannot be computed.
     pub fn truth(&self, mesh: &Mesh) -> Result<CaseTruth> {
         let start = std::time::Instant::now();
         let no_truth = |reason: String| BenchError::NoTruth { case: self.name.to_string(), reason };

@@ -274,6 +274,9 @@ struct ContactRow {
 
 /// Measures kinds of contact, all where none is named, with every number of threads; blocks have about these sizes
 /// (tetrahedra), and every run is made so many times.
+///
+/// # Errors
+/// When there is no such kind, a mesh or body cannot be made or a step fails.
 pub fn run(
     sizes: &[usize],
     threads: &[usize],

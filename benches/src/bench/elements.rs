@@ -88,6 +88,9 @@ impl ElementBody {
     }
 
     /// The mesh of a level, and its clamped vertices.
+    ///
+    /// # Errors
+    /// When it cannot be made or read.
     pub fn mesh(self, kind: Discretisation, level: usize) -> Result<(Mesh, Vec<u32>)> {
         let linear = match self {
             Self::Beam if kind == Discretisation::Hexahedra => box_hexahedra(SIZE, LEVELS[level])?,
@@ -275,6 +278,9 @@ impl Discretisation {
     }
 
     /// A body cut into these, on a level of its meshes.
+    ///
+    /// # Errors
+    /// When the mesh cannot be made.
     pub fn beam(self, body: ElementBody, level: usize, poisson_ratio: f64) -> Result<Beam> {
         let [young_modulus, gravity] = body.load();
         let material = YoungPoisson { young_modulus, poisson_ratio, density: DENSITY };
@@ -589,7 +595,10 @@ impl ElementEntry {
 /// Cells of all levels, coarse to fine.
 const LEVELS: [[usize; 3]; 5] = [[5, 1, 1], [10, 2, 2], [20, 4, 4], [40, 8, 8], FINEST];
 
-/// Runs all; `tell` hears what is going on. A method that fails keeps its row with the reason.
+/// Runs all; `tell` hears what is going on.
+///
+/// # Errors
+/// When a mesh cannot be made or the continuum does not converge. A method that fails keeps its row with the reason.
 pub fn run(
     body: ElementBody,
     options: &BenchOptions,

@@ -37,6 +37,9 @@ struct DeviceSize {
 }
 
 /// Measures so many steps of beams of about these sizes.
+///
+/// # Errors
+/// When there is no adapter, a body cannot be made or a step fails.
 pub fn run(sizes: &[usize], steps: usize, mut tell: impl FnMut(&str)) -> Result<Vec<Table>> {
     let probe = GpuBackend::new(&GpuOptions::default())?;
     let copies = probe.copy_bandwidth()? * 1e-9;

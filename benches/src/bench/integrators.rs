@@ -152,6 +152,9 @@ fn spin(mesh: &Mesh, integrator: Integrator, dt: f64) -> Result<[f64; 2]> {
 }
 
 /// Runs both.
+///
+/// # Errors
+/// When the beam cannot be set up or stepped.
 pub fn run(quick: bool, tell: &mut impl FnMut(&str)) -> Result<Vec<Table>> {
     let beam = jitter_interior(&box_tets(DVec3::new(0.3, 0.1, 0.1), [6, 2, 2])?, 0.15, 1)?;
     tell("integrators: reference motion");

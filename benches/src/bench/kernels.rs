@@ -89,6 +89,9 @@ pub struct KernelReport {
 }
 
 /// Runs all kernels; `tell` hears what is going on.
+///
+/// # Errors
+/// When a beam cannot be built.
 pub fn run(
     sizes: &[usize],
     threads: &[usize],

@@ -80,6 +80,9 @@ pub struct MembraneSubject {
 }
 
 /// Measures all formulations on a jittered sheet of about so many triangles, bent and stretched.
+///
+/// # Errors
+/// When the sheet cannot be built.
 pub fn run(triangles: usize, rounds: Rounds) -> Result<Vec<MembraneRow>> {
     let mesh = sheet(triangles)?;
     let mut rows = rows_of::<f64>(&mesh, rounds)?;
@@ -88,6 +91,9 @@ pub fn run(triangles: usize, rounds: Rounds) -> Result<Vec<MembraneRow>> {
 }
 
 /// A jittered sheet of about so many triangles.
+///
+/// # Errors
+/// When it would have too many.
 pub fn sheet(triangles: usize) -> Result<Mesh> {
     let n = ((triangles as f64 / 2.0).sqrt().round() as usize).max(2);
     Ok(jitter_interior(&triangle_grid(DVec2::splat(0.1), [n, n])?, 0.2, 1)?)
@@ -138,6 +144,9 @@ fn free<L: TriangleLaw, S: Scalar>(world: &mut World, x: &[[S; 4]], y: &mut [[S;
 
 impl MembraneSubject {
     /// Of a sheet that is bent and stretched.
+    ///
+    /// # Errors
+    /// When it cannot be built.
     pub fn new<S: Scalar>(
         mesh: &Mesh,
         model: MembraneModel,

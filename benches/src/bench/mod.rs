@@ -72,6 +72,9 @@ impl BenchPart {
 }
 
 /// Runs parts of the bench; `tell` hears what is going on.
+///
+/// # Errors
+/// When something cannot be set up or stepped, or a size or case makes no sense.
 pub fn run(
     command: &str,
     parts: &[BenchPart],

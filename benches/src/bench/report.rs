@@ -159,6 +159,9 @@ impl BenchReport {
     }
 
     /// All charts.
+    ///
+    /// # Errors
+    /// When one cannot be drawn.
     pub fn charts(&self) -> Result<Vec<Chart>> {
         let mut charts: Vec<Chart> =
             self.leading_charts()?.into_iter().flat_map(|(charts, _)| charts).collect();
@@ -310,6 +313,9 @@ impl BenchReport {
     }
 
     /// One page with everything in it.
+    ///
+    /// # Errors
+    /// When a chart cannot be drawn.
     pub fn html(&self) -> Result<String> {
         let heading = "Sinew bench: speed against error";
         let mut page = Page::new("Sinew bench", heading, &self.machine.line());
@@ -382,6 +388,9 @@ impl BenchReport {
     }
 
     /// Writes everything into a folder, which is made; returns the files.
+    ///
+    /// # Errors
+    /// When a file cannot be written or a chart not be drawn.
     pub fn write(&self, folder: &Path) -> Result<Vec<PathBuf>> {
         let mut files = ReportFiles::default();
         files.json("report.json", self)?;

@@ -97,6 +97,9 @@ pub const FRAME: f64 = 1.0 / 60.0;
 const RADIUS: f64 = 0.065;
 
 /// Frame times of balls of about these sizes (tetrahedra): so many frames each, at most one per tetrahedron.
+///
+/// # Errors
+/// When a body cannot be made or a step fails.
 pub fn run(
     sizes: &[usize],
     frames: usize,
@@ -134,6 +137,9 @@ pub fn at_random(tetrahedra: usize) -> impl FnMut(usize) -> Region {
 ///
 /// # Panics
 /// When there are no frames.
+///
+/// # Errors
+/// When the body cannot be made, or a removal or a step fails.
 pub fn cut(
     organ: &Organ<'_>,
     frames: usize,

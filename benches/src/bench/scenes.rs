@@ -7,6 +7,9 @@ use sinew_scene::scene::LoadedScene;
 use sinew_scene::scene_folder;
 
 /// Runs every scene; quick runs stop after `quick_steps` steps.
+///
+/// # Errors
+/// When a scene cannot be read, built or run.
 pub fn run(quick_steps: Option<u64>, mut tell: impl FnMut(&str)) -> Result<Table> {
     let folder = scene_folder();
     let listing = std::fs::read_dir(&folder).map_err(|error| BenchError::Request {

@@ -83,6 +83,9 @@ const EXPLICIT_STEPS: u32 = 10;
 const IMPLICIT_STEPS: u32 = 5;
 
 /// Runs all steps; `tell` hears what is going on.
+///
+/// # Errors
+/// When a beam cannot be built or stepped, or its file not be written.
 pub fn run(
     sizes: &[usize],
     threads: &[usize],

@@ -261,6 +261,9 @@ impl Reference {
     }
 
     /// At displacements `u` (m), of [`MATERIAL`].
+    ///
+    /// # Errors
+    /// When an element is flat.
     pub fn of(mesh: &Mesh, u: &[DVec3], model: Model) -> Result<Self> {
         let lame = MATERIAL.lame()?;
         let v = directions(mesh.points.len());

@@ -41,6 +41,9 @@ impl<'a> BodyFile<'a> {
 
 impl Beam {
     /// 0.4 x 0.1 x 0.1 m, 1 MPa, six tetrahedra per cell: the beam of the MuJoCo rows.
+    ///
+    /// # Errors
+    /// When a number of cells is zero.
     pub fn mujoco(cells: [usize; 3], poisson_ratio: f64) -> Result<Self> {
         let mesh = box_tets(DVec3::new(0.4, 0.1, 0.1), cells)?;
         let material = YoungPoisson { young_modulus: 1e6, poisson_ratio, density: 1000.0 };
@@ -48,6 +51,9 @@ impl Beam {
     }
 
     /// 0.2 x 0.05 x 0.05 m, 300 kPa, five tetrahedra per cell: the beam of the Rapier rows.
+    ///
+    /// # Errors
+    /// When a number of cells is zero.
     pub fn rapier(cells: [usize; 3], poisson_ratio: f64, gravity: f64) -> Result<Self> {
         let mut mesh = box_tets(DVec3::new(0.2, 0.05, 0.05), cells)?;
         mesh.tetrahedra = five_per_cell(cells);

@@ -55,6 +55,9 @@ fn series<'a>(points: impl Iterator<Item = (&'a str, Option<f64>, Option<f64>)>)
 impl PeerReport {
     /// Charts of the largest beam of each rival and of the ball, which a page shows at once, and how many these are; then
     /// of the other beams, and of all beams in one picture.
+    ///
+    /// # Errors
+    /// When one cannot be drawn.
     pub fn charts(&self) -> Result<(Vec<Chart>, usize)> {
         let mut scenes: Vec<&PeerRow> = Vec::new();
         // rows without a point make no chart

@@ -24,6 +24,9 @@ pub fn simulation(
 }
 
 /// Equilibrium displacements (m) by converged Newton.
+///
+/// # Errors
+/// When Newton stops before it has converged.
 pub fn equilibrium(beam: &Beam, model: Model, volume: VolumeRule) -> Result<Vec<DVec3>> {
     let (mut simulation, body) = simulation(beam, model, volume, Precision::F64, 0)?;
     simulation.set_solver(SolverSettings {

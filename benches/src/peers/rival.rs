@@ -60,6 +60,9 @@ pub struct BeamCase {
 
 impl BeamCase {
     /// With its truth, by converged Newton.
+    ///
+    /// # Errors
+    /// When Newton stops before it has converged.
     pub fn new(beam: Beam) -> Result<Self> {
         let truth = equilibrium(&beam, Model::StVK, VolumeRule::Elements)?;
         Ok(Self { beam, truth })

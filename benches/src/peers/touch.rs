@@ -98,6 +98,9 @@ pub struct TouchBlock {
 
 impl TouchBlock {
     /// Of so many cells along each edge, six tetrahedra each.
+    ///
+    /// # Errors
+    /// When a number of cells is zero.
     pub fn new(cells: [usize; 3]) -> Result<Self> {
         let mesh = box_tets(SIZE, cells)?;
         let at = |z: f64| {
@@ -221,6 +224,9 @@ pub struct TouchScale {
 
 impl TouchScale {
     /// Of a block of ours with this energy.
+    ///
+    /// # Errors
+    /// When it cannot be built.
     pub fn new(block: &TouchBlock, model: Model) -> Result<Self> {
         let (simulation, body, clamp) = block.simulation(model, 1, SolverSettings::default())?;
         Ok(Self { simulation, body, clamp })
@@ -459,6 +465,9 @@ pub fn figures(
 }
 
 /// Lets the engines compete; the rows of the truths stand before theirs.
+///
+/// # Errors
+/// When a truth does not converge.
 pub fn compete(block: &TouchBlock, fingers: &mut [Box<dyn Finger + '_>]) -> Result<Vec<TouchRow>> {
     let mut models = vec![Model::StVK];
     models.extend(fingers.iter().map(|f| f.energy()));

@@ -309,11 +309,18 @@ fn all_cases() -> Result<Vec<HardCase>, MeshError> {
 }
 
 /// Names of the cases that may miss a criterion, and which.
+///
+/// # Errors
+/// When a mesh cannot be generated.
 pub fn excused_cases() -> Result<Vec<(String, &'static KnownMiss)>, MeshError> {
     Ok(all_cases()?.iter().filter_map(|c| Some((c.name.clone(), known_miss(c)?))).collect())
 }
 
 /// Runs the suite; cases run side by side, one thread each. `tell` hears how many of how many are done.
+///
+/// # Errors
+/// When a mesh cannot be generated, the options make no sense or the environment names no usable
+/// instruction set.
 pub fn run(
     options: &SuiteOptions,
     tell: impl Fn(usize, usize) + Sync,

@@ -242,6 +242,9 @@ impl Suite {
     }
 
     /// Writes the page: into `stability.html` of a folder, or into a file that ends in `.html`.
+    ///
+    /// # Errors
+    /// When it cannot be written.
     pub fn write_html(&self, path: &Path) -> Result<PathBuf> {
         let is_page = path.extension().is_some_and(|e| e == "html" || e == "htm");
         let file = if is_page { path.to_path_buf() } else { path.join("stability.html") };

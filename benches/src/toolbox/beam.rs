@@ -24,6 +24,9 @@ pub const MATERIAL: YoungPoisson =
     YoungPoisson { young_modulus: 1e4, poisson_ratio: 0.45, density: 1000.0 };
 
 /// A beam of `6 nx ny nz` tetrahedra.
+///
+/// # Errors
+/// When there are too many cells.
 pub fn beam(cells: [usize; 3]) -> Result<Mesh, MeshError> {
     box_tets(EXTENT, cells)
 }
@@ -44,6 +47,9 @@ pub fn cells_for(tetrahedra: usize) -> [usize; 3] {
 }
 
 /// Soft tissue clamped at x = 0 and bent.
+///
+/// # Errors
+/// When threads cannot be started or the mesh cannot be used.
 pub fn bent(
     mesh: &Mesh,
     precision: Precision,
@@ -56,6 +62,9 @@ pub fn bent(
 }
 
 /// [`bent`] with any options.
+///
+/// # Errors
+/// When threads cannot be started or the mesh cannot be used.
 pub fn bent_with(
     options: SimulationOptions,
     mesh: &Mesh,

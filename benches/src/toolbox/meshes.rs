@@ -7,6 +7,9 @@ use std::collections::HashMap;
 use std::path::Path;
 
 /// A mesh of the demos, checked.
+///
+/// # Errors
+/// When it cannot be read or is damaged.
 pub fn demo_mesh(file: &str) -> Result<Mesh> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../demos/meshes").join(file);
     let checked = check(&Mesh::read(&path)?, &CheckOptions::default());

@@ -306,6 +306,9 @@ const PANEL_FLOOR: f64 = 1e-4;
 
 /// Error (%) over cost, both logarithmic, of several cases on the same scales: every case by itself, then, when there
 /// are several, all in one picture of two columns with this name.
+///
+/// # Errors
+/// When they cannot be drawn.
 pub fn panels(
     name: &str,
     axes: [&str; 2],
@@ -377,6 +380,9 @@ pub fn panels(
 }
 
 /// Error (%) over cost (s), both logarithmic, with lines through the points that nothing beats.
+///
+/// # Errors
+/// When it cannot be drawn.
 pub fn speed_against_error(
     name: &str,
     title: &str,
@@ -429,6 +435,9 @@ pub enum Scales {
 }
 
 /// Lines, and points on logarithmic axes or where these are asked for. Series of one name share a place in the legend.
+///
+/// # Errors
+/// When it cannot be drawn.
 pub fn lines(
     name: &str,
     title: &str,
@@ -478,6 +487,9 @@ pub fn lines(
 
 /// Horizontal bars with quartiles; a tick shows what was aimed at. Points on a logarithmic axis when they
 /// differ by more than a factor of 30.
+///
+/// # Errors
+/// When it cannot be drawn.
 pub fn bars(name: &str, title: &str, unit: &str, bars: &[Bar]) -> Result<Chart> {
     let values = || bars.iter().flat_map(|b| [b.value, b.quartiles[1]].into_iter().chain(b.aim));
     let Some(range) = decades(values()) else {

@@ -18,6 +18,9 @@ impl ReportFiles {
     }
 
     /// A value in JSON.
+    ///
+    /// # Errors
+    /// When it has no such form.
     pub fn json(&mut self, name: impl Into<String>, value: &impl Serialize) -> Result<()> {
         let name = name.into();
         let text = serde_json::to_string_pretty(value).map_err(|e| failed(Path::new(&name), e))?;
@@ -26,6 +29,9 @@ impl ReportFiles {
     }
 
     /// One SVG file a chart and one CSV file a table.
+    ///
+    /// # Errors
+    /// When a table has no such form.
     pub fn parts<'a>(
         &mut self,
         charts: &[Chart],
@@ -43,6 +49,9 @@ impl ReportFiles {
     }
 
     /// Writes them into a folder, which is made; returns their paths.
+    ///
+    /// # Errors
+    /// When a file cannot be written.
     pub fn write(self, folder: &Path) -> Result<Vec<PathBuf>> {
         std::fs::create_dir_all(folder).map_err(|e| failed(folder, e))?;
         let write = |(name, content): (String, Vec<u8>)| {

@@ -80,6 +80,9 @@ pub struct Rounds {
 
 /// Measures variants turn by turn. `measure` returns the seconds that count; the samples come back
 /// variant by variant.
+///
+/// # Errors
+/// The first error of `measure`.
 pub fn interleave<V, E>(
     variants: &mut [V],
     rounds: Rounds,

@@ -36,6 +36,23 @@ fn record(scene: &LoadedScene, steps: u64, quantities: Vec<Quantity>) -> (Record
     (recording, summary.final_state_hash)
 }
 
+/// The list is read when the gallery is drawn, which no test does: it takes minutes.
+#[test]
+fn the_gallery_lists_shipped_scenes_and_known_quantities() {
+    let list: toml::Table = toml::from_str(include_str!("../src/picture/gallery.toml")).unwrap();
+    let page = std::fs::read_to_string("../../docs/gallery.md").unwrap();
+    let pictures = list["picture"].as_array().unwrap();
+    assert_eq!(pictures.len(), page.matches("![").count());
+    for picture in pictures {
+        let name = picture["scene"].as_str().unwrap();
+        assert!(shipped_scene(name).is_file(), "{name}");
+        assert!(page.contains(picture["words"].as_str().unwrap()), "{name}");
+        assert!(picture["at"].as_float().is_some_and(|at| at > 0.0), "{name}");
+        picture["quantity"].clone().try_into::<Quantity>().unwrap();
+        picture["camera"].as_str().unwrap();
+    }
+}
+
 #[test]
 fn recording_changes_no_bit_of_a_run() {
     // the moved constraint of this one makes the recorder evaluate forces

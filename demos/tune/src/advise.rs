@@ -59,6 +59,9 @@ pub struct Request {
 }
 
 /// Reads a time such as `16ms`, `0.5 s`, `800us` or a rate such as `60fps`; in seconds.
+///
+/// # Errors
+/// When it is no positive time.
 pub fn parse_budget(text: &str) -> Result<f64, String> {
     let fail = || format!("`{text}` is no time per frame: write 16ms, 800us, 0.5s or 60fps");
     let text = text.trim();
@@ -76,6 +79,9 @@ pub fn parse_budget(text: &str) -> Result<f64, String> {
 }
 
 /// Reads a share such as `2%`.
+///
+/// # Errors
+/// When it is no percentage above 0.
 pub fn parse_error(text: &str) -> Result<f64, String> {
     let fail = || format!("`{text}` is no error: write a percentage such as 2% or 0.5%");
     let number = text.trim().strip_suffix('%').ok_or_else(fail)?;

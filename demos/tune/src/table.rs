@@ -202,6 +202,9 @@ impl Table {
     }
 
     /// Comma-separated, all digits.
+    ///
+    /// # Errors
+    /// When memory cannot be written, which does not happen.
     pub fn csv(&self) -> Result<Vec<u8>, csv::Error> {
         let mut writer = csv::Writer::from_writer(Vec::new());
         writer.write_record(self.columns.iter().map(|c| no_formula(c)))?;

@@ -153,6 +153,9 @@ impl Places {
 impl PrintedDescription<'_> {
     /// Spawns the axes in a body none of whose elements was removed. Without another law its model is
     /// `Model::Own(&law::IN_TETRAHEDRA)`.
+    ///
+    /// # Errors
+    /// When the description cannot be used; nothing is spawned then.
     pub fn add(&self, simulation: &mut Simulation, body: BodyHandle) -> Result<(), PrintedError> {
         let world = simulation.world_mut();
         let places = Places::of(world, body.0);

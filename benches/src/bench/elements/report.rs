@@ -268,6 +268,9 @@ impl ElementReport {
     }
 
     /// The chart: one for each Poisson's ratio, then all in one picture.
+    ///
+    /// # Errors
+    /// When it cannot be drawn.
     pub fn charts(&self) -> Result<Vec<Chart>> {
         let panel = |nu: f64| ChartPanel {
             name: format!("{}-{nu}", self.body.name()),

@@ -95,6 +95,9 @@ pub struct SpringsAgainst {
 }
 
 /// Displacements (m) of linear finite elements.
+///
+/// # Errors
+/// [`VirtualTestError`].
 pub fn reference(
     rig: &Rig,
     material: &LinearMaterial,
@@ -105,6 +108,9 @@ pub fn reference(
 
 /// Springs under a loading, linear ones without `options`, and their distance from the displacements
 /// `fem` (m).
+///
+/// # Errors
+/// [`VirtualTestError`].
 pub fn against(
     rig: &Rig,
     springs: &FittedSprings,

@@ -149,6 +149,9 @@ impl Forward {
     }
 
     /// The same from equilibria for parameters a little to either side.
+    ///
+    /// # Errors
+    /// What [`Forward::solve`] finds.
     pub fn differences(
         &mut self,
         parameters: &[Parameter],

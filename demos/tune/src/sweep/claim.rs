@@ -190,6 +190,9 @@ impl Claim {
     }
 
     /// Writes what it says into its file.
+    ///
+    /// # Errors
+    /// When the file cannot be written.
     pub fn write(&mut self) -> Result<()> {
         // always of one length, so that nothing of an earlier text is left
         let text = serde_json::to_string(&self.holder).unwrap_or_default();
@@ -215,6 +218,9 @@ impl Claim {
     }
 
     /// Lets go.
+    ///
+    /// # Errors
+    /// When the file cannot be written.
     pub fn release(mut self) -> Result<()> {
         self.holder.released = true;
         self.write()

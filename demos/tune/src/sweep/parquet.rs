@@ -13,6 +13,9 @@ use std::path::Path;
 use std::sync::Arc;
 
 /// The file of a table; what has no value is null. An error names `path`.
+///
+/// # Errors
+/// When the writer refuses the table.
 pub fn bytes(table: &SweepTable, path: &Path) -> Result<Vec<u8>> {
     written(table)
         .map_err(|error| SweepError::Table { path: path.into(), message: error.to_string() })
