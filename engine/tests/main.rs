@@ -6,3 +6,4 @@ mod mesh_check;
 mod mesh_check_mixed;
 mod mesh_io;
 mod mesh_mixed_io;
+mod mesh_select;

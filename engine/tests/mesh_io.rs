@@ -309,6 +309,53 @@ fn vectors_of_cells_become_three_columns() {
     assert!(read_vtu(short.as_bytes(), "short.vtu").is_err());
 }
 
+/// Zeros and ones under any name are a group, of whatever type and on whatever they are; other numbers are none.
+#[test]
+fn masks_are_groups() {
+    let vtu = VTU
+        .replace(
+            "<CellData>",
+            "<PointData><DataArray type=\"Int8\" Name=\"held\" format=\"ascii\">1 0 0 1</DataArray>\
+             <DataArray type=\"Float64\" Name=\"pulled\" format=\"ascii\">0 1 1 0</DataArray>\
+             <DataArray type=\"Float64\" Name=\"heat\" format=\"ascii\">0 1 1 0.5</DataArray>\
+             <DataArray type=\"Float64\" Name=\"ones\" format=\"ascii\">1 1 1 1</DataArray></PointData><CellData>\
+             <DataArray type=\"Float64\" Name=\"hard\" format=\"ascii\">1 0</DataArray>\
+             <DataArray type=\"UInt8\" Name=\"skin\" format=\"ascii\">0 1</DataArray>\
+             <DataArray type=\"Float64\" Name=\"fibre\" NumberOfComponents=\"3\" format=\"ascii\">1 0 0 0 1 0</DataArray>",
+        );
+    let vtk = VTK
+        .replace("CELL_DATA 2\n", "CELL_DATA 2\nFIELD f 2\nhard 1 2 double\n1 0\nskin 1 2 unsigned_char\n0 1\n")
+        .replace(
+            "POINT_DATA 4\n",
+            "POINT_DATA 4\nSCALARS held char 1\nLOOKUP_TABLE default\n1 0 0 1\nFIELD f 3\npulled 1 4 double\n\
+             0 1 1 0\nheat 1 4 float\n0 1 1 0.5\nones 1 4 float\n1 1 1 1\n",
+        );
+    for mesh in [read_vtu(vtu.as_bytes(), "").unwrap(), read_vtk(vtk.as_bytes(), "").unwrap()] {
+        let names: Vec<(u8, &str)> =
+            mesh.groups.iter().map(|g| (g.dimension, g.name.as_str())).collect();
+        for expected in
+            [(0, "held"), (0, "pulled"), (3, "hard"), (2, "skin"), (3, "skin 0"), (3, "region 3")]
+        {
+            assert!(names.contains(&expected), "{expected:?} in {names:?}");
+        }
+        assert_eq!(names.len(), 4 + 2 + 2, "{names:?}");
+        assert_eq!(mesh.group("held").unwrap().vertices, [0, 3]);
+        assert_eq!(mesh.group("pulled").unwrap().vertices, [1, 2]);
+        assert_eq!(mesh.group("hard").unwrap().cells.tetrahedra, [0]);
+        assert_eq!(mesh.group("skin").unwrap().vertices, [0, 1, 2]);
+        // data stay what they are
+        assert_eq!(mesh.data("hard").unwrap().values.tetrahedra, [1.0]);
+    }
+    // what is no mask in one piece is none in another
+    let (from, to) = (vtu.find("<Piece").unwrap(), vtu.find("</UnstructuredGrid>").unwrap());
+    let second = vtu[from..to].replace("1 0 0 1</DataArray>", "1 0 7 1</DataArray>");
+    let both = vtu.replace("</UnstructuredGrid>", &format!("{second}</UnstructuredGrid>"));
+    let mesh = read_vtu(both.as_bytes(), "").unwrap();
+    assert!(mesh.group("held").is_none());
+    assert_eq!(mesh.group("pulled").unwrap().vertices, [1, 2, 5, 6]);
+    assert_eq!(mesh.group("hard").unwrap().cells.tetrahedra, [0, 1]);
+}
+
 #[test]
 fn vtk_formats_agree() {
     let mesh = bare(read_vtk(VTK.as_bytes(), "").unwrap());

@@ -15,6 +15,7 @@ use clap::{Args, Parser, Subcommand};
 use fit::{FitArguments, fit};
 use progress::Progress;
 use sinew::engine::lanes::InstructionSet;
+use sinew::engine::mesh::merge::MERGE_TOLERANCE;
 use sinew::engine::schedule::Executor;
 use sinew::models::body::Evaluation;
 use sinew::models::material::YoungPoisson;
@@ -24,7 +25,7 @@ use sinew_cli::{Outcome, PrecisionArgument, choice, exit_code, print};
 use sinew_scene::assemble::{BuildOptions, generate};
 use sinew_scene::cell_springs::SpringTable;
 use sinew_scene::check::check_file;
-use sinew_scene::mesh_tool::{MeshInfo, convert, read, write};
+use sinew_scene::mesh_tool::{MeshInfo, convert, merge, read, write};
 use sinew_scene::run::{LogOptions, Observer, RunOptions, Silent, replay, run};
 use sinew_scene::scene::{
     BackendName, BoxShape, CylinderShape, ExecutorName, Generate, LoadedScene, SheetCells,
@@ -258,6 +259,16 @@ enum MeshCommand {
         /// the same scale.
         #[arg(long, value_name = "FILE")]
         onto: Option<PathBuf>,
+    },
+    /// Makes one vertex of those that lie at one place, as on both sides of a seam.
+    Merge {
+        /// Mesh file to read.
+        from: PathBuf,
+        /// Mesh file to write (.msh, .vtk, .vtu).
+        to: PathBuf,
+        /// Distance within which vertices are one, as a share of the size of the mesh.
+        #[arg(long, default_value_t = MERGE_TOLERANCE, allow_negative_numbers = true)]
+        tolerance: f64,
     },
     /// The springs of tetrahedra or triangles that are St Venant-Kirchhoff elasticity: 21 of a tetrahedron, 6 of
     /// a triangle (Delingette 2008).
@@ -497,6 +508,10 @@ fn mesh(command: MeshCommand) -> Outcome {
         MeshCommand::Convert { from, to, scale, second_order, onto } => {
             let info = convert(&from, &to, scale, second_order, onto.as_deref())?;
             say!("{info}");
+            sayln!("written to {}", to.display());
+        }
+        MeshCommand::Merge { from, to, tolerance } => {
+            say!("{}", merge(&from, &to, tolerance)?);
             sayln!("written to {}", to.display());
         }
         MeshCommand::Springs { file, young, poisson, thickness, cell, json } => {

@@ -3,7 +3,8 @@
 use glam::DVec3;
 use serde::Serialize;
 use sinew::engine::mesh::io::{VtuData, write_gmsh, write_vtk, write_vtu};
-use sinew::engine::mesh::{Mesh, MeshError, PutOnSurface};
+use sinew::engine::mesh::merge::Merged;
+use sinew::engine::mesh::{CellData, Mesh, MeshError, PutOnSurface};
 use std::fmt;
 use std::path::{Path, PathBuf};
 
@@ -42,6 +43,11 @@ pub enum ConvertError {
         /// Where it is said to be (m).
         at: [f64; 3],
     },
+    /// The tolerance is not usable.
+    #[error(
+        "tolerance is {0}; give a share of the size of the mesh above 0 and below 1, such as 1e-6"
+    )]
+    Tolerance(f64),
     /// The scale is not usable.
     #[error("scale is {0}; give a positive factor (0.001 for a mesh in millimetres)")]
     Scale(f64),
@@ -85,8 +91,48 @@ pub struct MeshInfo {
     pub edge_lengths: Option<[f64; 3]>,
     /// Groups.
     pub groups: Vec<GroupInfo>,
+    /// Numbers that the file keeps with its cells, for materials that vary (`young_modulus_field`) and the like.
+    pub data: Vec<DataInfo>,
     /// Cells of kinds that Sinew cannot use, with their number.
     pub skipped: Vec<(String, usize)>,
+    /// What became of vertices that lie at one place, where they were merged.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub merged: Option<Merged>,
+}
+
+/// Cell data of a mesh.
+#[derive(Clone, Debug, Serialize)]
+pub struct DataInfo {
+    /// Name.
+    pub name: String,
+    /// Whether the file holds whole numbers.
+    pub integer: bool,
+    /// Cells that have a number.
+    pub cells: usize,
+    /// Cells that have none.
+    pub without: usize,
+    /// Smallest number; `None` where no cell has one.
+    pub smallest: Option<f64>,
+    /// Largest number.
+    pub largest: Option<f64>,
+}
+
+impl DataInfo {
+    fn of(data: &CellData) -> Self {
+        let (mut cells, mut without, mut ends) = (0, 0, None);
+        for &value in data.values.in_files().into_iter().flatten() {
+            if value.is_nan() {
+                without += 1;
+                continue;
+            }
+            cells += 1;
+            let (low, high) = ends.unwrap_or((value, value));
+            ends = Some((value.min(low), value.max(high)));
+        }
+        let CellData { name, integer, .. } = data;
+        let (smallest, largest) = (ends.map(|e| e.0), ends.map(|e| e.1));
+        Self { name: name.clone(), integer: *integer, cells, without, smallest, largest }
+    }
 }
 
 /// A group of a mesh.
@@ -154,7 +200,9 @@ impl MeshInfo {
                     hexahedra: group.cells.hexahedra.len(),
                 })
                 .collect(),
+            data: mesh.cell_data.iter().map(DataInfo::of).collect(),
             skipped: mesh.skipped.iter().map(|s| (s.kind.clone(), s.count)).collect(),
+            merged: None,
         }
     }
 }
@@ -219,6 +267,27 @@ impl fmt::Display for MeshInfo {
             }
             writeln!(f)?;
         }
+        for (i, data) in self.data.iter().enumerate() {
+            let label = if i == 0 { "cell data" } else { "" };
+            let DataInfo { name, cells, without, .. } = data;
+            write!(f, "  {label:<11} {name:<16} {cells:>7} cells")?;
+            if let (Some(smallest), Some(largest)) = (data.smallest, data.largest) {
+                write!(f, ", {smallest} to {largest}")?;
+            }
+            match without {
+                0 => writeln!(f)?,
+                _ => writeln!(f, ", {without} cells without")?,
+            }
+        }
+        if let Some(Merged { vertices, left, distance }) = self.merged {
+            writeln!(
+                f,
+                "  merged      {vertices} vertices that lay within {distance:.3e} m of another"
+            )?;
+            if left > 0 {
+                writeln!(f, "  left        {left} vertices: cells would become flat")?;
+            }
+        }
         for (kind, count) in &self.skipped {
             writeln!(f, "  skipped     {count} x {kind}")?;
         }
@@ -262,6 +331,20 @@ pub fn write(path: &Path, mesh: &Mesh) -> Result<(), ConvertError> {
         Some("vtu") => Ok(write_vtu(path, &VtuData::of_mesh(mesh))?),
         _ => Err(ConvertError::Format(path.into())),
     }
+}
+
+/// Reads one file and writes another in which vertices that lie within `tolerance` times the largest extent of each other
+/// are one.
+///
+/// # Errors
+/// When one of the files or the tolerance cannot be used.
+pub fn merge(from: &Path, to: &Path, tolerance: f64) -> Result<MeshInfo, ConvertError> {
+    if !(tolerance > 0.0 && tolerance < 1.0) {
+        return Err(ConvertError::Tolerance(tolerance));
+    }
+    let (mesh, merged) = read(from)?.merged(tolerance);
+    write(to, &mesh)?;
+    Ok(MeshInfo { merged: Some(merged), ..MeshInfo::of(&mesh) })
 }
 
 /// Reads one file and writes another, with every coordinate multiplied by `scale` and, if asked for, a vertex in the middle of

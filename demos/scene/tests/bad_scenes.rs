@@ -173,6 +173,16 @@ bad! {
         EmptySelection { .. }, 16, ["beam", "reaches from"];
     crossed_box: "{ group = \"x0\" }" => "{ box = { min = [1.0, 0.0, 0.0], max = [0.0, 1.0, 1.0] } }",
         Value { .. }, 16, ["exchange"];
+    cylinder_without_axis: "{ group = \"x0\" }"
+        => "{ cylinder = { start = [0.0, 0.0, 0.0], end = [0.0, 0.0, 0.0], radius = 0.1 } }",
+        Value { .. }, 16, ["`constraint[0].select.cylinder`", "no axis"];
+    half_space_without_normal: "{ group = \"x0\" }"
+        => "{ half_space = { point = [0.0, 0.0, 0.0], normal = [0.0, 0.0, 0.0] } }",
+        Value { .. }, 16, ["`constraint[0].select.half_space`", "normal is 0"];
+    patch_of_nothing: "{ group = \"x0\" }" => "{ patch = { angle = 20.0 } }",
+        Value { .. }, 16, ["`constraint[0].select.patch`", "`near`, `normal` or both"];
+    patch_without_faces: "{ group = \"x0\" }" => "{ patch = { normal = [1.0, 1.0, 1.0], angle = 5.0 } }",
+        EmptySelection { .. }, 16, ["make `angle` larger"];
     two_selections: "{ group = \"x0\" }" => "{ group = \"x0\", all = true }",
         Value { .. }, 16, ["exactly one"];
     index_out_of_range: "{ group = \"x0\" }" => "{ vertices = [0, 20] }",
@@ -262,6 +272,33 @@ fn what_is_repaired_or_unintended_is_a_warning() {
     assert!(warnings.iter().all(|w| !w.remedy.is_empty()));
 }
 
+/// Planes, cylinders and patches choose the vertices of the group of a side, and faces of it.
+#[test]
+fn places_choose_what_a_group_does() {
+    let built = |select: &str, on: &str| {
+        let text = GOOD.replace("{ group = \"x0\" }", select)
+            + &format!("[[pressure]]\nname = \"p\"\non = {on}\npressure = 1.0\n");
+        let scene = LoadedScene::parse(&text, &scene_folder().join("good.toml")).unwrap();
+        let built =
+            build(&scene, &BuildOptions { threads: Some(1), ..Default::default() }).unwrap();
+        (built.constraints[0].vertices.clone(), built.pressures[0].summary.triangles)
+    };
+    let expected = built("{ group = \"x0\" }", "{ group = \"x0\" }");
+    assert_eq!(expected.1, 2);
+    for select in [
+        "{ half_space = { point = [0.01, 0.0, 0.0], normal = [-2.0, 0.0, 0.0] } }",
+        "{ cylinder = { start = [-0.01, 0.02, 0.02], end = [0.0, 0.02, 0.02], radius = 0.03 } }",
+        "{ patch = { near = [-0.1, 0.02, 0.02] } }",
+        "{ patch = { normal = [-1.0, 0.0, 0.0] } }",
+    ] {
+        assert_eq!(
+            built(select, "{ patch = { normal = [-1.0, 0.0, 0.0] } }"),
+            expected,
+            "{select}"
+        );
+    }
+}
+
 /// Keys that the model knows at a place: an unknown one makes serde list them.
 fn keys_of(text: &str) -> BTreeSet<String> {
     let message = toml::from_str::<Scene>(text).unwrap_err().message().to_string();
@@ -309,6 +346,9 @@ fn the_readme_lists_exactly_the_keys_that_exist() {
         ("select", format!("{constraint}select = {{ zzz = 1 }}")),
         ("select.box", format!("{constraint}select = {{ box = {{ zzz = 1 }} }}")),
         ("select.sphere", format!("{constraint}select = {{ sphere = {{ zzz = 1 }} }}")),
+        ("select.cylinder", format!("{constraint}select = {{ cylinder = {{ zzz = 1 }} }}")),
+        ("select.half_space", format!("{constraint}select = {{ half_space = {{ zzz = 1 }} }}")),
+        ("select.patch", format!("{constraint}select = {{ patch = {{ zzz = 1 }} }}")),
         ("[[constraint]]", format!("{constraint}zzz = 1")),
         ("motion", format!("{constraint}motion = {{ zzz = 1 }}")),
         ("motion.rotate", format!("{constraint}motion = {{ rotate = {{ zzz = 1 }} }}")),

@@ -4,7 +4,7 @@ use sinew::engine::mesh::Mesh;
 use sinew::engine::mesh::generate::box_hexahedra;
 use sinew_scene::assemble::generate;
 use sinew_scene::check::check_file;
-use sinew_scene::mesh_tool::{ConvertError, MeshInfo, convert, write};
+use sinew_scene::mesh_tool::{ConvertError, MeshInfo, convert, merge, write};
 use sinew_scene::scene::{CylinderShape, Generate, SolidCells, SphereShape};
 use sinew_scene::{scene_folder, shipped_scene};
 use std::path::{Path, PathBuf};
@@ -174,4 +174,41 @@ fn hexahedra_and_quadrilaterals_are_counted_and_converted() {
     let summary = check_file(&names[3]);
     assert!(summary.usable, "{summary}");
     assert!(summary.to_string().contains("16 hexahedra, 0 triangles, 40 quadrilaterals"));
+}
+
+/// Two boxes that share a side, each with vertices of its own, and cell data of which some are missing.
+#[test]
+fn seams_are_merged_and_data_shown() {
+    use glam::DVec3;
+    use sinew::engine::mesh::CellData;
+    use sinew::engine::mesh::generate::box_tets;
+    let mut mesh = box_tets(DVec3::splat(0.1), [1, 1, 1]).unwrap();
+    let beside = mesh.clone();
+    mesh.points.extend(beside.points.iter().map(|p| *p + DVec3::new(0.1, 1e-8, 0.0)));
+    mesh.tetrahedra.extend(beside.tetrahedra.iter().map(|t| t.map(|v| v + 8)));
+    mesh.triangles.clear();
+    mesh.groups.clear();
+    let mut stiffness = CellData { name: "E".into(), ..CellData::default() };
+    stiffness.values.tetrahedra = (0..12).map(|i| 1e3 * f64::from(i)).collect();
+    stiffness.values.tetrahedra[0] = f64::NAN;
+    mesh.cell_data.push(stiffness);
+    let file = |name: &str| std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
+    let (seam, whole) = (file("seam.vtu"), file("whole.vtu"));
+    write(&seam, &mesh).unwrap();
+    let info = merge(&seam, &whole, 1e-6).unwrap();
+    assert_eq!(
+        (info.vertices, info.merged.unwrap().vertices, info.merged.unwrap().left),
+        (12, 4, 0)
+    );
+    let text = info.to_string();
+    assert!(text.contains("merged      4 vertices that lay within 2.000e-7 m"), "{text}");
+    assert!(
+        text.contains("cell data   E                     11 cells, 1000 to 11000, 1 cells without"),
+        "{text}"
+    );
+    let json = serde_json::to_value(&info).unwrap();
+    assert_eq!(json["data"][0]["largest"], 11000.0);
+    assert!(matches!(merge(&seam, &whole, 0.0), Err(ConvertError::Tolerance(_))));
+    // nearer than they are
+    assert_eq!(merge(&seam, &whole, 1e-8).unwrap().merged.unwrap().vertices, 0);
 }

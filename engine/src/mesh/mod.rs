@@ -35,8 +35,11 @@ pub mod check;
 pub mod error;
 pub mod generate;
 pub mod io;
+pub mod merge;
 mod second_order;
+mod select;
 pub use second_order::PutOnSurface;
+pub use select::{Patch, Zone};
 mod split;
 mod surface;
 

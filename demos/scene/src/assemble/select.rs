@@ -2,9 +2,8 @@
 
 use super::body::BuiltBody;
 use crate::error::{SceneError, SceneProblem, hint};
-use crate::scene::{FacesEntry, Key, Selection};
-use glam::DVec3;
-use sinew::engine::mesh::{Group, Mesh};
+use crate::scene::{FacesEntry, Key, PatchRegion, Selection};
+use sinew::engine::mesh::{Group, Mesh, Patch, Surface, Zone};
 use std::collections::HashMap;
 
 /// The body of that name, or the only one.
@@ -33,15 +32,20 @@ pub(super) fn select(
     selection: &Selection,
     body: &BuiltBody,
 ) -> Result<Vec<u32>, SceneError> {
-    let Selection { group, vertices, cuboid, sphere, all } = selection;
-    let given =
-        [group.is_some(), vertices.is_some(), cuboid.is_some(), sphere.is_some(), all.is_some()];
-    let keys = "`group`, `vertices`, `box`, `sphere` and `all = true`";
+    let Selection { group, vertices, cuboid, sphere, cylinder, half_space, patch, all } = selection;
+    let given = [
+        group.is_some(),
+        vertices.is_some(),
+        cuboid.is_some(),
+        sphere.is_some(),
+        cylinder.is_some(),
+        half_space.is_some(),
+        patch.is_some(),
+        all.is_some(),
+    ];
+    let keys =
+        "`group`, `vertices`, `box`, `sphere`, `cylinder`, `half_space`, `patch` and `all = true`";
     key.exactly_one(&given, "selection", keys)?;
-    let points = &body.mesh.points;
-    let within = |test: &dyn Fn(DVec3) -> bool| -> Vec<u32> {
-        body.used_vertices.iter().copied().filter(|&v| test(points[v as usize])).collect()
-    };
     let (chosen, remedy) = if let Some(name) = group {
         let mut chosen = group_vertices(&key.at("group"), name, &body.mesh)?;
         chosen.sort_unstable();
@@ -50,20 +54,14 @@ pub(super) fn select(
         (chosen, "the group has no vertex that an element uses".to_string())
     } else if let Some(vertices) = vertices {
         (listed(&key.at("vertices"), vertices, body)?, "the list is empty".to_string())
-    } else if let Some(region) = cuboid {
-        let key = key.at("box");
-        let low = key.at("min").finite(region.min)?;
-        let high = key.at("max").finite(region.max)?;
-        if !low.cmple(high).all() {
-            let found = format!("min {low} is not below max {high}");
-            return Err(key.value(found, "exchange the corners"));
-        }
-        (within(&|p| p.cmpge(low).all() && p.cmple(high).all()), bounds_remedy(body))
-    } else if let Some(region) = sphere {
-        let key = key.at("sphere");
-        let centre = key.at("centre").finite(region.centre)?;
-        let radius = key.at("radius").positive(region.radius, "radius", "m")?;
-        (within(&|p| p.distance(centre) <= radius), bounds_remedy(body))
+    } else if let Some(zone) = zone(key, selection)? {
+        let points = &body.mesh.points;
+        let inside = |v: &u32| zone.contains(points[*v as usize]);
+        (body.used_vertices.iter().copied().filter(inside).collect(), bounds_remedy(body))
+    } else if let Some(region) = patch {
+        let mut chosen = body.mesh.patch_vertices(&surface_patch(key, region)?);
+        chosen.retain(|v| body.used_vertices.binary_search(v).is_ok());
+        (chosen, PATCH_REMEDY.to_string())
     } else if *all == Some(true) {
         (body.used_vertices.clone(), String::new())
     } else {
@@ -75,6 +73,62 @@ pub(super) fn select(
         return Err(key.error(SceneProblem::EmptySelection { body, remedy }));
     }
     Ok(chosen)
+}
+
+/// What to do where no face belongs to a patch.
+const PATCH_REMEDY: &str =
+    "no face of the surface looks there: make `angle` larger, or turn `normal` round";
+
+/// The part of space of a selection, if that is what it gives.
+fn zone(key: &Key, selection: &Selection) -> Result<Option<Zone>, SceneError> {
+    let (key, zone) = if let Some(region) = &selection.cuboid {
+        let key = key.at("box");
+        let min = key.at("min").finite(region.min)?;
+        let max = key.at("max").finite(region.max)?;
+        if !min.cmple(max).all() {
+            let found = format!("min {min} is not below max {max}");
+            return Err(key.value(found, "exchange the corners"));
+        }
+        (key, Zone::Box { min, max })
+    } else if let Some(region) = &selection.sphere {
+        let key = key.at("sphere");
+        let centre = key.at("centre").finite(region.centre)?;
+        let radius = key.at("radius").positive(region.radius, "radius", "m")?;
+        (key, Zone::Sphere { centre, radius })
+    } else if let Some(region) = &selection.cylinder {
+        let key = key.at("cylinder");
+        let start = key.at("start").finite(region.start)?;
+        let end = key.at("end").finite(region.end)?;
+        let radius = key.at("radius").positive(region.radius, "radius", "m")?;
+        (key, Zone::Cylinder { start, end, radius })
+    } else if let Some(region) = &selection.half_space {
+        let key = key.at("half_space");
+        let point = key.at("point").finite(region.point)?;
+        let normal = key.at("normal").finite(region.normal)?;
+        (key, Zone::HalfSpace { point, normal })
+    } else {
+        return Ok(None);
+    };
+    match zone.problem() {
+        Some(problem) => Err(key.value(problem, "correct it")),
+        None => Ok(Some(zone)),
+    }
+}
+
+/// The patch of a scene.
+fn surface_patch(key: &Key, region: &PatchRegion) -> Result<Patch, SceneError> {
+    let key = key.at("patch");
+    let vector =
+        |name: &str, given: Option<[f64; 3]>| given.map(|own| key.at(name).finite(own)).transpose();
+    let patch = Patch {
+        near: vector("near", region.near)?,
+        normal: vector("normal", region.normal)?,
+        angle: region.angle.to_radians(),
+    };
+    match patch.problem() {
+        Some(problem) => Err(key.value(problem, "correct it")),
+        None => Ok(patch),
+    }
 }
 
 /// Sorted vertices of a list, all of which elements use.
@@ -157,8 +211,12 @@ pub(super) fn faces(
 ) -> Result<(Vec<[u32; 3]>, f64), SceneError> {
     let inward = |[a, b, c]: [u32; 3]| [a, c, b];
     let inward_quad = |[a, b, c, d]: [u32; 4]| [a, d, c, b];
-    let (triangles, quads) = match (&on.group, on.surface, on.membrane) {
-        (Some(group), None, None) => {
+    let inward_surface = |surface: Surface| {
+        let triangles = surface.triangles.into_iter().map(inward);
+        (triangles.collect(), surface.quads.into_iter().map(inward_quad).collect())
+    };
+    let (triangles, quads) = match (&on.group, on.surface, &on.patch, on.membrane) {
+        (Some(group), None, None, None) => {
             let surface = body.mesh.surface();
             let outward = by_vertices(&surface.triangles);
             let outward_quads = by_vertices(&surface.quads);
@@ -171,18 +229,25 @@ pub(super) fn faces(
             }
             (triangles, quads)
         }
-        (None, Some(true), None) => {
-            let surface = body.mesh.surface();
-            let triangles = surface.triangles.into_iter().map(inward);
-            (triangles.collect(), surface.quads.into_iter().map(inward_quad).collect())
+        (None, Some(true), None, None) => inward_surface(body.mesh.surface()),
+        (None, None, Some(region), None) => {
+            let surface = body.mesh.patch(&surface_patch(key, region)?);
+            if surface == Surface::default() {
+                let found = format!("body `{}` has no such faces", body.name);
+                return Err(key.at("patch").value(found, PATCH_REMEDY));
+            }
+            match body.mesh.is_solid() {
+                true => inward_surface(surface),
+                false => (surface.triangles, surface.quads),
+            }
         }
-        (None, None, Some(true)) => {
+        (None, None, None, Some(true)) => {
             (body.membrane_triangles().to_vec(), body.membrane_quads().to_vec())
         }
         _ => {
             return Err(key.value(
                 "not exactly one kind of faces is given",
-                "give one of `group`, `surface = true` and `membrane = true`",
+                "give one of `group`, `surface = true`, `patch` and `membrane = true`",
             ));
         }
     };

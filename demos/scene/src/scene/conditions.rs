@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Vertices of a body; exactly one key. Boxes and spheres are those of the rest shape.
+/// Vertices of a body; exactly one key. Places are those of the rest shape.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Selection {
@@ -15,6 +15,12 @@ pub struct Selection {
     pub cuboid: Option<BoxRegion>,
     /// All vertices in a sphere.
     pub sphere: Option<SphereRegion>,
+    /// All vertices in a cylinder.
+    pub cylinder: Option<CylinderRegion>,
+    /// All vertices on one side of a plane.
+    pub half_space: Option<HalfSpaceRegion>,
+    /// The vertices of a part of the surface.
+    pub patch: Option<PatchRegion>,
     /// All vertices of the body.
     pub all: Option<bool>,
 }
@@ -37,6 +43,45 @@ pub struct SphereRegion {
     pub centre: [f64; 3],
     /// Radius (m).
     pub radius: f64,
+}
+
+/// A cylinder with flat ends and its surface.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CylinderRegion {
+    /// Middle of one end (m).
+    pub start: [f64; 3],
+    /// Middle of the other end (m).
+    pub end: [f64; 3],
+    /// Radius (m).
+    pub radius: f64,
+}
+
+/// One side of a plane, with the plane.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct HalfSpaceRegion {
+    /// A point of the plane (m).
+    pub point: [f64; 3],
+    /// Points to the side that is meant; of any length.
+    pub normal: [f64; 3],
+}
+
+/// A part of the surface: around a point, of a direction, or both.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PatchRegion {
+    /// A point (m) near the face that it begins with.
+    pub near: Option<[f64; 3]>,
+    /// Direction of the outward normals; of any length.
+    pub normal: Option<[f64; 3]>,
+    /// Largest bend between neighbours, or with `normal` largest angle to it (degrees).
+    #[serde(default = "patch_angle")]
+    pub angle: f64,
+}
+
+fn patch_angle() -> f64 {
+    30.0
 }
 
 /// Vertices that are held or moved.
@@ -124,6 +169,8 @@ pub struct FacesEntry {
     pub group: Option<String>,
     /// The whole boundary of the tetrahedra, pushed inward.
     pub surface: Option<bool>,
+    /// A part of that, likewise.
+    pub patch: Option<PatchRegion>,
     /// All triangles of the membrane, pushed along their normals.
     pub membrane: Option<bool>,
 }

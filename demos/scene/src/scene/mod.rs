@@ -13,8 +13,8 @@ mod touch;
 
 pub use body::{BodyEntry, MaterialEntry, MembraneEntry, SpringMethod};
 pub use conditions::{
-    BoxRegion, ConstraintEntry, CurveEntry, FacesEntry, LoadEntry, MotionEntry, PressureEntry,
-    RotationAbout, Selection, Sine, SphereRegion,
+    BoxRegion, ConstraintEntry, CurveEntry, CylinderRegion, FacesEntry, HalfSpaceRegion, LoadEntry,
+    MotionEntry, PatchRegion, PressureEntry, RotationAbout, Selection, Sine, SphereRegion,
 };
 pub use document::{BackendName, ExecutorName, Mode, Output, PrecisionName, ProbeEntry, Scene};
 pub use fibres::{

@@ -3,7 +3,7 @@
 //! All tolerances are relative to the cells themselves, so that a body of micrometres and one of
 //! kilometres are judged alike; only `implausible-size` looks at metres, and only warns.
 
-mod places;
+pub(in crate::mesh) mod places;
 mod shape;
 mod topology;
 

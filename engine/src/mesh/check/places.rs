@@ -88,12 +88,12 @@ pub(super) fn duplicate_coordinates(
         Severity::Warning,
         seams,
         |count| format!("{count} vertices lie where another one lies, but in other cells"),
-        "merge them unless the body is meant to be cut open there",
+        "`sinew mesh merge` merges them, unless the body is meant to be cut open there",
     );
 }
 
 /// Orders points as a balanced tree: the middle of each slice splits the rest along its widest axis.
-fn build_tree(points: &[DVec3], order: &mut [u32], axes: &mut [u8]) {
+pub(in crate::mesh) fn build_tree(points: &[DVec3], order: &mut [u32], axes: &mut [u8]) {
     if order.len() < 2 {
         return;
     }
@@ -114,7 +114,7 @@ fn build_tree(points: &[DVec3], order: &mut [u32], axes: &mut [u8]) {
 }
 
 /// Any accepted vertex within `reach` of `point` along each axis.
-fn search_tree(
+pub(in crate::mesh) fn search_tree(
     points: &[DVec3],
     order: &[u32],
     axes: &[u8],

@@ -1,9 +1,10 @@
 //! What legacy VTK and VTU files share: cell types, typed arrays and the way groups are stored.
 //!
 //! A group is kept as a pair of 0/1 arrays named `group:<dimension>:<name>`, one on the points and one
-//! on the cells. An integer cell array of any other name with few distinct values gives one group for
-//! each value, named `<array> <value>`. Every array of one number for each cell is kept as it is too, and
-//! one of three as three arrays of reals.
+//! on the cells. An array of any other name that holds nothing but zeros and ones, and both, gives the group of its ones under
+//! its own name: a node set if it is on the points. An integer cell array of any other name with few distinct values gives
+//! one group for each value too, named `<array> <value>`. Every array of one number for each cell is kept as it is as well,
+//! and one of three as three arrays of reals.
 
 use super::cells::{Builder, CellKind, component_names};
 use super::scan::Cursor;
@@ -11,6 +12,7 @@ use crate::element_kind::{ByKind, ElementKind};
 use crate::mesh::error::{FileProblem, MeshError, Place};
 use crate::mesh::{Group, Mesh};
 use glam::DVec3;
+use std::borrow::Cow;
 use std::collections::{BTreeMap, HashMap};
 
 /// Integer arrays with more distinct values than this are numberings, not regions.
@@ -162,6 +164,18 @@ impl Array {
         }
     }
 
+    /// The array as a mask; `None` where it holds anything but zeros and ones.
+    fn mask(&self) -> Option<Cow<'_, [i64]>> {
+        let whole: Cow<[i64]> = match self {
+            Array::Integers(array) => Cow::Borrowed(&array.values),
+            Array::Reals(array) if array.values.iter().all(|x| *x == 0.0 || *x == 1.0) => {
+                Cow::Owned(array.values.iter().map(|&x| x as i64).collect())
+            }
+            Array::Reals(_) => return None,
+        };
+        whole.iter().all(|x| matches!(x, 0 | 1)).then_some(whole)
+    }
+
     fn value(&self, index: usize) -> f64 {
         match self {
             Array::Integers(array) => array.values[index] as f64,
@@ -188,10 +202,22 @@ pub(crate) struct Piece {
 /// Groups in the making, by dimension and name, over all pieces.
 type Slots = BTreeMap<(u8, String), usize>;
 
+/// What the pieces so far hold of an array that may be a mask.
+#[derive(Default)]
+struct Mask {
+    zeros: bool,
+    ones: bool,
+    others: bool,
+}
+
 /// Collects the pieces of a file into one mesh.
 pub(crate) struct Assembly {
     builder: Builder,
     slots: Slots,
+    /// Arrays of zeros and ones, by whether they are on the cells, and by name.
+    masks: BTreeMap<(bool, String), Mask>,
+    /// Groups that masks make, if they turn out to be such.
+    of_masks: BTreeMap<usize, (bool, String)>,
 }
 
 /// A count of an array that does not fit: expected and found.
@@ -270,7 +296,12 @@ impl Piece {
 
 impl Assembly {
     pub fn new(source: &str) -> Self {
-        Assembly { builder: Builder::new(source), slots: Slots::new() }
+        Assembly {
+            builder: Builder::new(source),
+            slots: Slots::new(),
+            masks: BTreeMap::new(),
+            of_masks: BTreeMap::new(),
+        }
     }
 
     fn slot(&mut self, dimension: u8, name: &str) -> usize {
@@ -299,12 +330,17 @@ impl Assembly {
         }
 
         // Groups of every cell, one array at a time, then the cells.
-        let mut memberships: Vec<(&[i64], HashMap<i64, Membership>)> = Vec::new();
+        let mut memberships: Vec<(Cow<[i64]>, HashMap<i64, Membership>)> = Vec::new();
         for (name, array) in &piece.cell_arrays {
             if let Some(integers) = array.integers()
                 && let Some(values) = self.membership(name, integers)
             {
-                memberships.push((integers, values));
+                memberships.push((integers.into(), values));
+            }
+            if !is_component(name, &piece.cell_arrays)
+                && let Some(mask) = self.mask(true, name, array)
+            {
+                memberships.push((mask, HashMap::from([(1, Membership::Mask(name.clone()))])));
             }
         }
         // Data of earlier pieces end where this one begins, whether it has such data or not.
@@ -324,6 +360,9 @@ impl Assembly {
                 match slots.get(&values[number]) {
                     Some(Membership::Region(name)) => {
                         groups.push(self.slot(kind.dimension.min(3), name));
+                    }
+                    Some(Membership::Mask(name)) => {
+                        groups.push(self.mask_slot(true, kind.dimension.min(3), name));
                     }
                     Some(&Membership::Group(slot)) => exact.push(slot),
                     None => {}
@@ -349,14 +388,44 @@ impl Assembly {
         Ok(())
     }
 
+    /// Takes note of what an array holds that may be a mask; it, if it is one so far.
+    fn mask<'p>(&mut self, of_cells: bool, name: &str, array: &'p Array) -> Option<Cow<'p, [i64]>> {
+        if group_name(name).is_some() || array.len() == 0 {
+            return None;
+        }
+        let own = self.masks.entry((of_cells, name.to_owned())).or_default();
+        let Some(mask) = array.mask() else {
+            own.others = true;
+            return None;
+        };
+        own.zeros |= mask.contains(&0);
+        own.ones |= mask.contains(&1);
+        (!own.others).then_some(mask)
+    }
+
+    /// The group of a mask, which goes again if that turns out to be none.
+    fn mask_slot(&mut self, of_cells: bool, dimension: u8, name: &str) -> usize {
+        let known = self.slots.contains_key(&(dimension, name.to_owned()));
+        let slot = self.slot(dimension, name);
+        if !known {
+            self.of_masks.insert(slot, (of_cells, name.to_owned()));
+        }
+        slot
+    }
+
     /// Vertices of the groups that point arrays hold.
     fn add_point_groups(&mut self, piece: &Piece, base: usize) {
         for (name, array) in &piece.point_arrays {
-            let (Some((dimension, name)), Some(values)) = (group_name(name), array.integers())
-            else {
-                continue;
+            let (slot, values) = match (group_name(name), array.integers()) {
+                (Some((dimension, name)), Some(values)) => {
+                    (self.slot(dimension, name), Cow::Borrowed(values))
+                }
+                (Some(_), None) => continue,
+                (None, _) => match self.mask(false, name, array) {
+                    Some(mask) => (self.mask_slot(false, 0, name), mask),
+                    None => continue,
+                },
             };
-            let slot = self.slot(dimension, name);
             let members = values.iter().enumerate().filter(|&(_, &value)| value != 0);
             let group: &mut Group = &mut self.builder.mesh.groups[slot];
             group.vertices.extend(members.map(|(i, _)| (base + i) as u32));
@@ -394,14 +463,30 @@ impl Assembly {
     }
 
     pub fn finish(self) -> Mesh {
-        self.builder.finish()
+        let Self { mut builder, masks, of_masks, .. } = self;
+        let mut number = 0..;
+        builder.mesh.groups.retain(|_| {
+            let slot = number.next().unwrap_or_default();
+            let mask = of_masks.get(&slot).and_then(|key| masks.get(key));
+            mask.is_none_or(|own| own.zeros && own.ones && !own.others)
+        });
+        builder.finish()
     }
+}
+
+/// Whether an array is one of the three that a vector is kept as.
+fn is_component(name: &str, arrays: &[(String, Array)]) -> bool {
+    let of = ["_x", "_y", "_z"].into_iter().find_map(|end| name.strip_suffix(end));
+    let known = |name: &String| arrays.iter().any(|(own, _)| own == name);
+    of.is_some_and(|of| component_names(of).iter().all(known))
 }
 
 /// What a value of a cell array means.
 enum Membership {
     /// Member of the region of that name, in the dimension of the cell.
     Region(String),
+    /// Member of the mask of that name, likewise.
+    Mask(String),
     /// Member of the group at that position.
     Group(usize),
 }

@@ -7,7 +7,7 @@ mod write;
 
 pub use write::{VtuData, encode_vtu, write_pvd, write_vtu};
 
-use super::grid::{self, Assembly, Located, Number, Piece, group_name, push_array};
+use super::grid::{self, Assembly, Located, Number, Piece, push_array};
 use super::scan::{Cursor, line_at, parse, words};
 use crate::mesh::Mesh;
 use crate::mesh::error::{FileProblem, MeshError, Place, shown, shown_up_to};
@@ -347,16 +347,11 @@ impl<'a> Reader<'a> {
             (Part::Cells, "connectivity") => draft.connectivity = Some(self.integers(array)?),
             (Part::Cells, "offsets") => draft.ends = Some(self.integers(array)?),
             (Part::Cells, "types") => draft.types = Some(self.integers(array)?),
-            (Part::PointData, name) if group_name(name).is_some() && array.components == 1 => {
-                let values = grid::Array::Integers(self.integers(array)?);
-                draft.point_arrays.push((name.to_owned(), values));
+            (Part::PointData, name) if array.components == 1 => {
+                draft.point_arrays.push((name.to_owned(), self.numbers(array)?));
             }
             (Part::CellData, name) if matches!(array.components, 1 | 3) => {
-                let values = if array.number.is_integer() && array.components == 1 {
-                    grid::Array::Integers(self.integers(array)?)
-                } else {
-                    grid::Array::Reals(self.reals(array)?)
-                };
+                let values = self.numbers(array)?;
                 push_array(&mut draft.cell_arrays, name.to_owned(), array.components, values);
             }
             _ => {}
@@ -398,6 +393,14 @@ impl<'a> Reader<'a> {
         }
         let (point_arrays, cell_arrays) = (draft.point_arrays, draft.cell_arrays);
         Ok(Piece { points, connectivity, ends, types, point_arrays, cell_arrays })
+    }
+
+    /// One number each as whole numbers where they are such.
+    fn numbers(&self, array: &Array<'_>) -> Result<grid::Array, MeshError> {
+        Ok(match array.number.is_integer() && array.components == 1 {
+            true => grid::Array::Integers(self.integers(array)?),
+            false => grid::Array::Reals(self.reals(array)?),
+        })
     }
 
     fn integers(&self, array: &Array<'_>) -> Result<Located<i64>, MeshError> {
