@@ -29,7 +29,6 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     }
 
     // read: forces are those of the last evaluation, so evaluate the state first
-    simulation.evaluate();
     let carried = simulation.reaction(table).z;
     let weight = 9.81 * material.density * size.x * size.y * size.z;
     println!("the table carries {carried:.4} N of {weight:.4} N");

@@ -19,7 +19,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let table = Tool::ground("table", DVec3::ZERO, DVec3::Z).with_friction(0.5);
     let table = simulation.add_tool(table)?;
     // bodies pass through each other until a contact names the pair
-    let contact = BodyContact::new("blocks", [below.0, above.0]).with_friction(0.3);
+    let contact = BodyContact::new("blocks", [below, above]).with_friction(0.3);
     let contact = simulation.add_body_contact(contact);
 
     for step in 1..=300 {

@@ -50,6 +50,7 @@ impl Simulation {
     /// # Errors
     /// When there is no such tool, it has a motion of its own, or the pose cannot be used.
     pub fn move_tool(&mut self, tool: Entity, pose: impl Into<ToolPose>) -> Result<(), ToolError> {
+        let tool = self.current(tool);
         match self.world_mut().get_mut::<Tool>(tool) {
             Some(mut tool) => tool.set_target(pose),
             None => Err(ToolError::NoTool(tool)),
@@ -61,19 +62,37 @@ impl Simulation {
     /// # Errors
     /// As [`Simulation::move_tool`].
     pub fn place_tool(&mut self, tool: Entity, pose: impl Into<ToolPose>) -> Result<(), ToolError> {
+        let tool = self.current(tool);
         match self.world_mut().get_mut::<Tool>(tool) {
             Some(mut tool) => tool.place(pose),
             None => Err(ToolError::NoTool(tool)),
         }
     }
 
+    /// Closes or opens the grip of a tool, from the next step on: what it touches while it is closed sticks to it; see
+    /// [`Tool::grip`].
+    ///
+    /// # Errors
+    /// When there is no such tool.
+    pub fn set_grip(&mut self, tool: Entity, closed: bool) -> Result<(), ToolError> {
+        let tool = self.current(tool);
+        match self.world_mut().get_mut::<Tool>(tool) {
+            Some(mut tool) => {
+                tool.grip = closed;
+                Ok(())
+            }
+            None => Err(ToolError::NoTool(tool)),
+        }
+    }
+
     /// What a tool felt in the last step; `None` when there is no such tool.
     pub fn tool_report(&self, tool: Entity) -> Option<&ToolReport> {
-        self.world().get(tool)
+        self.world().get(self.current(tool))
     }
 
     /// Takes a tool, a contact between bodies or a pull away; whether there was one.
     pub fn remove_contact(&mut self, entity: Entity) -> bool {
+        let entity = self.current(entity);
         let world = self.world_mut();
         let known = world.get::<Tool>(entity).is_some()
             || world.get::<BodyContact>(entity).is_some()
@@ -88,7 +107,7 @@ impl Simulation {
 
     /// What two bodies did to each other in the last step; `None` when there is no such contact.
     pub fn body_contact_report(&self, contact: Entity) -> Option<&BodyContactReport> {
-        self.world().get(contact)
+        self.world().get(self.current(contact))
     }
 
     /// Pulls on vertex rows from the next step on.
@@ -124,6 +143,7 @@ impl Simulation {
     /// Moves the pose that a pull draws to, relative to where its patch was when it took hold; a vector is a
     /// translation (m). It is reached at the end of the next step. Whether there is such a pull.
     pub fn move_pull(&mut self, pull: Entity, pose: impl Into<Pose>) -> bool {
+        let pull = self.current(pull);
         match self.world_mut().get_mut::<Pull>(pull) {
             Some(mut pull) => {
                 pull.target = pose.into();
@@ -135,7 +155,7 @@ impl Simulation {
 
     /// What a pull did in the last step; `None` when there is no such pull.
     pub fn pull_report(&self, pull: Entity) -> Option<&PullReport> {
-        self.world().get(pull)
+        self.world().get(self.current(pull))
     }
 
     /// The first point of a surface that a ray from `origin` (m) meets; `direction` may have any length.
@@ -146,7 +166,7 @@ impl Simulation {
         for body in 0..bodies {
             let positions = self.positions(BodyHandle(body));
             let rows = self.topology().bodies[body].clone();
-            let world = self.world_mut();
+            let world = self.columns();
             let read = world.get_resource::<sinew_engine::surface::SurfaceReader>().copied()?;
             let surface = (read.0)(world, body);
             for triangle in surface.triangles.iter().chain(&surface.sheets) {

@@ -56,7 +56,7 @@ impl Simulation {
     /// # Errors
     /// When there is no such body.
     pub fn prepare_removals(&mut self, body: BodyHandle) -> Result<(), RemovalError> {
-        prepare_removals(self.world_mut(), body.0)
+        prepare_removals(self.columns(), body.0)
     }
 
     /// Elements of a kind that are left, by their indices in the user's mesh or list, ascending.

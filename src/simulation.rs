@@ -1,11 +1,14 @@
 //! A headless simulation: a world, its schedules and one call per step.
 
 use crate::replay::Recorder;
-use crate::snapshot::History;
+use crate::snapshot::{self, History};
 use crate::warning::{keep_findings, spawn_checked_body, totals};
 use bevy_ecs::prelude::*;
 use glam::DVec3;
+use sinew_contact::pair::BodyContact;
+use sinew_contact::pull::Pull;
 use sinew_contact::set::ContactSet;
+use sinew_contact::tool::Tool;
 use sinew_engine::by_precision;
 use sinew_engine::columns::single_table;
 use sinew_engine::connectivity::ElementKind;
@@ -14,6 +17,7 @@ use sinew_engine::lanes::InstructionSet;
 use sinew_engine::law::{ElasticEnergy, EvaluationRequest};
 use sinew_engine::load::{Constraint, Load, Pose, Pressure, TargetError};
 use sinew_engine::mesh::{CheckReport, Mesh};
+use sinew_engine::order::Order;
 pub use sinew_engine::precision::Precision;
 use sinew_engine::ratios::{ElementNow, each_element, measure_area_ratios, measure_volume_ratios};
 use sinew_engine::read::{by_vertex, each_vertex, reaction};
@@ -24,6 +28,7 @@ use sinew_engine::schedule::{Executor, ForceSchedule};
 #[cfg(feature = "gpu")]
 use sinew_engine::step::ColumnsBehind;
 use sinew_engine::step::{Gravity, StepClock, StepError, install_engine};
+pub use sinew_engine::topology::BodyHandle;
 use sinew_engine::topology::{BodyRows, Topology};
 use sinew_engine::vertex::{Displacement, Velocity};
 use sinew_engine::workers::{Workers, WorkersError};
@@ -189,10 +194,23 @@ pub struct MaterialChange {
     pub kinetic_energy: f64,
 }
 
-/// A body of a simulation: index into [`Topology::bodies`]. Only good for the simulation that gave it
-/// out; methods panic on the handle of another one that has more bodies.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct BodyHandle(pub usize);
+/// What acts on bodies and has a name, for [`Simulation::find`].
+pub trait Named: Component {
+    /// Its name.
+    fn name(&self) -> &str;
+}
+
+macro_rules! named {
+    ($($what:ty),+) => {$(
+        impl Named for $what {
+            fn name(&self) -> &str {
+                &self.name
+            }
+        }
+    )+};
+}
+
+named!(Constraint, Load, Pressure, Tool, Pull, BodyContact);
 
 /// A world with bodies, and its clock: build it, step it, read it.
 ///
@@ -200,7 +218,7 @@ pub struct BodyHandle(pub usize);
 /// |---|---|---|
 /// | [`new`](Self::new), [`add_body`](Self::add_body) | [`set_dt`](Self::set_dt), [`set_solver`](Self::set_solver) | [`positions`](Self::positions), [`each_position`](Self::each_position) |
 /// | [`group_rows`](Self::group_rows), [`add_constraint`](Self::add_constraint) | [`set_target`](Self::set_target), [`move_tool`](Self::move_tool) | [`tool_report`](Self::tool_report), [`surface`](Self::surface) |
-/// | [`add_load`](Self::add_load), [`add_pressure`](Self::add_pressure) | [`step`](Self::step) | [`evaluate`](Self::evaluate), then [`reaction`](Self::reaction) |
+/// | [`add_load`](Self::add_load), [`add_pressure`](Self::add_pressure) | [`step`](Self::step) | [`evaluate`](Self::evaluate), [`reaction`](Self::reaction) |
 /// | [`add_tool`](Self::add_tool), [`add_body_contact`](Self::add_body_contact) | [`remove_elements`](Self::remove_elements) | [`report`](Self::report), [`volume_report`](Self::volume_report) |
 /// | | | [`warnings`](Self::warnings), [`verdict`](Self::verdict) |
 ///
@@ -222,7 +240,6 @@ pub struct BodyHandle(pub usize);
 /// // read: it sags, and the table carries its weight
 /// let top = mesh.group("z1").unwrap().vertices[0] as usize;
 /// assert!((0.047..0.05).contains(&simulation.positions(block)[top].z));
-/// simulation.evaluate();
 /// assert!((simulation.reaction(table).z - 0.5 * 9.81).abs() < 1e-6);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
@@ -235,6 +252,8 @@ pub struct Simulation {
     precision: Precision,
     history: History,
     recorder: Option<Recorder>,
+    /// Whether the columns hold the forces of the current state.
+    forces_known: bool,
 }
 
 /// # Build
@@ -287,7 +306,13 @@ impl Simulation {
         by_precision!(precision, install_engine(&mut world, executor));
         world.insert_resource(workers);
         world.insert_resource(Backend::Cpu);
-        Ok(Self { world, precision, history: History::default(), recorder: None })
+        Ok(Self {
+            world,
+            precision,
+            history: History::default(),
+            recorder: None,
+            forces_known: false,
+        })
     }
 
     /// Builds a body. What its mesh and material make one doubt, such as lengths that look like millimetres, is in
@@ -395,7 +420,6 @@ impl Simulation {
     ///     simulation.set_target(tool, hand)?;
     ///     simulation.step()?;
     /// }
-    /// simulation.evaluate();
     /// assert!(simulation.reaction(tool).x > 0.5);
     /// let corner = mesh.group("x1").unwrap().vertices[0] as usize;
     /// assert_eq!(simulation.positions(body)[corner].x, 0.2 + 0.01);
@@ -406,6 +430,7 @@ impl Simulation {
         constraint: Entity,
         pose: impl Into<Pose>,
     ) -> Result<(), TargetError> {
+        let constraint = self.current(constraint);
         match self.world_mut().get_mut::<Constraint>(constraint) {
             Some(mut constraint) => constraint.set_target(pose),
             None => Err(TargetError::NoConstraint(constraint)),
@@ -459,6 +484,7 @@ impl Simulation {
     /// Takes a constraint, a load or a pressure away; whether there was one. What it held is free from the next step
     /// on.
     pub fn remove_load_or_constraint(&mut self, entity: Entity) -> bool {
+        let entity = self.current(entity);
         self.fetch();
         let world = &mut self.world;
         let pressure = world.get::<Pressure>(entity).is_some();
@@ -547,6 +573,7 @@ impl Simulation {
     /// # Errors
     /// When settings or state are invalid or the integrator gives up; the state is then unchanged.
     pub fn step(&mut self) -> Result<(), StepError> {
+        self.forces_known = false;
         #[cfg(feature = "gpu")]
         if self.world().contains_resource::<ColumnsBehind>()
             && sinew_gpu::columns_needed(&mut self.world)
@@ -637,6 +664,26 @@ impl Simulation {
         self.world().get_resource().copied().unwrap_or_default()
     }
 
+    /// The body of that name.
+    pub fn find_body(&self, name: &str) -> Option<BodyHandle> {
+        self.topology().bodies.iter().position(|body| body.name == name).map(BodyHandle)
+    }
+
+    /// The constraint, load, pressure, tool, pull or contact of that name, of several the one that came first:
+    /// `simulation.find::<Tool>("ball")`.
+    pub fn find<T: Named>(&mut self, name: &str) -> Option<Entity> {
+        let world = self.columns();
+        let mut query = world.query::<(Entity, &Order, &T)>();
+        let named = query.iter(world).filter(|(.., own)| own.name() == name);
+        named.min_by_key(|(_, order, _)| **order).map(|(entity, ..)| entity)
+    }
+
+    /// What a handle leads to now: the entity itself, or, where it was taken away and came back with a [restored
+    /// snapshot](Self::restore), the one that it is since. Methods that take such handles ask this by themselves.
+    pub fn current(&self, entity: Entity) -> Entity {
+        snapshot::current(self.world(), entity)
+    }
+
     /// Bodies and edge graph.
     pub fn topology(&self) -> &Topology {
         self.world().resource()
@@ -644,30 +691,34 @@ impl Simulation {
 
     /// Deformed positions (m) in the user's order, what a host draws; zero for vertices without an element.
     pub fn positions(&mut self, body: BodyHandle) -> Vec<DVec3> {
-        by_precision!(self.precision, by_vertex(self.world_mut(), body.0, |now| now.position()))
+        by_precision!(self.precision, by_vertex(self.columns(), body.0, |now| now.position()))
     }
 
     /// Displacements (m) in the user's order; vertices without an element have none (zero).
     pub fn displacements(&mut self, body: BodyHandle) -> Vec<DVec3> {
         by_precision!(
             self.precision,
-            by_vertex(self.world_mut(), body.0, |now| now.displacement.get())
+            by_vertex(self.columns(), body.0, |now| now.displacement.get())
         )
     }
 
     /// Velocities (m/s) in the user's order.
     pub fn velocities(&mut self, body: BodyHandle) -> Vec<DVec3> {
-        by_precision!(self.precision, by_vertex(self.world_mut(), body.0, |now| now.velocity.get()))
+        by_precision!(self.precision, by_vertex(self.columns(), body.0, |now| now.velocity.get()))
     }
 
-    /// Elastic forces (N) of the last evaluation in the user's order; see [`Simulation::evaluate`].
+    /// Elastic forces (N) at the current state in the user's order.
+    ///
+    /// # Panics
+    /// As [`Simulation::evaluate`].
     pub fn elastic_forces(&mut self, body: BodyHandle) -> Vec<DVec3> {
-        by_precision!(self.precision, by_vertex(self.world_mut(), body.0, |now| now.elastic.get()))
+        self.find_forces();
+        by_precision!(self.precision, by_vertex(self.columns(), body.0, |now| now.elastic.get()))
     }
 
     /// External forces (N), gravity included, of the last step in the user's order.
     pub fn external_forces(&mut self, body: BodyHandle) -> Vec<DVec3> {
-        by_precision!(self.precision, by_vertex(self.world_mut(), body.0, |now| now.external.get()))
+        by_precision!(self.precision, by_vertex(self.columns(), body.0, |now| now.external.get()))
     }
 
     /// Lumped masses (kg) in the user's order; zero for vertices without an element.
@@ -675,7 +726,7 @@ impl Simulation {
         let mut masses = vec![0.0; self.vertex_count(body)];
         by_precision!(
             self.precision,
-            each_vertex(self.world_mut(), body.0, |vertex, now| {
+            each_vertex(self.columns(), body.0, |vertex, now| {
                 masses[vertex.index()] = now.mass.0.to_f64();
             })
         );
@@ -707,7 +758,7 @@ impl Simulation {
     }
 
     pub(crate) fn each_element(&mut self, body: BodyHandle, with: impl FnMut(ElementNow)) {
-        by_precision!(self.precision, each_element(self.world_mut(), body.0, with));
+        by_precision!(self.precision, each_element(self.columns(), body.0, with));
     }
 
     /// Calls `with` with every vertex that elements use or used, by its index in the user's mesh, and its deformed
@@ -715,10 +766,7 @@ impl Simulation {
     pub fn each_position(&mut self, body: BodyHandle, mut with: impl FnMut(usize, DVec3)) {
         by_precision!(
             self.precision,
-            each_vertex(self.world_mut(), body.0, |vertex, now| with(
-                vertex.index(),
-                now.position()
-            ))
+            each_vertex(self.columns(), body.0, |vertex, now| with(vertex.index(), now.position()))
         );
     }
 
@@ -726,7 +774,7 @@ impl Simulation {
     pub fn each_displacement(&mut self, body: BodyHandle, mut with: impl FnMut(usize, DVec3)) {
         by_precision!(
             self.precision,
-            each_vertex(self.world_mut(), body.0, |vertex, now| {
+            each_vertex(self.columns(), body.0, |vertex, now| {
                 with(vertex.index(), now.displacement.get())
             })
         );
@@ -736,7 +784,7 @@ impl Simulation {
     pub fn each_velocity(&mut self, body: BodyHandle, mut with: impl FnMut(usize, DVec3)) {
         by_precision!(
             self.precision,
-            each_vertex(self.world_mut(), body.0, |vertex, now| {
+            each_vertex(self.columns(), body.0, |vertex, now| {
                 with(vertex.index(), now.velocity.get())
             })
         );
@@ -748,31 +796,45 @@ impl Simulation {
     /// When components of element entities were added or removed from outside; [`Simulation::step`]
     /// answers that with an error.
     pub fn evaluate(&mut self) -> f64 {
-        let world = self.world_mut();
+        let world = self.columns();
         world.insert_resource(EvaluationRequest { energy: true, force: true, tangent: None });
         world.run_schedule(ForceSchedule);
-        world.resource::<ElasticEnergy>().elastic()
+        let energy = world.resource::<ElasticEnergy>().elastic();
+        self.forces_known = true;
+        energy
+    }
+
+    /// Evaluates forces unless they are those of the current state.
+    fn find_forces(&mut self) {
+        if !self.forces_known {
+            self.evaluate();
+        }
     }
 
     /// Force (N) that a constraint exerts on the body at the current state: what is needed at its
     /// held unknowns to balance elastic and external forces. Inertia and damping of the held vertices
-    /// are left out, and unknowns that two constraints hold count in both. Call
-    /// [`Simulation::evaluate`] first; zero when there is no such constraint.
+    /// are left out, and unknowns that two constraints hold count in both. Costs an evaluation of the forces, once for every
+    /// state. Zero when there is no such constraint.
+    ///
+    /// # Panics
+    /// As [`Simulation::evaluate`].
     pub fn reaction(&mut self, constraint: Entity) -> DVec3 {
         self.reaction_about(constraint, DVec3::ZERO)[0]
     }
 
     /// The force (N) of [`Simulation::reaction`], and its torque (N m) about a point (m).
     pub fn reaction_about(&mut self, constraint: Entity, point: DVec3) -> [DVec3; 2] {
+        self.find_forces();
+        let constraint = self.current(constraint);
         let contact = self.world().get_resource::<ContactSet>();
         let touch = contact.map_or_else(Vec::new, |contact| contact.forces().to_vec());
-        by_precision!(self.precision, reaction(self.world_mut(), constraint, point, &touch))
+        by_precision!(self.precision, reaction(self.columns(), constraint, point, &touch))
     }
 
     /// 64-bit FNV-1a hash of displacements and velocities, in the user's order: equal hashes mean
     /// equal results bit for bit.
     pub fn state_hash(&mut self) -> u64 {
-        state_hash(self.world_mut())
+        state_hash(self.columns())
     }
 }
 
@@ -809,15 +871,23 @@ impl Simulation {
         &mut self.world
     }
 
-    /// Brings the columns up to date.
-    #[cfg(feature = "gpu")]
-    fn fetch(&mut self) {
-        let world = &mut self.world;
-        by_precision!(self.precision, fetch_state(world));
+    /// The world for whoever changes nothing that forces depend on, its columns up to date.
+    pub(crate) fn columns(&mut self) -> &mut World {
+        let known = self.forces_known;
+        self.fetch();
+        self.forces_known = known;
+        &mut self.world
     }
 
-    #[cfg(not(feature = "gpu"))]
-    fn fetch(&mut self) {}
+    /// Brings the columns up to date, for a change: forces found before are then those of another state.
+    fn fetch(&mut self) {
+        self.forces_known = false;
+        #[cfg(feature = "gpu")]
+        {
+            let world = &mut self.world;
+            by_precision!(self.precision, fetch_state(world));
+        }
+    }
 
     pub(crate) fn recorder_mut(&mut self) -> &mut Option<Recorder> {
         &mut self.recorder

@@ -40,7 +40,7 @@ use sinew_models::laws::pressure::activate as activate_pressure;
 use sinew_models::resection::RemovalRequest;
 use sinew_solvers::memory::SolverMemory;
 use sinew_solvers::settings::SolverSettings;
-use std::collections::VecDeque;
+use std::collections::{HashMap, VecDeque};
 use std::sync::Arc;
 
 /// First bytes of a snapshot.
@@ -186,8 +186,25 @@ enum State {
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Restored {
     /// Constraints, loads, tools and the like that were no more there, by their [`Order`], and the entities that they are
-    /// now. Those that were there keep their entities.
+    /// now. Those that were there keep their entities. [`current`] leads from what they were to what they are.
     pub spawned: Vec<(Order, Entity)>,
+}
+
+/// Numbers of entities that were taken away, or may be, after a snapshot brought their like back.
+#[derive(Resource, Default)]
+struct Before(HashMap<Entity, Order>);
+
+/// What a constraint, load, tool or the like is now that was `entity` once: itself, or what a restored snapshot made of it
+/// after it had been taken away.
+pub fn current(world: &World, entity: Entity) -> Entity {
+    if world.get_entity(entity).is_ok() {
+        return entity;
+    }
+    let order = world.get_resource::<Before>().and_then(|before| before.0.get(&entity));
+    let query = world.try_query::<(Entity, &Order)>();
+    let (Some(order), Some(mut query)) = (order, query) else { return entity };
+    let now = query.iter(world).find(|(_, own)| *own == order);
+    now.map_or(entity, |(now, _)| now)
 }
 
 /// An entity that acts on bodies.
@@ -223,6 +240,9 @@ struct WorldState<S: Scalar> {
     fixed: Vec<FixedAxes>,
     last_order: LastOrder,
     acting: Vec<Acting>,
+    /// Their entities when it was taken; unknown where it comes from bytes.
+    #[serde(skip)]
+    entities: Vec<Entity>,
     solver: SolverMemory<S>,
     contact: Option<ContactMemory>,
     recovering: Vec<bool>,
@@ -411,7 +431,7 @@ impl<S: Scalar> WorldState<S> {
             state.prescribed.extend(prescribed.iter().map(|x| x.0));
             state.fixed.extend_from_slice(fixed);
         }
-        state.acting = acting(world).into_iter().map(|(_, acting)| acting).collect();
+        (state.entities, state.acting) = acting(world).into_iter().unzip();
         state.solver.remember(world);
         state.clock = *world.resource();
         state.gravity = *world.resource();
@@ -535,11 +555,11 @@ impl<S: Scalar> WorldState<S> {
                 own.take_away(world, *entity);
             }
         }
-        for wanted in &self.acting {
+        for (at, wanted) in self.acting.iter().enumerate() {
             match now.binary_search_by_key(&wanted.order, |(_, own)| own.order) {
-                Ok(at) if now[at].1 == *wanted => {}
-                Ok(at) => {
-                    let (entity, own) = &now[at];
+                Ok(own) if now[own].1 == *wanted => {}
+                Ok(own) => {
+                    let (entity, own) = &now[own];
                     own.take_away_but(world, *entity, wanted);
                     wanted.give(world, *entity);
                 }
@@ -547,6 +567,9 @@ impl<S: Scalar> WorldState<S> {
                     let entity = world.spawn(wanted.order).id();
                     wanted.give(world, entity);
                     restored.spawned.push((wanted.order, entity));
+                    let mut before = world.get_resource_or_init::<Before>();
+                    let old = self.entities.get(at).copied();
+                    before.0.extend(old.into_iter().chain([entity]).map(|own| (own, wanted.order)));
                 }
             }
         }
@@ -687,7 +710,7 @@ impl Simulation {
     /// # Errors
     /// With [`Backend::Gpu`].
     pub fn snapshot(&mut self) -> Result<Snapshot, SnapshotError> {
-        take_snapshot(self.world_mut())
+        take_snapshot(self.columns())
     }
 
     /// Takes up a snapshot of this simulation, or of one that was built in the same way.

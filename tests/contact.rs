@@ -572,7 +572,7 @@ fn a_body_touches_itself_where_it_is_told_to() {
         let end = simulation.group_rows(body, &mesh, "x1").unwrap();
         let end = simulation.add_constraint(Constraint::hold("end", end));
         if own {
-            simulation.add_body_contact(BodyContact::new("self", [0, 0]));
+            simulation.add_body_contact(BodyContact::new("self", [BodyHandle(0); 2]));
         }
         let mut contact = simulation.report().contact;
         for step in 1..=250 {
@@ -705,7 +705,7 @@ fn bad_tools_are_named() {
     let text = block.simulation.step().unwrap_err().to_string();
     assert!(text.contains("`ball`") && text.contains("quasi-static"), "{text}");
     assert!(block.remove_contact(tool));
-    let contact = block.add_body_contact(BodyContact::new("pair", [0, 7]));
+    let contact = block.add_body_contact(BodyContact::new("pair", [0, 7].map(BodyHandle)));
     let text = block.simulation.step().unwrap_err().to_string();
     assert!(text.contains("`pair`") && text.contains("number 7"), "{text}");
     assert!(block.remove_contact(contact));

@@ -444,7 +444,6 @@ fn reactions_balance_the_weight() {
         let (mut simulation, body, left) = sagging(&mesh, exact(Integrator::QuasiStatic));
         let right = both_ends.then(|| clamp(&mut simulation, body, &mesh, "x1"));
         simulation.step().unwrap();
-        simulation.evaluate();
         let mass: f64 = simulation.masses(body).iter().sum();
         assert!((mass / (0.2 * 0.05 * 0.05 * 1000.0) - 1.0).abs() < 1e-12);
         let mut reaction = simulation.reaction(left);
@@ -456,6 +455,34 @@ fn reactions_balance_the_weight() {
         let error = (reaction - DVec3::Z * 9.81 * mass).length() / (9.81 * mass);
         assert!(error < 1e-8, "{error:e}");
     }
+}
+
+/// Whatever was called before, reactions and elastic forces are those of the state as it is.
+#[test]
+fn reactions_are_never_of_an_earlier_state() {
+    let mesh = jittered_box([0.2, 0.05, 0.05], [8, 2, 2]);
+    let (mut simulation, body, left) = sagging(&mesh, exact(Integrator::Safe));
+    let now = |simulation: &mut Simulation| {
+        let (reaction, forces) = (simulation.reaction(left), simulation.elastic_forces(body));
+        simulation.evaluate();
+        assert_eq!(
+            (simulation.reaction(left), simulation.elastic_forces(body)),
+            (reaction, forces)
+        );
+        reaction
+    };
+    let mut all = vec![now(&mut simulation)];
+    for _ in 0..3 {
+        simulation.step().unwrap();
+        simulation.positions(body);
+        all.push(now(&mut simulation));
+    }
+    let still = vec![DVec3::ZERO; mesh.points.len()];
+    simulation.set_state(body, &still, &still).unwrap();
+    let back = now(&mut simulation);
+    simulation.set_material(body, soft(1e6, 0.3)).unwrap();
+    assert_eq!(now(&mut simulation), back);
+    assert!(all.windows(2).all(|pair| pair[0] != pair[1]), "{all:?}");
 }
 
 #[test]

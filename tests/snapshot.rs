@@ -20,7 +20,7 @@ use sinew::prelude::*;
 use sinew::replay::Replay;
 use sinew::snapshot::{Snapshot, SnapshotError};
 use sinew::solvers::settings::{LinearPrecision, Preconditioner};
-use sinew::touch::tool::{Hinge, Part, PathPoint, Points, ToolMotion};
+use sinew::touch::tool::{Hinge, Part, PathPoint, Points, ToolError, ToolMotion};
 use std::sync::{Arc, Mutex};
 
 /// A scene: how it is built, and what a program does to it before step `k`, counted from 0.
@@ -656,6 +656,20 @@ fn entities_come_back() {
     assert!(simulation.world().get::<Tool>(stays).is_some());
     assert!(simulation.world().get_entity(later).is_err());
     assert!(simulation.tool_report(entity).unwrap().force.z > 0.0);
+    // whoever holds the old handle goes on with it, also after the tool went and came once more
+    assert_eq!((simulation.current(goes), simulation.current(stays)), (entity, stays));
+    assert_eq!(simulation.tool_report(goes), simulation.tool_report(entity));
+    simulation.move_tool(goes, above).unwrap();
+    assert!(simulation.remove_contact(goes) && !simulation.remove_contact(goes));
+    assert_eq!(simulation.move_tool(goes, above), Err(ToolError::NoTool(goes)));
+    simulation.restore(&snapshot).unwrap();
+    simulation.set_grip(goes, true).unwrap();
+    simulation.set_grip(entity, false).unwrap();
+    let now = simulation.find::<Tool>("goes").unwrap();
+    assert!(now != goes && now != entity && simulation.current(entity) == now);
+    assert_eq!(simulation.find::<Tool>("later"), None);
+    assert_eq!(simulation.find_body("block"), None);
+    assert_eq!(simulation.find_body("slab"), Some(BodyHandle(0)));
 }
 
 /// Everything that does not fit is told, by what it is, and changes nothing.

@@ -16,6 +16,11 @@ use bevy_ecs::archetype::ArchetypeId;
 use bevy_ecs::prelude::{Resource, World};
 use std::ops::{Deref, Range};
 
+/// A body of a world: its index into [`Topology::bodies`]. Only good for the world that gave it out; methods panic on the
+/// handle of another one that has more bodies.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct BodyHandle(pub usize);
+
 /// Rows of one body.
 #[derive(Clone, Debug)]
 pub struct BodyRows {

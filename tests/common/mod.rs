@@ -101,7 +101,7 @@ pub fn two_blocks(options: SimulationOptions) -> (Simulation, [Entity; 2]) {
     }
     let table = Tool::ground("table", DVec3::ZERO, DVec3::Z).with_friction(0.3);
     let table = simulation.add_tool(table).unwrap();
-    let pair = BodyContact::new("pair", [0, 1]).with_friction(0.3);
+    let pair = BodyContact::new("pair", [BodyHandle(0), BodyHandle(1)]).with_friction(0.3);
     let pair = simulation.add_body_contact(pair);
     simulation.set_solver(solver!(Integrator::Auto, mass_damping = 10.0));
     (simulation, [table, pair])

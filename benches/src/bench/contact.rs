@@ -169,7 +169,7 @@ impl ContactScene {
             let rows = simulation.group_rows(upper_body, &upper, "z1")?;
             handle = Some(simulation.add_constraint(Constraint::hold("hand", rows)));
             if touched {
-                let pair = BodyContact::new("blocks", [body.0, upper_body.0]);
+                let pair = BodyContact::new("blocks", [body, upper_body]);
                 let pair = pair.with_friction(kind.friction);
                 contact = Some(simulation.add_body_contact(pair));
             }

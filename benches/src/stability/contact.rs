@@ -238,7 +238,7 @@ fn stack(setting: &CaseSetting, mesh: &Mesh) -> CaseOutcome {
         bodies.push(run.simulation.add_body(&upper)?);
     }
     for pair in bodies.windows(2) {
-        let contact = BodyContact::new("touch", [pair[0].0, pair[1].0]).with_friction(0.5);
+        let contact = BodyContact::new("touch", [pair[0], pair[1]]).with_friction(0.5);
         run.simulation.add_body_contact(contact);
     }
     run.open_books();

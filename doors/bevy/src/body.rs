@@ -26,7 +26,7 @@ use sinew::models::material::field::FieldError;
 use sinew::models::resection::{
     Region, Removal, RemovalError, RemovalLog, RemovalReport, RemovalRequest,
 };
-use sinew::prelude::{BodyDescription, Model, StepClock, YoungPoisson};
+use sinew::prelude::{BodyDescription, BodyHandle, Model, StepClock, YoungPoisson};
 use sinew::solvers::explicit::forget_steps;
 use sinew::solvers::implicit::forget_matrices;
 use sinew::touch::set::ContactSet;
@@ -77,9 +77,16 @@ impl SinewBody {
     }
 }
 
-/// Index of a body that was built into [`Topology::bodies`], as [`RemovalRequest::new`] takes it.
+/// Index of a body that was built into [`Topology::bodies`], as [`RemovalRequest::new`] takes it, and as a [`BodyHandle`]
+/// [`BodyContact::new`](sinew::prelude::BodyContact::new).
 #[derive(Component, Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SinewBodyIndex(pub usize);
+
+impl From<SinewBodyIndex> for BodyHandle {
+    fn from(index: SinewBodyIndex) -> Self {
+        Self(index.0)
+    }
+}
 
 /// A body after the last step. It changes when a step was made, and only then.
 #[derive(Component, Clone, Debug, Default, PartialEq)]

@@ -141,7 +141,6 @@ impl Embedding {
     pub fn reaction(&mut self, constraint: Handle, about: [f64; 3]) -> Result<Wrench> {
         let entity = self.constraint(constraint)?;
         let about = vector("point", about)?;
-        self.evaluate();
         let [force, torque] = self.built.simulation.reaction_about(entity, about);
         Ok(Wrench { force: force.to_array(), torque: torque.to_array() })
     }

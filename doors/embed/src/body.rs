@@ -320,7 +320,6 @@ impl Embedding {
     /// Elastic forces (N) on its vertices at the state as it is.
     pub fn elastic_forces(&mut self, body: Handle) -> Result<Vec<[f64; 3]>> {
         let body = BodyHandle(self.body(body)?);
-        self.evaluate();
         Ok(arrays(self.built.simulation.elastic_forces(body)))
     }
 

@@ -94,8 +94,6 @@ pub struct Embedding {
     pub(crate) buffers: Vec<Buffers>,
     /// Counts changes of the state, from 1.
     pub(crate) epoch: u64,
-    /// When forces were evaluated last.
-    pub(crate) evaluated: u64,
     poisoned: Option<String>,
     /// Its own in this process.
     number: u64,
@@ -205,7 +203,7 @@ impl Embedding {
             handles.add(Kind::Pull, &pull.name, Target::ScenePull(i));
         }
         let number = NUMBER.fetch_add(1, Ordering::Relaxed);
-        Self { built, scene, handles, buffers, epoch: 1, evaluated: 0, poisoned: None, number }
+        Self { built, scene, handles, buffers, epoch: 1, poisoned: None, number }
     }
 
     /// Says that the simulation cannot be used any more, because something panicked in it; every later [`Embedding::check`]
@@ -408,7 +406,6 @@ impl Embedding {
     /// Energies (J) of the state as it is.
     pub fn energy(&mut self) -> Energy {
         let elastic = self.built.simulation.evaluate();
-        self.evaluated = self.epoch;
         let simulation = &mut self.built.simulation;
         let mut kinetic = 0.0;
         for body in self.built.bodies.iter().map(|body| body.handle) {
@@ -418,14 +415,6 @@ impl Embedding {
             });
         }
         Energy { elastic, kinetic }
-    }
-
-    /// Forces of the state as it is, unless they are known.
-    pub(crate) fn evaluate(&mut self) {
-        if self.evaluated != self.epoch {
-            self.built.simulation.evaluate();
-            self.evaluated = self.epoch;
-        }
     }
 
     /// The simulation, for what has no door here.

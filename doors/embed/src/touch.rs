@@ -6,7 +6,7 @@ use crate::handle::{Handle, HandleError, Kind, Target};
 use crate::mesh::vector;
 use bevy_ecs::entity::Entity;
 use sinew::engine::load::Pose;
-use sinew::simulation::Backend;
+use sinew::simulation::{Backend, BodyHandle};
 use sinew::touch::pair::{BodyContact, BodyContactReport};
 use sinew::touch::pull::{Pull, PullReport};
 use sinew::touch::tool::{Stiffness, Tool, ToolPose, ToolReport};
@@ -95,9 +95,7 @@ impl Embedding {
     /// Whether what touches a tool sticks to it, however little it is pressed.
     pub fn set_grip(&mut self, tool: Handle, grip: bool) -> Result<()> {
         let entity = self.touching(tool, Kind::Tool)?;
-        if let Some(mut tool) = self.built.simulation.world_mut().get_mut::<Tool>(entity) {
-            tool.grip = grip;
-        }
+        self.built.simulation.set_grip(entity, grip)?;
         // a grip that the scene opens and closes is the host's from now on
         for own in self.built.tools.iter_mut().filter(|own| own.entity == entity) {
             own.grip = None;
@@ -129,7 +127,7 @@ impl Embedding {
         self.can_touch(Kind::Contact)?;
         self.name_is_free(Kind::Contact, name)?;
         let bodies = [self.body(bodies[0])?, self.body(bodies[1])?];
-        let mut contact = BodyContact::new(name, bodies).with_friction(friction);
+        let mut contact = BodyContact::new(name, bodies.map(BodyHandle)).with_friction(friction);
         contact.stiffness = stiffness;
         if let Some(problem) = contact.problem(self.built.bodies.len()) {
             return Err(InputError::invalid(format!("contact `{name}`"), problem).into());

@@ -5,6 +5,7 @@ use bevy_ecs::prelude::*;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use sinew_engine::order::Order;
+use sinew_engine::topology::BodyHandle;
 
 /// Two bodies that may touch each other: vertices of either surface against the faces of the other, half of the area
 /// each. Bodies that touch share one solve.
@@ -23,10 +24,10 @@ pub struct BodyContact {
 }
 
 impl BodyContact {
-    /// Contact without friction.
-    pub fn new(name: impl Into<String>, bodies: [usize; 2]) -> Self {
+    /// Contact without friction of two bodies, or of one with itself if it comes twice.
+    pub fn new(name: impl Into<String>, bodies: [BodyHandle; 2]) -> Self {
         let (name, stiffness) = (name.into(), Stiffness::default());
-        Self { name, bodies, friction: 0.0, stiffness }
+        Self { name, bodies: bodies.map(|body| body.0), friction: 0.0, stiffness }
     }
 
     /// With a coefficient of friction.

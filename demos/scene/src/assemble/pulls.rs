@@ -7,7 +7,7 @@ use super::touch::{BuiltContact, BuiltPull, Way};
 use crate::error::SceneError;
 use crate::scene::{ContactEntry, Key, LoadedScene, PullEntry};
 use crate::warning::{Level, Warning};
-use sinew::simulation::Backend;
+use sinew::simulation::{Backend, BodyHandle};
 use sinew::touch::pair::BodyContact;
 use sinew::touch::tool::{Stiffness, friction_problem};
 
@@ -96,7 +96,7 @@ pub(super) fn contact(
         }
     };
     let friction = friction(key, [entry.friction, entry.mu], &mut built.warnings)?;
-    let mut contact = BodyContact::new(&entry.name, bodies).with_friction(friction);
+    let mut contact = BodyContact::new(&entry.name, bodies.map(BodyHandle)).with_friction(friction);
     contact.stiffness = stiffness(key, entry.stiffness, entry.stiffness_absolute)?;
     let entity = built.simulation.add_body_contact(contact);
     Ok(BuiltContact { name: entry.name.clone(), bodies, friction, entity })
