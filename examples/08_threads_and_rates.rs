@@ -35,7 +35,7 @@ fn main() -> Outcome<()> {
     // time and force of the last two steps: all that the hand needs, so nobody waits for a step
     let last = Arc::new(Mutex::new([(0.0, 0.0); 2]));
     let (shared, begin) = (Arc::clone(&last), Instant::now());
-    // one thread beside others that draw and feel: more would spin for cores that those need
+    // one thread beside others that draw and feel
     let physics = spawn(move || {
         press(1, |time, force| {
             let mut last = shared.lock().unwrap_or_else(PoisonError::into_inner);

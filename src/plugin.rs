@@ -85,8 +85,8 @@ impl Default for SinewPlugins {
     }
 }
 
-/// What leaves a host with task pools of its own its share, and the default of [`SinewPlugins`]: one thread less than
-/// there are cores, on any of them, asleep when there is nothing to do. Measured in `docs/bevy.md`.
+/// What leaves a host with threads of its own its share, and the default of [`SinewPlugins`] and of
+/// [`SimulationOptions`](crate::simulation::SimulationOptions): one thread less than there are cores, on any of them, asleep when there is nothing to do. Measured in `docs/bevy.md`.
 pub fn threads_beside_host() -> Threads {
     let cores = std::thread::available_parallelism().map_or(1, |n| n.get());
     Threads { count: cores.saturating_sub(1).max(1), pinned: false, awake: false }

@@ -1,5 +1,6 @@
 //! A headless simulation: a world, its schedules and one call per step.
 
+use crate::plugin::threads_beside_host;
 use crate::replay::Recorder;
 use crate::snapshot::{self, History};
 use crate::warning::{keep_findings, spawn_checked_body, totals};
@@ -31,7 +32,7 @@ use sinew_engine::step::{Gravity, StepClock, StepError, install_engine};
 pub use sinew_engine::topology::BodyHandle;
 use sinew_engine::topology::{BodyRows, Topology};
 use sinew_engine::vertex::{Displacement, Velocity};
-use sinew_engine::workers::{Workers, WorkersError};
+use sinew_engine::workers::{Threads, Workers, WorkersError};
 use sinew_models::axes::description::AxesError;
 use sinew_models::body::change::set_material;
 use sinew_models::body::{BodyDescription, BodyError, spawn_body};
@@ -78,8 +79,13 @@ pub enum Readback {
 pub struct SimulationOptions {
     /// Number type.
     pub precision: Precision,
-    /// Threads; 0 means one per core. Results do not depend on it.
+    /// Threads; 0 means one less than there are cores, or one per core if the simulation has the machine to itself. Results
+    /// do not depend on it.
     pub threads: usize,
+    /// The simulation has the machine to itself. Threads then stay awake through a step, and a pool with one per core keeps
+    /// each to a core of its own: the fastest when nothing else runs, and much slower when something does, since all wait for
+    /// the one that has lost its core. By default threads sleep when they have no work, and the system chooses their cores.
+    pub exclusive: bool,
     /// Executor of the schedules.
     pub executor: Executor,
     /// Instruction set of the kernels; `None` means the best that the machine has. Results depend on
@@ -89,6 +95,18 @@ pub struct SimulationOptions {
     pub backend: Backend,
     /// When the state comes back from there.
     pub readback: Readback,
+}
+
+impl SimulationOptions {
+    /// Threads, and how they treat what else runs on the machine.
+    fn threads(&self) -> Threads {
+        let beside = threads_beside_host();
+        match (self.exclusive, self.threads) {
+            (true, threads) => threads.into(),
+            (false, 0) => beside,
+            (false, count) => Threads { count, ..beside },
+        }
+    }
 }
 
 /// A simulation that cannot be set up.
@@ -297,7 +315,7 @@ impl Simulation {
     }
 
     fn without_solver(options: SimulationOptions) -> Result<Self, SimulationError> {
-        let mut workers = Workers::new(options.threads)?;
+        let mut workers = Workers::new(options.threads())?;
         if let Some(set) = options.instruction_set {
             workers = workers.with_instruction_set(set)?;
         }
@@ -320,6 +338,24 @@ impl Simulation {
     ///
     /// # Errors
     /// When mesh or material cannot be used; nothing is added then.
+    ///
+    /// A sheet or a hollow organ has no solid elements, only a membrane of its faces:
+    ///
+    /// ```
+    /// use sinew::engine::mesh::generate::sphere_triangles;
+    /// use sinew::models::body::sheet::MembraneDescription;
+    /// use sinew::prelude::*;
+    ///
+    /// let mesh = sphere_triangles(0.02, 3)?;
+    /// let wall = preset("skin")?.material;
+    /// let mut simulation = Simulation::new(SimulationOptions::default())?;
+    /// let balloon = simulation.add_body(&BodyDescription {
+    ///     membrane: Some(MembraneDescription::new(&mesh.triangles, 0.001, wall)),
+    ///     ..BodyDescription::new("balloon", &mesh, wall)
+    /// })?;
+    /// assert_eq!(simulation.vertex_count(balloon), mesh.points.len());
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
     pub fn add_body(&mut self, body: &BodyDescription) -> Result<BodyHandle, BodyError> {
         self.fetch();
         spawn_checked_body(&mut self.world, body)?;

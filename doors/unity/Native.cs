@@ -507,6 +507,30 @@ namespace Sinew
         internal static extern int sinew_mesh_from_arrays(ref NativeMeshArrays arrays, out IntPtr result);
 
         [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_mesh_info_json(MeshHandle mesh, byte[] result, UIntPtr capacity,
+            out UIntPtr needed);
+
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_mesh_points(MeshHandle mesh, double[] xyz, UIntPtr capacity,
+            out UIntPtr needed);
+
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_mesh_cells(MeshHandle mesh, uint kind, uint[] vertices, UIntPtr capacity,
+            out UIntPtr needed);
+
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_mesh_group(MeshHandle mesh, byte[] name, uint[] vertices, UIntPtr capacity,
+            out UIntPtr needed);
+
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_mesh_cell_data(MeshHandle mesh, byte[] name, double[] values, UIntPtr capacity,
+            out UIntPtr needed);
+
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_mesh_select(MeshHandle mesh, byte[] selection, uint[] vertices,
+            UIntPtr capacity, out UIntPtr needed);
+
+        [DllImport(Library, CallingConvention = C)]
         internal static extern void sinew_mesh_free(IntPtr mesh);
 
         [DllImport(Library, CallingConvention = C)]

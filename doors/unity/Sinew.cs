@@ -164,7 +164,7 @@ namespace Sinew
 
         Simulation(IntPtr made) { own = new SimulationHandle(made); }
 
-        /// <summary>Without bodies; dt in s, gravity in m/s^2, threads 0: one for each core.</summary>
+        /// <summary>Without bodies; dt in s, gravity in m/s^2, threads 0: one less than there are cores.</summary>
         public Simulation(double dt, Vec3 gravity, uint threads)
         {
             var options = new NativeOptions

@@ -211,6 +211,7 @@ impl AccuracyCase {
 
     fn set_up(&self, mesh: &Mesh, method: &Method, ramp: f64) -> Result<(Simulation, BodyHandle)> {
         let options = SimulationOptions {
+            exclusive: true,
             precision: method.precision,
             threads: method.threads,
             ..Default::default()

@@ -122,7 +122,8 @@ fn settings(integrator: Integrator) -> SolverSettings {
 
 impl ContactScene {
     fn new(kind: &'static ContactKind, mesh: &Mesh, threads: usize, touched: bool) -> Result<Self> {
-        let mut simulation = Simulation::new(SimulationOptions { threads, ..Default::default() })?;
+        let mut simulation =
+            Simulation::new(SimulationOptions { threads, exclusive: true, ..Default::default() })?;
         simulation.set_dt(STEP);
         let (mut contact, mut handle) = (None, None);
         if kind.comes == Comes::Finger {

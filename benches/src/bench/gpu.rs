@@ -110,7 +110,8 @@ fn measure(size: usize, steps: usize) -> Result<DeviceSize> {
     let (mut force_bytes, mut bandwidth, mut setup_ms) = (0, 0.0, 0.0);
     for (name, precision, backend, preconditioner) in WAYS {
         // forces of the bent beam
-        let options = SimulationOptions { precision, ..SimulationOptions::default() };
+        let options =
+            SimulationOptions { precision, exclusive: true, ..SimulationOptions::default() };
         let mut simulation = Simulation::new(options)?;
         let body = scene(&mut simulation, &mesh)?;
         simulation.set_state(body, &bent, &at_rest)?;

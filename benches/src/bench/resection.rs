@@ -147,7 +147,8 @@ pub fn cut(
     mut next: impl FnMut(usize) -> Region,
 ) -> Result<ResectionRun> {
     let Organ { mesh, held, material } = *organ;
-    let mut simulation = Simulation::new(SimulationOptions { threads, ..Default::default() })?;
+    let mut simulation =
+        Simulation::new(SimulationOptions { threads, exclusive: true, ..Default::default() })?;
     let body = simulation.add_body(&BodyDescription::new("organ", mesh, material))?;
     let rows = simulation.rows(body, "ligament", held)?;
     simulation.add_constraint(Constraint::hold("ligament", rows));

@@ -267,7 +267,7 @@ fn size_rows(
     }
     // independent laws one after another, each on all threads, or side by side
     for executor in [Executor::SingleThreaded, Executor::MultiThreaded] {
-        let options = SimulationOptions { executor, ..Default::default() };
+        let options = SimulationOptions { executor, exclusive: true, ..Default::default() };
         let model = Model::CompressibleStVK;
         let (mut simulation, body) = bent_with(options, mesh, Evaluation::Pooled, model)?;
         simulation.set_dt(DT);

@@ -12,8 +12,12 @@ pub fn simulation(
     precision: Precision,
     threads: usize,
 ) -> Result<(Simulation, BodyHandle)> {
-    let mut simulation =
-        Simulation::new(SimulationOptions { precision, threads, ..Default::default() })?;
+    let mut simulation = Simulation::new(SimulationOptions {
+        precision,
+        threads,
+        exclusive: true,
+        ..Default::default()
+    })?;
     let body = BodyDescription::new("beam", &beam.mesh, beam.material);
     let description = BodyDescription { model, volume, ..body };
     let body = simulation.add_body(&description)?;

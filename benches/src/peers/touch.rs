@@ -160,7 +160,8 @@ impl TouchBlock {
         threads: usize,
         solver: SolverSettings,
     ) -> Result<(Simulation, BodyHandle, Entity)> {
-        let mut simulation = Simulation::new(SimulationOptions { threads, ..Default::default() })?;
+        let mut simulation =
+            Simulation::new(SimulationOptions { threads, exclusive: true, ..Default::default() })?;
         let description =
             BodyDescription { model, ..BodyDescription::new("block", &self.mesh, self.material) };
         let body = simulation.add_body(&description)?;

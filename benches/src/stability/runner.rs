@@ -210,7 +210,8 @@ impl<'a> CaseRun<'a> {
         description: &BodyDescription,
     ) -> Result<Self> {
         let CaseSetting { precision, threads, .. } = *setting;
-        let options = SimulationOptions { precision, threads, ..Default::default() };
+        let options =
+            SimulationOptions { precision, threads, exclusive: true, ..Default::default() };
         let mut simulation = Simulation::new(options)?;
         let body = simulation.add_body(description)?;
         simulation.set_gravity(DVec3::ZERO);

@@ -57,7 +57,7 @@ pub fn bent(
     evaluation: Evaluation,
     model: Model,
 ) -> Result<(Simulation, BodyHandle), SimulationError> {
-    let options = SimulationOptions { precision, threads, ..Default::default() };
+    let options = SimulationOptions { precision, threads, exclusive: true, ..Default::default() };
     bent_with(options, mesh, evaluation, model)
 }
 

@@ -167,6 +167,7 @@ impl BuildArguments {
             precision: self.precision.map(Precision::from),
             backend: self.backend.map(Backend::from),
             threads: self.threads,
+            beside_host: false,
             steps: self.steps,
             executor: self.executor.map(Executor::from),
             instruction_set: self.instruction_set,

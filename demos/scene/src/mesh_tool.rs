@@ -109,11 +109,13 @@ pub struct DataInfo {
     pub integer: bool,
     /// Cells that have a number.
     pub cells: usize,
-    /// Cells that have none.
+    /// Cells that have none, or one that is not finite.
     pub without: usize,
     /// Smallest number; `None` where no cell has one.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub smallest: Option<f64>,
     /// Largest number.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub largest: Option<f64>,
 }
 
@@ -121,7 +123,7 @@ impl DataInfo {
     fn of(data: &CellData) -> Self {
         let (mut cells, mut without, mut ends) = (0, 0, None);
         for &value in data.values.in_files().into_iter().flatten() {
-            if value.is_nan() {
+            if !value.is_finite() {
                 without += 1;
                 continue;
             }

@@ -201,7 +201,7 @@ typedef struct sinew_options {
   uint32_t struct_size;
   // `SINEW_F64` or `SINEW_F32`
   uint32_t precision;
-  // 0: one for each core. Results do not depend on it.
+  // 0: one less than there are cores. Results do not depend on it.
   uint32_t threads;
   // `SINEW_CPU` or `SINEW_GPU`
   uint32_t backend;
@@ -706,6 +706,50 @@ sinew_status sinew_mesh_from_bytes(const char *name,
 // Makes a mesh of arrays, which are copied.
 sinew_status sinew_mesh_from_arrays(const struct sinew_mesh_arrays *arrays,
                                     struct sinew_mesh **out);
+
+// What is in a mesh as JSON: counts, extent, groups, cell data with their smallest and largest numbers, as `sinew mesh info
+// --json` writes it. As `sinew_report_json`.
+sinew_status sinew_mesh_info_json(const struct sinew_mesh *mesh,
+                                  char *out,
+                                  size_t capacity,
+                                  size_t *needed);
+
+// Points (m) of a mesh, three numbers each.
+sinew_status sinew_mesh_points(const struct sinew_mesh *mesh,
+                               double *xyz,
+                               size_t capacity,
+                               size_t *needed);
+
+// Vertices of the cells of a kind (`SINEW_TETRAHEDRA` and so on): four, eight, three or four each. Of tetrahedra with ten nodes
+// the corners.
+sinew_status sinew_mesh_cells(const struct sinew_mesh *mesh,
+                              uint32_t kind,
+                              uint32_t *vertices,
+                              size_t capacity,
+                              size_t *needed);
+
+// Vertices of a group of a mesh.
+sinew_status sinew_mesh_group(const struct sinew_mesh *mesh,
+                              const char *name,
+                              uint32_t *vertices,
+                              size_t capacity,
+                              size_t *needed);
+
+// Numbers that the file of a mesh keeps with its cells, for tetrahedra, then hexahedra, as the lists of `sinew_material` take
+// them; in a mesh without these for triangles, then quadrilaterals. NaN where there is none.
+sinew_status sinew_mesh_cell_data(const struct sinew_mesh *mesh,
+                                  const char *name,
+                                  double *values,
+                                  size_t capacity,
+                                  size_t *needed);
+
+// Vertices of a mesh by a table as below `select` of a scene, such as "half_space = { point = [0, 0, 0.05], normal = [0, 0, 1] }"
+// or "patch = { near = [0, 0, 0.1] }". `SINEW_ARGUMENT` where no vertex is there.
+sinew_status sinew_mesh_select(const struct sinew_mesh *mesh,
+                               const char *selection,
+                               uint32_t *vertices,
+                               size_t capacity,
+                               size_t *needed);
 
 // Frees a mesh; bodies made of it stay. NULL is fine.
 void sinew_mesh_free(struct sinew_mesh *mesh);

@@ -68,7 +68,7 @@ pub struct sinew_options {
     pub struct_size: u32,
     /// `SINEW_F64` or `SINEW_F32`
     pub precision: u32,
-    /// 0: one for each core. Results do not depend on it.
+    /// 0: one less than there are cores. Results do not depend on it.
     pub threads: u32,
     /// `SINEW_CPU` or `SINEW_GPU`
     pub backend: u32,

@@ -24,6 +24,15 @@ fn null_is_an_argument_everywhere() {
         sinew_mesh_from_file(null(), null_mut());
         sinew_mesh_from_bytes(null(), null(), 0, null_mut());
         sinew_mesh_from_arrays(null(), null_mut());
+        sinew_mesh_info_json(null(), null_mut(), 0, null_mut());
+        sinew_mesh_points(null(), null_mut(), 0, null_mut());
+        sinew_mesh_cells(null(), 0, null_mut(), 0, null_mut());
+        sinew_mesh_group(null(), null(), null_mut(), 0, null_mut());
+        sinew_mesh_group(slab.mesh, null(), null_mut(), 0, null_mut());
+        sinew_mesh_cell_data(null(), null(), null_mut(), 0, null_mut());
+        sinew_mesh_cell_data(slab.mesh, null(), null_mut(), 0, null_mut());
+        sinew_mesh_select(null(), null(), null_mut(), 0, null_mut());
+        sinew_mesh_select(slab.mesh, null(), null_mut(), 0, null_mut());
         sinew_step(none, 1);
         sinew_time(none, null_mut());
         sinew_time(sim, null_mut());

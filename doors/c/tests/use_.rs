@@ -384,6 +384,68 @@ fn bodies_of_all_kinds_are_made() {
     }
 }
 
+/// What a list function gives, asked for twice.
+fn listed<T: Clone + Default>(mut call: impl FnMut(*mut T, usize, *mut usize) -> i32) -> Vec<T> {
+    let mut needed = 0;
+    ok(call(null_mut(), 0, &mut needed));
+    let mut all = vec![T::default(); needed];
+    ok(call(all.as_mut_ptr(), needed, &mut needed));
+    all
+}
+
+#[test]
+fn meshes_show_what_they_hold() {
+    let text =
+        b"# vtk DataFile Version 2.0\nt\nASCII\nDATASET UNSTRUCTURED_GRID\nPOINTS 5 double\n\
+        0 0 0 1 0 0 0 1 0 0 0 1 1 1 1\nCELLS 2 10\n4 0 1 2 3\n4 1 2 3 4\nCELL_TYPES 2\n10\n10\n\
+        CELL_DATA 2\nFIELD f 2\nE 1 2 double\n5e3 3e4\nhard 1 2 int\n0 1\n";
+    let name = c("two.vtk");
+    let mut mesh = null_mut();
+    unsafe {
+        ok(sinew_mesh_from_bytes(name.as_ptr(), text.as_ptr(), text.len(), &mut mesh));
+        let points = listed(|out, capacity, needed| sinew_mesh_points(mesh, out, capacity, needed));
+        assert_eq!((points.len(), points[14]), (15, 1.0));
+        let cells = |kind| {
+            listed(|out, capacity, needed| sinew_mesh_cells(mesh, kind, out, capacity, needed))
+        };
+        assert_eq!(cells(SINEW_TETRAHEDRA), [0, 1, 2, 3, 1, 2, 3, 4]);
+        assert!(cells(SINEW_QUADS).is_empty());
+        let (stiffness, hard) = (c("E"), c("hard"));
+        let data = listed(|out, capacity, needed| {
+            sinew_mesh_cell_data(mesh, stiffness.as_ptr(), out, capacity, needed)
+        });
+        assert_eq!(data, [5e3, 3e4]);
+        let group = listed(|out, capacity, needed| {
+            sinew_mesh_group(mesh, hard.as_ptr(), out, capacity, needed)
+        });
+        assert_eq!(group, [1, 2, 3, 4]);
+        let place = c("half_space = { point = [0, 0, 0.5], normal = [0, 0, 1] }");
+        let above = listed(|out, capacity, needed| {
+            sinew_mesh_select(mesh, place.as_ptr(), out, capacity, needed)
+        });
+        assert_eq!(above, [3, 4]);
+        let json =
+            listed(|out, capacity, needed| sinew_mesh_info_json(mesh, out, capacity, needed));
+        let json = CStr::from_ptr(json.as_ptr()).to_str().unwrap();
+        assert!(json.contains("\"name\":\"E\",\"integer\":false,\"cells\":2"), "{json}");
+        // what is not there is told
+        let mut needed = 0;
+        let of = |code, words: &str| {
+            assert!(code == SINEW_ARGUMENT && said().contains(words), "{}", said())
+        };
+        of(sinew_mesh_cell_data(mesh, hard.as_ptr().add(1), null_mut(), 0, &mut needed), "`ard`");
+        of(sinew_mesh_cells(mesh, 9, null_mut(), 0, &mut needed), "9 is none");
+        let place = c("sphere = { centre = [9, 9, 9], radius = 1 }");
+        of(
+            sinew_mesh_select(mesh, place.as_ptr(), null_mut(), 0, &mut needed),
+            "no vertex is there",
+        );
+        let place = c("patch = { angle = 20 }");
+        of(sinew_mesh_select(mesh, place.as_ptr(), null_mut(), 0, &mut needed), "`normal` or both");
+        sinew_mesh_free(mesh);
+    }
+}
+
 #[test]
 fn scenes_come_from_files_and_from_memory() {
     let path = sinew_embed_scene("liver_resection");

@@ -31,7 +31,7 @@ pub struct Options {
     pub precision: Precision,
     /// Where steps are computed.
     pub backend: Backend,
-    /// Threads; 0 means one per core. Results do not depend on it.
+    /// Threads; 0 means one less than there are cores. None is pinned to a core or kept awake. Results do not depend on it.
     pub threads: usize,
     /// Instruction set of the kernels; the best of the machine without.
     pub instruction_set: Option<InstructionSet>,
@@ -171,7 +171,8 @@ impl Embedding {
     }
 
     fn of_scene(loaded: &LoadedScene, overrides: &Overrides) -> Result<Self> {
-        Ok(Self::of(build(loaded, overrides)?, Some(loaded.scene.name.clone())))
+        let beside = Overrides { beside_host: true, ..*overrides };
+        Ok(Self::of(build(loaded, &beside)?, Some(loaded.scene.name.clone())))
     }
 
     fn of(built: BuiltScene, scene: Option<String>) -> Self {

@@ -44,8 +44,9 @@ pub use error::{Code, EmbedError, InputError, Result};
 pub use files::{Files, Folder};
 pub use handle::{Handle, HandleError, Kind};
 pub use mesh::{
-    MembraneCells, MeshArrays, distance_field, membrane_cells, mesh_from_arrays, mesh_from_bytes,
-    mesh_from_file, mesh_from_generator,
+    MembraneCells, MeshArrays, distance_field, group, membrane_cells, mesh_cell_data,
+    mesh_from_arrays, mesh_from_bytes, mesh_from_file, mesh_from_generator, mesh_info_json,
+    mesh_select,
 };
 pub use snapshot::Snapshot;
 pub use touch::{Pick, PullSpec};

@@ -7,7 +7,8 @@ use sinew::engine::mesh::{Group, Mesh};
 use sinew::touch::field::DistanceField;
 use sinew_scene::assemble::generate;
 use sinew_scene::error::hint;
-use sinew_scene::scene::Generate;
+use sinew_scene::mesh_tool::MeshInfo;
+use sinew_scene::scene::{Generate, Selection};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -94,6 +95,71 @@ pub fn mesh_from_generator(toml: &str) -> Result<Mesh> {
     })
 }
 
+/// Vertices of a mesh by a table as below `select` of a scene, such as `half_space = { point = [0, 0, 0.05], normal = [0, 0, 1]
+/// }`, ascending.
+///
+/// # Errors
+/// When the text is not such a table, a place cannot be used, or no vertex is there.
+pub fn mesh_select(mesh: &Mesh, toml: &str) -> Result<Vec<u32>> {
+    let invalid = |problem: String| EmbedError::from(InputError::invalid("select", problem));
+    let own: Selection =
+        toml::from_str(toml).map_err(|e| invalid(e.message().replace('\n', ", ")))?;
+    let places = own.zone().map(|(_, zone)| (zone.problem(), mesh.vertices_in(&zone)));
+    let patch = own.patch.as_ref().map(|region| {
+        let patch = region.patch();
+        (patch.problem(), mesh.patch_vertices(&patch))
+    });
+    let group = own.group.as_ref().map(|name| group(mesh, name)).transpose()?;
+    if let Some(list) = &own.vertices {
+        in_range("vertices", list, mesh.points.len())?;
+    }
+    let all = own.all.filter(|all| *all).map(|_| (None, mesh.used_vertices()));
+    let given = [
+        places,
+        patch,
+        group.map(|group| (None, group.vertices.clone())),
+        own.vertices.map(|list| (None, list)),
+        all,
+    ];
+    let mut given = given.into_iter().flatten();
+    let (Some((problem, mut chosen)), None) = (given.next(), given.next()) else {
+        let keys = "`group`, `vertices`, `box`, `sphere`, `cylinder`, `half_space`, `patch` and `all = true`";
+        return Err(invalid(format!("give exactly one of {keys}")));
+    };
+    if let Some(problem) = problem {
+        return Err(invalid(problem.into()));
+    }
+    chosen.sort_unstable();
+    chosen.dedup();
+    if chosen.is_empty() {
+        let (low, high) = mesh.bounds().unwrap_or_default();
+        return Err(invalid(format!(
+            "no vertex is there; {} reaches from {low} to {high} m",
+            mesh.source
+        )));
+    }
+    Ok(chosen)
+}
+
+/// Numbers that the file of a mesh keeps with its cells, for tetrahedra, then hexahedra, as materials that vary take them; in
+/// a mesh without these for triangles, then quadrilaterals. NaN where there is none.
+///
+/// # Errors
+/// When there are none of that name.
+pub fn mesh_cell_data(mesh: &Mesh, name: &str) -> Result<Vec<f64>> {
+    let data = mesh.data(name).ok_or_else(|| {
+        let known = mesh.cell_data.iter().map(|d| d.name.as_str());
+        let kind = "cell data";
+        InputError::Unknown { kind, name: name.into(), hint: hint(kind, name, known) }
+    })?;
+    Ok(mesh.matter().into_iter().flat_map(|kind| data.values[kind].iter().copied()).collect())
+}
+
+/// What is in a mesh, as the command `sinew mesh info --json` writes it.
+pub fn mesh_info_json(mesh: &Mesh) -> String {
+    serde_json::to_string(&MeshInfo::of(mesh)).unwrap_or_default()
+}
+
 /// Which faces of a mesh a membrane has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MembraneCells<'a> {
@@ -144,7 +210,7 @@ pub fn distance_field(mesh: &Mesh, spacing: Option<f64>) -> Result<Arc<DistanceF
 }
 
 /// A group of a mesh.
-pub(crate) fn group<'a>(mesh: &'a Mesh, name: &str) -> Result<&'a Group> {
+pub fn group<'a>(mesh: &'a Mesh, name: &str) -> Result<&'a Group> {
     mesh.group(name).ok_or_else(|| {
         let known = mesh.groups.iter().map(|g| g.name.as_str());
         let kind = "group";

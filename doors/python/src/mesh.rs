@@ -7,7 +7,8 @@ use numpy::prelude::*;
 use numpy::{PyArray1, PyArrayDyn};
 use pyo3::prelude::*;
 use sinew_embed::{
-    MeshArrays, mesh_from_arrays, mesh_from_bytes, mesh_from_file, mesh_from_generator,
+    MeshArrays, mesh_cell_data, mesh_from_arrays, mesh_from_bytes, mesh_from_file,
+    mesh_from_generator, mesh_select,
 };
 use std::sync::Arc;
 
@@ -100,6 +101,26 @@ impl Mesh {
         let Self(mesh) = self;
         let cells = [mesh.tetrahedra.len(), mesh.hexahedra.len()];
         [mesh.points.len(), cells[0], cells[1], mesh.triangles.len(), mesh.quads.len()]
+    }
+
+    /// Names and numbers of cell data.
+    fn cell_data<'py>(
+        &self,
+        py: Python<'py>,
+    ) -> PyResult<Vec<(String, Bound<'py, PyArray1<f64>>)>> {
+        let names = self.0.cell_data.iter().map(|data| data.name.clone());
+        names
+            .map(|name| {
+                let values = mesh_cell_data(&self.0, &name).map_err(raise)?;
+                Ok((name, PyArray1::from_vec(py, values)))
+            })
+            .collect()
+    }
+
+    /// Vertices by a table as below `select` of a scene.
+    fn select<'py>(&self, py: Python<'py>, toml: &str) -> PyResult<Bound<'py, PyArray1<u32>>> {
+        let found = py.detach(|| mesh_select(&self.0, toml)).map_err(raise)?;
+        Ok(PyArray1::from_vec(py, found))
     }
 
     /// Names and vertices of groups.

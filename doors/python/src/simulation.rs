@@ -75,6 +75,7 @@ impl Choices {
             executor: named::<ExecutorName>("executor", &self.executor)?.map(Into::into),
             instruction_set: named("instruction set", &self.instruction_set)?,
             steps: self.steps,
+            ..Overrides::default()
         })
     }
 }

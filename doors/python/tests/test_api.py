@@ -472,3 +472,36 @@ def test_things_are_found_and_named(small):
         copy.copy(sim._own)
     with pytest.raises(sinew.HandleError):
         block((2, 2, 2))[0]._own.volume(body.handle)
+
+
+def test_warnings_of_bodies_and_of_steps():
+    sim = sinew.Simulation(gravity=(0, 0, 0), threads=1)
+    mesh = sinew.generate("box", size=(0.1, 0.1, 0.05), cells=(4, 4, 2))
+    sim.add_body("kPa", mesh, sinew.Material(6.0, 0.4, 1000.0))
+    assert [w.code for w in sim.warnings] == ["material.young.range"] and sim.verdict is None
+    sim.add_tool("ball", sinew.Sphere(0.02), (0.05, 0.05, 0.055))
+    start = sim.snapshot()
+    sim.step(3)
+    codes = [w.code for w in sim.warnings]
+    assert codes[0] == "material.young.range" and "run.contact.drawn-in" in codes
+    sim.restore(start)
+    assert len(sim.warnings) == 1
+    still = sinew.Simulation(gravity=(300, 0, 0), threads=1, solver={"integrator": "quasi-static", "max_newton_iterations": 1})
+    still.hold(still.add_body("block", mesh, sinew.preset("liver")), "z0")
+    still.step()
+    assert "no equilibrium found in 1 of 1 steps" in still.verdict
+
+
+def test_meshes_show_data_and_choose_by_place():
+    cells = b"CELLS 2 10\n4 0 1 2 3\n4 1 2 3 4\nCELL_TYPES 2\n10\n10\nCELL_DATA 2\nFIELD f 2\nE 1 2 double\n5e3 3e4\nhard 1 2 int\n0 1\n"
+    head = b"# vtk DataFile Version 2.0\nt\nASCII\nDATASET UNSTRUCTURED_GRID\nPOINTS 5 double\n0 0 0 1 0 0 0 1 0 0 0 1 1 1 1\n"
+    mesh = sinew.Mesh.from_bytes("two.vtk", head + cells)
+    assert mesh.cell_data["E"].tolist() == [5e3, 3e4] and mesh.groups["hard"].tolist() == [1, 2, 3, 4]
+    box = sinew.generate("box", size=(0.2, 0.1, 0.1), cells=(4, 2, 2))
+    right = box.select(half_space={"point": np.array([0.2, 0, 0]), "normal": (1, 0, 0)})
+    assert np.array_equal(right, box.groups["x1"]) and np.array_equal(box.select(patch={"near": (0.3, 0.05, 0.05)}), right)
+    assert np.array_equal(box.select(cylinder={"start": (0.2, 0.05, 0.05), "end": (0.3, 0.05, 0.05), "radius": 0.1}), right)
+    with pytest.raises(sinew.ArgumentError, match="no vertex is there"):
+        box.select(sphere={"centre": (9, 9, 9), "radius": np.float64(0.1)})
+    with pytest.raises(sinew.ArgumentError, match="exactly one"):
+        box.select(all=True, group="x0")

@@ -131,8 +131,8 @@ impl Patch {
 }
 
 impl Mesh {
-    /// Whether a cell that makes up the body uses a vertex, for every vertex.
-    fn used(&self) -> Vec<bool> {
+    /// Vertices that a cell uses which makes up the body, ascending.
+    pub fn used_vertices(&self) -> Vec<u32> {
         let mut used = vec![false; self.points.len()];
         for kind in self.matter() {
             let cells = self.cells(kind);
@@ -142,7 +142,7 @@ impl Mesh {
                 }
             });
         }
-        used
+        (0..).zip(used).filter(|(_, used)| *used).map(|(v, _)| v).collect()
     }
 
     /// Vertices in a part of space that cells use, ascending.
@@ -160,8 +160,9 @@ impl Mesh {
     /// # Ok::<(), sinew_engine::mesh::MeshError>(())
     /// ```
     pub fn vertices_in(&self, zone: &Zone) -> Vec<u32> {
-        let points = (0..).zip(&self.points).zip(self.used());
-        points.filter(|((_, p), used)| *used && zone.contains(**p)).map(|((v, _), _)| v).collect()
+        let mut vertices = self.used_vertices();
+        vertices.retain(|v| zone.contains(self.points[*v as usize]));
+        vertices
     }
 
     /// Vertices of the faces of a patch, ascending.

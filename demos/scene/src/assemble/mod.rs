@@ -159,6 +159,7 @@ fn empty_simulation(
         executor: options.executor.unwrap_or(scene.executor.into()),
         instruction_set: options.instruction_set.or(scene.instruction_set),
         threads: plan.threads,
+        exclusive: !options.beside_host,
         // the runner reads the state through the simulation, which asks for it
         readback: Readback::OnDemand,
     })

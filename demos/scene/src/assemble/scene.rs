@@ -25,6 +25,9 @@ pub struct BuildOptions {
     pub backend: Option<Backend>,
     /// Threads; 0 means one per core.
     pub threads: Option<usize>,
+    /// Leaves cores to a host that has threads of its own: 0 threads are then one less than there are cores, and none is
+    /// pinned or kept awake.
+    pub beside_host: bool,
     /// Executor of the schedules.
     pub executor: Option<Executor>,
     /// Instruction set of the kernels.

@@ -3,7 +3,7 @@
 use super::body::BuiltBody;
 use crate::error::{SceneError, SceneProblem, hint};
 use crate::scene::{FacesEntry, Key, PatchRegion, Selection};
-use sinew::engine::mesh::{Group, Mesh, Patch, Surface, Zone};
+use sinew::engine::mesh::{Group, Mesh, Patch, Surface};
 use std::collections::HashMap;
 
 /// The body of that name, or the only one.
@@ -54,7 +54,10 @@ pub(super) fn select(
         (chosen, "the group has no vertex that an element uses".to_string())
     } else if let Some(vertices) = vertices {
         (listed(&key.at("vertices"), vertices, body)?, "the list is empty".to_string())
-    } else if let Some(zone) = zone(key, selection)? {
+    } else if let Some((name, zone)) = selection.zone() {
+        if let Some(problem) = zone.problem() {
+            return Err(key.at(name).value(problem, "correct it"));
+        }
         let points = &body.mesh.points;
         let inside = |v: &u32| zone.contains(points[*v as usize]);
         (body.used_vertices.iter().copied().filter(inside).collect(), bounds_remedy(body))
@@ -79,54 +82,11 @@ pub(super) fn select(
 const PATCH_REMEDY: &str =
     "no face of the surface looks there: make `angle` larger, or turn `normal` round";
 
-/// The part of space of a selection, if that is what it gives.
-fn zone(key: &Key, selection: &Selection) -> Result<Option<Zone>, SceneError> {
-    let (key, zone) = if let Some(region) = &selection.cuboid {
-        let key = key.at("box");
-        let min = key.at("min").finite(region.min)?;
-        let max = key.at("max").finite(region.max)?;
-        if !min.cmple(max).all() {
-            let found = format!("min {min} is not below max {max}");
-            return Err(key.value(found, "exchange the corners"));
-        }
-        (key, Zone::Box { min, max })
-    } else if let Some(region) = &selection.sphere {
-        let key = key.at("sphere");
-        let centre = key.at("centre").finite(region.centre)?;
-        let radius = key.at("radius").positive(region.radius, "radius", "m")?;
-        (key, Zone::Sphere { centre, radius })
-    } else if let Some(region) = &selection.cylinder {
-        let key = key.at("cylinder");
-        let start = key.at("start").finite(region.start)?;
-        let end = key.at("end").finite(region.end)?;
-        let radius = key.at("radius").positive(region.radius, "radius", "m")?;
-        (key, Zone::Cylinder { start, end, radius })
-    } else if let Some(region) = &selection.half_space {
-        let key = key.at("half_space");
-        let point = key.at("point").finite(region.point)?;
-        let normal = key.at("normal").finite(region.normal)?;
-        (key, Zone::HalfSpace { point, normal })
-    } else {
-        return Ok(None);
-    };
-    match zone.problem() {
-        Some(problem) => Err(key.value(problem, "correct it")),
-        None => Ok(Some(zone)),
-    }
-}
-
 /// The patch of a scene.
 fn surface_patch(key: &Key, region: &PatchRegion) -> Result<Patch, SceneError> {
-    let key = key.at("patch");
-    let vector =
-        |name: &str, given: Option<[f64; 3]>| given.map(|own| key.at(name).finite(own)).transpose();
-    let patch = Patch {
-        near: vector("near", region.near)?,
-        normal: vector("normal", region.normal)?,
-        angle: region.angle.to_radians(),
-    };
+    let patch = region.patch();
     match patch.problem() {
-        Some(problem) => Err(key.value(problem, "correct it")),
+        Some(problem) => Err(key.at("patch").value(problem, "correct it")),
         None => Ok(patch),
     }
 }

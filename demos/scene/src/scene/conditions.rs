@@ -1,6 +1,8 @@
 //! What acts on bodies: constraints, loads and pressures, where and when.
 
+use glam::DVec3;
 use serde::{Deserialize, Serialize};
+use sinew::engine::mesh::{Patch, Zone};
 
 /// Vertices of a body; exactly one key. Places are those of the rest shape.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -23,6 +25,24 @@ pub struct Selection {
     pub patch: Option<PatchRegion>,
     /// All vertices of the body.
     pub all: Option<bool>,
+}
+
+impl Selection {
+    /// The part of space that it gives, if it is one, and its key.
+    pub fn zone(&self) -> Option<(&'static str, Zone)> {
+        let at = DVec3::from_array;
+        if let Some(BoxRegion { min, max }) = self.cuboid {
+            Some(("box", Zone::Box { min: at(min), max: at(max) }))
+        } else if let Some(SphereRegion { centre, radius }) = self.sphere {
+            Some(("sphere", Zone::Sphere { centre: at(centre), radius }))
+        } else if let Some(CylinderRegion { start, end, radius }) = self.cylinder {
+            Some(("cylinder", Zone::Cylinder { start: at(start), end: at(end), radius }))
+        } else if let Some(HalfSpaceRegion { point, normal }) = self.half_space {
+            Some(("half_space", Zone::HalfSpace { point: at(point), normal: at(normal) }))
+        } else {
+            None
+        }
+    }
 }
 
 /// A box with its faces.
@@ -82,6 +102,14 @@ pub struct PatchRegion {
 
 fn patch_angle() -> f64 {
     30.0
+}
+
+impl PatchRegion {
+    /// The part of the surface.
+    pub fn patch(&self) -> Patch {
+        let at = |own: Option<[f64; 3]>| own.map(DVec3::from_array);
+        Patch { near: at(self.near), normal: at(self.normal), angle: self.angle.to_radians() }
+    }
 }
 
 /// Vertices that are held or moved.

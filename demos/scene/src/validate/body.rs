@@ -209,8 +209,9 @@ impl<'a> CaseBody<'a> {
     /// A simulation of this body alone, without gravity.
     pub fn simulation(&self, case: &ReferenceCase) -> Result<(Simulation, BodyHandle), CaseError> {
         let threads = case.options.threads;
-        let mut simulation = Simulation::new(SimulationOptions { threads, ..Default::default() })
-            .map_err(|e| case.simulation_error(e))?;
+        let mut simulation =
+            Simulation::new(SimulationOptions { threads, exclusive: true, ..Default::default() })
+                .map_err(|e| case.simulation_error(e))?;
         let wanted = case.options.evaluation;
         let simplices = matches!(self.cells, CaseCells::Tetrahedra(_) | CaseCells::Triangles(_));
         let evaluation =

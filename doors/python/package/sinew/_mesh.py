@@ -48,6 +48,13 @@ def indices(what: str, values: ArrayLike, columns: int = 0) -> NDArray[np.uint32
     return np.ascontiguousarray(array, np.uint32).reshape(-1)
 
 
+def toml(value: Any) -> str:
+    """A value as in a scene file; numbers, texts, truth values and lists are written alike in JSON and TOML."""
+    if isinstance(value, Mapping):
+        return "{ " + ", ".join(f"{key} = {toml(own)}" for key, own in value.items()) + " }"
+    return json.dumps(value, default=lambda own: own.tolist())
+
+
 class Mesh:
     """Points, solid elements, faces and groups; elements in the order of vertices of Gmsh and VTK.
 
@@ -155,6 +162,18 @@ class Mesh:
         return self._groups
 
     @property
+    def cell_data(self) -> dict[str, NDArray[np.float64]]:
+        """Names and numbers that the file keeps with its cells, for ``Material`` and the like: of the tetrahedra, then of the
+        hexahedra; in a mesh without these of the triangles, then of the quads. NaN where there is none."""
+        return dict(self._own.cell_data())
+
+    def select(self, **place: Any) -> NDArray[np.uint32]:
+        """Vertices by a place as below ``select`` of scenes, ascending, such as
+        ``select(half_space={"point": (0, 0, 0.05), "normal": (0, 0, 1)})``, ``select(patch={"near": (0, 0, 0.1)})``,
+        ``box``, ``sphere``, ``cylinder``, ``group`` or ``all=True``."""
+        return self._own.select("\n".join(f"{key} = {toml(value)}" for key, value in place.items()))
+
+    @property
     def source(self) -> str:
         """Where it comes from."""
         return self._own.source
@@ -175,10 +194,4 @@ def generate(shape: str, **parameters: Any) -> Mesh:
 
     A box has the groups x0, x1, y0, y1, z0 and z1.
     """
-
-    def plain(value: Any) -> Any:
-        return value.tolist() if isinstance(value, (np.ndarray, np.generic)) else value
-
-    # numbers, texts, truth values and lists are written alike in JSON and TOML
-    table = ", ".join(f"{key} = {json.dumps(plain(value))}" for key, value in parameters.items())
-    return Mesh._of(_native.Mesh.of_generator(f"{shape} = {{ {table} }}"))
+    return Mesh._of(_native.Mesh.of_generator(f"{shape} = {toml(parameters)}"))

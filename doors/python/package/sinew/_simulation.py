@@ -467,7 +467,7 @@ def _settings(solver: Mapping[str, Any] | str | None) -> str:
 class Simulation:
     """A world of bodies.
 
-    dt: length of a step (s). gravity: (3,), m/s^2. threads: 0 for one per core; results do not depend on it. precision: "f64" or
+    dt: length of a step (s). gravity: (3,), m/s^2. threads: 0 for one less than there are cores; results do not depend on it. precision: "f64" or
     "f32". instruction_set: "portable", "avx2", "avx512", or the best. solver: settings as below ``[solver]`` of scenes, as a
     dictionary or TOML.
 
