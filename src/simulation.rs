@@ -428,7 +428,15 @@ impl Simulation {
         }
     }
 
-    /// Adds a constraint on rows of [`Simulation::rows`]; the entity identifies it.
+    /// Adds a constraint on rows of [`Simulation::rows`]; the entity identifies it. Vertices of a mesh are no rows, and are not
+    /// taken for such:
+    ///
+    /// ```compile_fail,E0308
+    /// use sinew::prelude::*;
+    ///
+    /// let bed: Vec<u32> = vec![0, 1, 2];
+    /// Constraint::hold("bed", bed);
+    /// ```
     pub fn add_constraint(&mut self, constraint: Constraint) -> Entity {
         self.world_mut().spawn(constraint).id()
     }

@@ -211,6 +211,27 @@ namespace Sinew
             }
         }
 
+        /// <summary>What looks unintended in meshes and materials, then in the steps that led to the present state: JSON, an
+        /// array of objects with code, level, subject, message and remedy.</summary>
+        public string WarningsJson()
+        {
+            UIntPtr needed;
+            Native.Demand(Native.sinew_warnings_json(own, null, UIntPtr.Zero, out needed));
+            var text = new byte[(int)needed];
+            Native.Demand(Native.sinew_warnings_json(own, text, needed, out needed));
+            return Encoding.UTF8.GetString(text, 0, text.Length - 1);
+        }
+
+        /// <summary>Why the present state cannot be trusted; empty where it can.</summary>
+        public string Verdict()
+        {
+            UIntPtr needed;
+            Native.Demand(Native.sinew_verdict(own, null, UIntPtr.Zero, out needed));
+            var text = new byte[(int)needed];
+            Native.Demand(Native.sinew_verdict(own, text, needed, out needed));
+            return Encoding.UTF8.GetString(text, 0, text.Length - 1);
+        }
+
         public ulong Find(Kind kind, string name)
         {
             ulong handle;
