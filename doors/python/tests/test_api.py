@@ -416,6 +416,8 @@ def test_snapshots_go_back_to_the_bit(tmp_path):
     assert np.array_equal(view, where) and sim.steps_done == 10 and sim.dt == 0.01
     assert len(body.remaining()) == len(body.mesh.tetrahedra) and sim.solver["integrator"] != "newton"
     assert list(sim.constraints) == ["z0"] and list(sim.tools) == ["ball"]
+    # the object of what was removed is good again
+    assert np.array_equal(ball.force, sim.tools["ball"].force) and ball.force[2] > 0
     with pytest.raises(sinew.HandleError):
         added.reaction
     sim.step(20)

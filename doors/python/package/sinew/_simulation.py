@@ -943,8 +943,9 @@ class Simulation:
         return self._own.snapshot()
 
     def restore(self, snapshot: Snapshot) -> None:
-        """Takes up a state of this simulation, or of one built alike, to the bit. What was added since is gone; what was removed
-        since is there again: ask for it by its name."""
+        """Takes up a state of this simulation, or of one built alike, to the bit. What was added since is gone, and its
+        object says ``HandleError``. What was removed since is there again: in this simulation its object is good again, in another
+        one ask by name."""
         self._own.restore(snapshot)
 
     def hash(self) -> int:
