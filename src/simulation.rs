@@ -373,7 +373,7 @@ impl Simulation {
     ) -> Result<BodyHandle, BodyError> {
         self.fetch();
         let entity = spawn_body(&mut self.world, body)?;
-        keep_findings(&mut self.world, entity, report);
+        keep_findings(&mut self.world, entity, body, report);
         Ok(BodyHandle(self.topology().bodies.len() - 1))
     }
 

@@ -123,20 +123,50 @@ fn an_equilibrium_that_was_not_found_is_not_trusted() {
 
 #[test]
 fn halted_bodies_and_energy_from_nowhere_are_not_trusted() {
-    let mut totals = RunTotals { steps: 20, ..RunTotals::default() };
-    totals.energy.dissipated = Some(0.0);
-    totals.solver.halted_steps = 5;
-    assert_eq!(totals.verdict(), Ok(()));
-    totals.solver.halted_steps = 6;
-    assert_eq!(totals.verdict(), Err(Untrusted::Halted { halted: 6, steps: 20 }));
-    totals.solver.halted_steps = 0;
-    totals.energy.load_work = 1.0;
-    totals.energy.dissipated = Some(-0.09);
-    assert_eq!(totals.verdict(), Ok(()));
-    totals.energy.dissipated = Some(-0.11);
-    assert_eq!(totals.verdict(), Err(Untrusted::Energy { gain: 0.11, put_in: 1.0 }));
-    totals.energy.dissipated = Some(f64::NAN);
-    assert!(totals.verdict().is_err());
+    let mut simulation = block(false);
+    let mut verdict = |change: &dyn Fn(&mut RunTotals)| {
+        let mut totals = RunTotals { steps: 20, ..RunTotals::default() };
+        totals.energy.dissipated = Some(0.0);
+        totals.energy.load_work = 1.0;
+        change(&mut totals);
+        simulation.world_mut().insert_resource(totals);
+        simulation.verdict()
+    };
+    assert_eq!(verdict(&|t| t.solver.halted_steps = 5), Ok(()));
+    let halted = Err(Untrusted::Halted { halted: 6, steps: 20 });
+    assert_eq!(verdict(&|t| t.solver.halted_steps = 6), halted);
+    assert_eq!(verdict(&|t| t.energy.dissipated = Some(-0.09)), Ok(()));
+    let gain = Err(Untrusted::Energy { gain: 0.11, put_in: 1.0 });
+    assert_eq!(verdict(&|t| t.energy.dissipated = Some(-0.11)), gain);
+    assert!(verdict(&|t| t.energy.dissipated = Some(f64::NAN)).is_err());
+}
+
+/// A block that is turned inside out, and one that is stretched to ten times its length with all elements in order.
+#[test]
+fn what_no_tissue_holds_is_not_trusted() {
+    let stretched = |by: f64| {
+        let mesh = box_tets(DVec3::splat(0.1), [2, 2, 2]).unwrap();
+        let mut simulation = Simulation::new(options(Precision::F64, 1)).unwrap();
+        let body = simulation.add_body(&BodyDescription::new("b", &mesh, soft(1e4, 0.4))).unwrap();
+        simulation.set_gravity(DVec3::ZERO);
+        clamp(&mut simulation, body, &mesh, "x0");
+        let end = simulation.group_rows(body, &mesh, "x1").unwrap();
+        let way = Motion::Translate(DVec3::X * by);
+        simulation.add_constraint(Constraint::moving("end", end, way, Curve::ramp(0.0, 0.3)));
+        (0..30).for_each(|_| simulation.step().unwrap());
+        simulation.verdict()
+    };
+    assert_eq!(stretched(0.1), Ok(()));
+    let far = stretched(0.9);
+    assert!(
+        matches!(far, Err(Untrusted::BeyondHold { stored, whole }) if stored > 10.0 * whole),
+        "{far:?}"
+    );
+    let through = stretched(-0.3);
+    assert!(
+        matches!(through, Err(Untrusted::InsideOut { inverted, now: true, .. }) if inverted > 2),
+        "{through:?}"
+    );
 }
 
 /// The energy that steps took out is what the others leave, also where elements go; a stiffer material on the way is no

@@ -6,6 +6,7 @@
 
 mod rules;
 pub mod totals;
+mod verdict;
 
 use crate::simulation::Simulation;
 use bevy_ecs::prelude::*;
@@ -13,11 +14,13 @@ use rules::Run;
 use serde::{Deserialize, Serialize};
 use sinew_engine::mesh::{CheckOptions, CheckReport, Finding, Mesh, Severity, check};
 use sinew_engine::topology::Topology;
+use sinew_models::axes::description::AxisFamily;
 use sinew_models::body::sheet::PlaneState;
 use sinew_models::body::{BodyDescription, BodyError, SoftBody, VolumeRule, spawn_body};
 use sinew_models::material::MaterialFinding;
 use std::fmt;
 use totals::RunTotals;
+pub use verdict::{Untrusted, verdict};
 
 /// How much a warning matters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -81,79 +84,21 @@ impl fmt::Display for Warning {
     }
 }
 
-/// Why a run is not to be trusted, although every step was carried out.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum Untrusted {
-    /// Bodies were halted in too many steps.
-    #[error(
-        "in {halted} of {steps} steps a body was halted because no state of lower energy was found, so it hardly moved; \
-         loads, motions or units are far beyond what the material holds: make them smaller, or use a smaller dt"
-    )]
-    Halted {
-        /// Steps in which a body was halted.
-        halted: u64,
-        /// Steps carried out.
-        steps: u64,
-    },
-    /// An equilibrium that was asked for was not found.
-    #[error(
-        "no equilibrium found in {unconverged} of {steps} steps (last Newton step {newton_step:.1e} of the body size): \
-         apply the loads in more parts (load_steps), or raise max_newton_iterations"
-    )]
-    NoEquilibrium {
-        /// Steps without one.
-        unconverged: u64,
-        /// Steps carried out.
-        steps: u64,
-        /// Length of the largest last Newton step over body size.
-        newton_step: f64,
-    },
-    /// There is more energy than was put in.
-    #[error(
-        "the bodies end with {gain:.2e} J more than the {put_in:.2e} J that loads and motions put in; use a smaller dt or \
-         integrator = \"safe\""
-    )]
-    Energy {
-        /// Energy from nowhere (J).
-        gain: f64,
-        /// Energy that was put in (J).
-        put_in: f64,
-    },
-}
-
-/// Part of the steps above which a run whose bodies were halted is not to be trusted, and how many there must be.
-const HALTED: (f64, u64) = (0.25, 5);
-/// Energy from nowhere, over all that was put in, above which a run is not to be trusted.
-const GAIN: f64 = 0.1;
-
-impl RunTotals {
-    /// Whether the state that these steps led to can be trusted.
-    ///
-    /// # Errors
-    /// Why not.
-    pub fn verdict(&self) -> Result<(), Untrusted> {
-        let (steps, halted) = (self.steps, self.solver.halted_steps);
-        if halted >= HALTED.1 && halted as f64 > HALTED.0 * steps as f64 {
-            return Err(Untrusted::Halted { halted, steps });
-        }
-        let Some(dissipated) = self.energy.dissipated else {
-            let (unconverged, newton_step) =
-                (self.solver.unconverged_steps, self.solver.worst_newton_step);
-            return match unconverged {
-                0 => Ok(()),
-                _ => Err(Untrusted::NoEquilibrium { unconverged, steps, newton_step }),
-            };
-        };
-        let (gain, put_in) = (-dissipated, self.energy.put_in());
-        // false for NaN
-        if gain <= GAIN * put_in { Ok(()) } else { Err(Untrusted::Energy { gain, put_in }) }
-    }
-}
-
-/// What the checks of the meshes of bodies found.
+/// What is kept of bodies from when they were built.
 #[derive(Resource, Default)]
-struct MeshFindings(Vec<(Entity, Vec<Finding>)>);
+struct BuiltBodies(Vec<BuiltBody>);
+
+struct BuiltBody {
+    entity: Entity,
+    /// What the check of its mesh found.
+    findings: Vec<Finding>,
+    /// Volume (m^3) of its solid elements at rest.
+    volume: f64,
+    /// Area (m^2) of its membrane at rest.
+    area: f64,
+    /// Moduli (Pa) of its fibres and of their term of volume, and peak stresses of its muscles, all together.
+    fibres: f64,
+}
 
 /// Builds a body as [`spawn_body`] does, and keeps what a check of its mesh finds for [`warnings`].
 ///
@@ -181,14 +126,32 @@ pub fn spawn_checked_body(world: &mut World, body: &BodyDescription) -> Result<E
         }
         Err(error) => *error.report,
     };
-    keep_findings(world, entity, &report);
+    keep_findings(world, entity, body, &report);
     Ok(entity)
 }
 
-/// Keeps what the check of the mesh of a body found for [`warnings`].
-pub(crate) fn keep_findings(world: &mut World, body: Entity, report: &CheckReport) {
-    let mut kept = world.get_resource_or_init::<MeshFindings>();
-    kept.0.push((body, report.findings.clone()));
+/// Keeps what the check of the mesh of a body found for [`warnings`], and its size for [`verdict`].
+pub(crate) fn keep_findings(
+    world: &mut World,
+    entity: Entity,
+    body: &BodyDescription,
+    report: &CheckReport,
+) {
+    let point = |v: u32| body.points[v as usize];
+    let area =
+        |[a, b, c]: [u32; 3]| (point(b) - point(a)).cross(point(c) - point(a)).length() / 2.0;
+    let area = body.membrane.as_ref().map_or(0.0, |m| {
+        let halves = m.quads.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]);
+        m.triangles.iter().copied().chain(halves).map(area).sum()
+    });
+    let fibres = body.axes.as_ref().map_or(0.0, |axes| {
+        let peak = |f: &AxisFamily| f.muscle.as_ref().map_or(0.0, |m| m.peak_stress);
+        let families = axes.families.iter().map(|f| f.modulus + peak(f));
+        families.sum::<f64>() + axes.volume_modulus
+    });
+    let (findings, volume) = (report.findings.clone(), report.statistics.total_volume);
+    let built = BuiltBody { entity, findings, volume, area, fibres };
+    world.get_resource_or_init::<BuiltBodies>().0.push(built);
 }
 
 /// What was found in the meshes and materials of the bodies of a world, such as that of a Bevy app.
@@ -196,12 +159,13 @@ pub fn body_warnings(world: &World) -> Vec<Warning> {
     let Some(mut query) = world.try_query::<(Entity, &SoftBody)>() else { return Vec::new() };
     let mut bodies: Vec<_> = query.iter(world).collect();
     bodies.sort_by_key(|(_, soft)| soft.index);
-    let meshes = world.get_resource::<MeshFindings>();
+    let built = world.get_resource::<BuiltBodies>();
     let mut found = Vec::new();
     for (entity, soft) in bodies {
         let subject = format!("body `{}`", world.resource::<Topology>().bodies[soft.index].name);
-        let own = meshes.and_then(|meshes| meshes.0.iter().find(|(of, _)| *of == entity));
-        found.extend(own.into_iter().flat_map(|(_, own)| own).map(|f| of_mesh(&subject, f)));
+        let own = built.and_then(|built| built.0.iter().find(|own| own.entity == entity));
+        let findings = own.into_iter().flat_map(|own| &own.findings);
+        found.extend(findings.map(|f| of_mesh(&subject, f)));
         found.extend(of_material(world, soft, &subject));
     }
     found
@@ -285,7 +249,7 @@ impl Simulation {
     /// # Errors
     /// Why not.
     pub fn verdict(&self) -> Result<(), Untrusted> {
-        self.world().get_resource::<RunTotals>().map_or(Ok(()), RunTotals::verdict)
+        verdict(self.world())
     }
 
     /// Sums over the steps that led to the present state; `None` before the first.
