@@ -279,13 +279,11 @@ impl Paper {
         let title = format!("{} made again", self.source.short);
         let mut page = Page::new(title, self.source.reference, &self.machine.line());
         self.meshes.iter().for_each(|meshes| page.paragraph("note", &format!("{meshes}.")));
-        page.add(format_args!("<p class=\"count\"><strong>{}</strong></p>", self.count()));
+        page.headline(&self.count());
         #[cfg(feature = "render")]
         for (name, png) in &self.pictures {
             let data = sinew_render::page::data_url("image/png", png);
-            page.add(format_args!(
-                "<figure><img src=\"{data}\" alt=\"{name}\" style=\"max-width:100%\"></figure>"
-            ));
+            page.add(format_args!("<figure><img src=\"{data}\" alt=\"{name}\"></figure>"));
         }
         for (letter, title, figure) in &self.figures {
             let claims = counted(std::iter::once(figure));

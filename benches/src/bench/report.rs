@@ -377,7 +377,15 @@ impl BenchReport {
             page.entry(table.name, &title);
         }
         let rest = self.charts()?;
-        rest.iter().filter(|c| !drawn.contains(&c.name)).for_each(|chart| page.chart(chart));
+        for chart in rest.iter().filter(|c| !drawn.contains(&c.name)) {
+            if height(chart) <= LONG_CHART {
+                page.chart(chart);
+                continue;
+            }
+            page.add(format_args!("<details><summary>{}, a long chart</summary>", chart.name));
+            page.chart(chart);
+            page.add("</details>");
+        }
         for (chart, why) in self.level_charts() {
             page.paragraph("note", &format!("{chart}: {why}"));
         }
@@ -428,6 +436,15 @@ impl BenchReport {
         files.parts(&self.charts()?, &self.tables())?;
         files.write(folder)
     }
+}
+
+/// Height (pixels) above which a chart is folded.
+const LONG_CHART: u32 = 1300;
+
+/// Height (pixels) that a chart says it has.
+fn height(chart: &Chart) -> u32 {
+    let text = chart.svg.split("height=\"").nth(1).and_then(|rest| rest.split('"').next());
+    text.and_then(|height| height.parse().ok()).unwrap_or(0)
 }
 
 fn peer_tables(report: &PeerReport) -> Vec<Table> {

@@ -55,11 +55,12 @@ impl VerdictWords {
     pub fn counted(&self, judgements: impl Iterator<Item = Judgement> + Clone) -> String {
         let of = |wanted| judgements.clone().filter(|j| *j == wanted).count();
         let [yes, no, open] = [Judgement::Yes, Judgement::No, Judgement::Open].map(of);
-        let mut text = format!("{yes} of {} {}", yes + no, self.count);
-        if open > 0 {
-            let _ = write!(text, ", {open} not judged");
+        let judged = format!("{yes} of {} {}", yes + no, self.count);
+        match (yes + no, open) {
+            (_, 0) => judged,
+            (0, _) => format!("{open} not judged"),
+            _ => format!("{judged}, {open} not judged"),
         }
-        text
     }
 }
 
@@ -109,6 +110,11 @@ impl Page {
         self.add("<div class=\"charts\">");
         charts.into_iter().for_each(|chart| self.chart(chart));
         self.add("</div>");
+    }
+
+    /// The one thing to know, above the contents.
+    pub fn headline(&mut self, text: &str) {
+        let _ = writeln!(self.head, "<p class=\"count\">{}</p>", escape(text));
     }
 
     /// A heading, listed in the contents at the top of the page.
@@ -267,13 +273,14 @@ code { background: #f2f2f2; padding: 1px 4px; border-radius: 3px; overflow-wrap:
 nav { margin: 12px 0; font-size: 14px; }
 nav { columns: 3 300px; column-gap: 24px; line-height: 1.5; }
 nav a { display: block; color: #0059a8; break-inside: avoid; }
-.count { font-size: 17px; }
+.count { font-size: 17px; font-weight: 600; }
+figure img { max-width: 100%; }
 figure { margin: 18px 0; overflow-x: auto; }
 figure svg { max-width: 100%; height: auto; border: 1px solid #e2e2e2; }
 .charts { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(100%, 370px), 1fr)); gap: 8px; margin: 12px 0; }
 .charts:has(> :nth-child(4):last-child) { grid-template-columns: repeat(auto-fit, minmax(min(100%, 480px), 1fr)); }
 .charts figure { margin: 0; max-width: 640px; }
-.charts figure svg { width: 100%; box-sizing: border-box; }
+.charts figure svg, .plots figure svg { width: 100%; box-sizing: border-box; }
 .verdicts { list-style: none; margin: 6px 0; padding: 0; columns: 2 480px; column-gap: 24px; font-size: 13px; line-height: 1.35; }
 .verdicts li { display: flex; gap: 8px; padding: 3px 0; break-inside: avoid; }
 .verdicts b { flex: 0 0 68px; align-self: flex-start; text-align: center; border-radius: 3px; font-size: 12px; padding: 1px 0; }
@@ -298,7 +305,8 @@ summary { cursor: pointer; font-weight: 600; margin: 18px 0 4px; }
   main { padding: 14px 16px; }
   h1 { font-size: 21px; }
   h2 { font-size: 18px; margin-top: 20px; }
-  figure:not(.charts figure) svg { max-width: none; width: 600px; }
+  figure:not(.charts figure, .plots figure) svg { max-width: none; width: 600px; }
+  figure img { max-width: none; width: 860px; }
   .grouped td, .grouped th, .grouped .below td { padding-left: 6px; padding-right: 6px; }
 }
 ";
