@@ -466,6 +466,7 @@
       const d = [-dot(right, eye) * f / aspect, -dot(up, eye) * f,
         dot(forward, eye) * (far + near) / (near - far) + 2 * q * near, -dot(forward, eye)];
       const matrix = [...m, ...d];
+      this.sight = { eye, forward, right: scale(right, tangent * aspect), up: scale(up, tangent) };
       const key = unit(add(add(scale(right, -0.55), upward), forward, -0.75));
       const gx = unit(add(Math.abs(upward[0]) > 0.9 ? [0, 1, 0] : [1, 0, 0], upward,
         -upward[Math.abs(upward[0]) > 0.9 ? 1 : 0]));
@@ -557,6 +558,35 @@
       if (shown.mesh) this.lines(use);
       gl.depthMask(true);
       gl.disable(gl.BLEND);
+    }
+
+    // what is seen at a place of the canvas, 0 to 1 from left to right and from top to bottom: the body and the value there
+    under(x, y) {
+      const { run } = this, frame = run.frames[this.frame], skin = run.skins[this.skin];
+      const field = run.fields.findIndex((f) => f.name === shown.field);
+      if (!this.sight || !skin) return null;
+      const { eye, forward, right, up } = this.sight;
+      const ray = add(add(forward, right, 2 * x - 1), up, 1 - 2 * y);
+      let nearest = Infinity, found = null;
+      const { low, step } = run, places = frame.places;
+      const at = (v) => { const i = 3 * skin.source[v]; return [0, 1, 2].map((k) => low[k] + step[k] * places[i + k]); };
+      for (let t = 0; t < skin.index.length; t += 3) {
+        const v = [skin.index[t], skin.index[t + 1], skin.index[t + 2]], a = at(v[0]);
+        const e = add(at(v[1]), a, -1), f = add(at(v[2]), a, -1), p = cross(ray, f), size = dot(e, p);
+        if (Math.abs(size) < 1e-30) continue;
+        const from = add(eye, a, -1), b = dot(from, p) / size;
+        if (b < 0 || b > 1) continue;
+        const q = cross(from, e), c = dot(ray, q) / size, far = dot(f, q) / size;
+        if (c < 0 || b + c > 1 || far <= 0 || far >= nearest) continue;
+        nearest = far;
+        found = { v, weights: [1 - b - c, b, c] };
+      }
+      if (!found) return null;
+      const body = run.bodies[skin.body[found.v[0]]];
+      if (field < 0) return { body };
+      const { range, unit, label } = run.fields[field], values = frame.values[field];
+      const byte = found.v.reduce((sum, v, k) => sum + found.weights[k] * values[skin.source[v]], 0);
+      return { body, label, unit, value: range[0] + (range[1] - range[0]) * byte / 255, end: byte >= 254.5 };
     }
 
     lines(use) {
@@ -791,6 +821,7 @@
   }
   function play(on) {
     playing = on;
+    if (on) byId("tip").hidden = true;
     byId("play").textContent = on ? "Pause" : "Play";
     if (on && time >= last) setTime(first);
   }
@@ -815,8 +846,24 @@
   });
   addEventListener("resize", () => { dirty = true; drawGraph(); });
 
+  // the value under the cursor
+  const tip = byId("tip");
+  function point(view, e) {
+    const box = view.canvas.getBoundingClientRect();
+    const seen = view.under((e.clientX - box.left) / box.width, (e.clientY - box.top) / box.height);
+    tip.hidden = !seen;
+    if (!seen) return;
+    // values beyond the end of the bar are stored as its end
+    const value = seen.label ? `${seen.label} ${seen.end ? "at least " : ""}${withUnit(seen.value, seen.unit)}` : "";
+    tip.textContent = [seen.body, value].filter(Boolean).join(": ");
+    tip.style.left = `${Math.min(e.clientX + 14, innerWidth - tip.offsetWidth - 6)}px`;
+    tip.style.top = `${Math.max(4, e.clientY - 34)}px`;
+  }
+
   // one finger or the left button turns, two fingers or the right button move, wheel and pinch zoom
-  for (const { canvas } of views) {
+  for (const view of views) {
+    const { canvas } = view;
+    canvas.onpointerleave = () => { tip.hidden = true; };
     const down = new Map();
     const spread = () => {
       const [a, b] = [...down.values()];
@@ -831,7 +878,8 @@
     canvas.onpointerup = canvas.onpointercancel = (e) => down.delete(e.pointerId);
     canvas.onpointermove = (e) => {
       const own = down.get(e.pointerId);
-      if (!own) return;
+      if (!own) { if (!playing) point(view, e); return; }
+      tip.hidden = true;
       const old = down.size > 1 ? spread() : null;
       const dx = e.clientX - own.x, dy = e.clientY - own.y, reach = 0.5 / canvas.clientHeight;
       Object.assign(own, { x: e.clientX, y: e.clientY });

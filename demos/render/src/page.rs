@@ -184,6 +184,7 @@ pub fn run_data(recording: &Recording) -> Result<Value, std::io::Error> {
             "vertices": s.points.len(), "triangles": s.triangles.len(), "colour": s.colour, "plate": s.plate,
         })).collect::<Vec<_>>(),
         "label": recording.label,
+        "bodies": recording.bodies,
         "forces": recording.forces.iter().map(|s| json!({
             "name": s.name.replace('_', " "), "points": s.thinned(GRAPH).iter().map(|p| p.map(|x| x as f32)).collect::<Vec<_>>(),
         })).collect::<Vec<_>>(),

@@ -38,6 +38,14 @@ function probe() {
     // the tick of the first mark is at the lower end of the strip, its number beside it
     off: marks.length ? Math.abs((box(marks[0]).top + box(marks[0]).bottom) / 2 - strip.bottom) : NaN,
     gap: marks.length ? box(marks[0]).left - strip.right : NaN };
+  // the cursor over the middle of the bar, then beside it
+  sinew.draw();
+  const canvas = box(canvases[0]), tip = document.getElementById("tip");
+  const pointed = [[0.5, 0.5], [0.02, 0.98]].map(([x, y]) => {
+    const place = { clientX: canvas.left + x * canvas.width, clientY: canvas.top + y * canvas.height };
+    canvases[0].dispatchEvent(new PointerEvent("pointermove", place));
+    return tip.hidden ? "" : tip.textContent;
+  });
   const wide = document.documentElement.scrollWidth - innerWidth;
   const last = look(), note = document.querySelector(".note").textContent;
   const field = document.getElementById("field");
@@ -54,7 +62,7 @@ function probe() {
     return n * 4 / p.length;
   };
   const changed = (a, b) => { let n = 0; for (let i = 0; i < a.length; i += 4) n += a[i] !== b[i]; return n * 4 / a.length; };
-  const result = { errors, note, opened, graph, legend, wide, views: canvases.length, vivid: first.map(vivid),
+  const result = { errors, note, opened, pointed, graph, legend, wide, views: canvases.length, vivid: first.map(vivid),
     moved: first.map((p, i) => changed(p, last[i])), recoloured: last.map((p, i) => changed(p, plain[i])),
     tools: [0, 1].map((i) => changed(plain[i], without[i])) };
   const out = document.createElement("pre");
@@ -159,6 +167,12 @@ fn the_player_draws_scrubs_and_recolours_without_an_error() {
     assert_eq!((&graph["shown"], &graph["lines"]), (&true.into(), &1.into()), "{seen}");
     assert!(graph["words"].as_str().unwrap().contains("with tools: ball 3.00 N"), "{seen}");
     assert!(graph["cursor"].as_f64().unwrap() > 0.95, "{seen}");
+    // what is under the cursor: the middle of the bar has gone a part of the way of its end
+    let value = seen["pointed"][0].as_str().unwrap();
+    let number = value.strip_prefix("bar: displacement ").and_then(|v| v.strip_suffix(" cm"));
+    let number: f64 = number.unwrap_or_else(|| panic!("{seen}")).parse().unwrap();
+    assert!(number > 5.0 && number < 50.0, "{seen}");
+    assert_eq!(seen["pointed"][1], "", "{seen}");
     assert_eq!(seen["views"], 2);
     assert!(seen["note"].as_str().unwrap().contains("1.50 s"), "{seen}");
     // the second has tools
