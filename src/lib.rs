@@ -37,6 +37,7 @@
 //! | cut | [`Simulation::remove_elements`], [`models::resection`] |
 //! | choose integrator, damping and tolerances | [`SolverSettings`](solvers::settings::SolverSettings), [`Integrator`](solvers::settings::Integrator) |
 //! | go back, keep a state, do a session again | [`snapshot`], [`replay`] |
+//! | know what went wrong or looks unintended, and whether to trust a run | [`Simulation::warnings`], [`Simulation::verdict`], [`warning`] |
 //! | know what a step did | [`StepReport`](engine::report::StepReport), [`VolumeReport`](engine::report::VolumeReport) |
 //! | run it in a Bevy app | [`SinewPlugins`] |
 //! | add a law of your own | [`Model::Own`](models::body::Model::Own), [`models::laws`] |
@@ -62,6 +63,8 @@
 //!
 //! [`Simulation`]: simulation::Simulation
 //! [`Simulation::remove_elements`]: simulation::Simulation::remove_elements
+//! [`Simulation::warnings`]: simulation::Simulation::warnings
+//! [`Simulation::verdict`]: simulation::Simulation::verdict
 //! [`Mesh`]: engine::mesh::Mesh
 //! [`BodyDescription`]: models::body::BodyDescription
 //! [`Tool`]: touch::tool::Tool
@@ -75,6 +78,7 @@ pub mod plugin;
 pub mod replay;
 mod resection;
 pub mod snapshot;
+pub mod warning;
 
 pub use plugin::SinewPlugins;
 

@@ -1,5 +1,6 @@
 //! Sinew inside a Bevy app.
 
+use crate::warning::totals;
 use bevy_app::{App, FixedPostUpdate, Plugin, PluginGroup, PluginGroupBuilder};
 use bevy_ecs::intern::Interned;
 use bevy_ecs::message::signal_message_update_system;
@@ -8,7 +9,7 @@ use bevy_ecs::schedule::ScheduleLabel;
 use sinew_engine::by_precision;
 use sinew_engine::precision::Precision;
 use sinew_engine::schedule::{Executor, SimulationSystems};
-use sinew_engine::step::{StepError, install_engine, run_step};
+use sinew_engine::step::{StepError, install_engine};
 use sinew_engine::workers::{Threads, Workers, WorkersError};
 use sinew_solvers::install_solver;
 use std::sync::Arc;
@@ -205,7 +206,7 @@ fn host_step(world: &mut World, mut told: Local<Told>) {
     if world.resource::<StepOutcome>().0.is_some() {
         return;
     }
-    let failure = run_step(world).err();
+    let failure = totals::step(world).err();
     let text = failure.as_ref().map(ToString::to_string);
     if let (Some(error), Some(text)) = (&failure, &text) {
         if last.as_ref() != Some(text) {

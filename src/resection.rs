@@ -1,6 +1,7 @@
 //! Removal of elements from a [`Simulation`].
 
 use crate::simulation::{BodyHandle, Simulation};
+use crate::warning::totals::RunTotals;
 use sinew_engine::by_precision;
 use sinew_engine::connectivity::ElementKind;
 use sinew_engine::row::LocalRow;
@@ -44,7 +45,9 @@ impl Simulation {
     ) -> Result<RemovalReport, RemovalError> {
         let precision = self.precision();
         let world = self.world_mut();
-        by_precision!(precision, remove_elements(world, body.0, removal))
+        let report = by_precision!(precision, remove_elements(world, body.0, removal))?;
+        world.get_resource_or_init::<RunTotals>().add_removal(&report);
+        Ok(report)
     }
 
     /// Finds out now what the first removal from a body needs to know, so that it costs no more than

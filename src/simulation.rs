@@ -2,6 +2,7 @@
 
 use crate::replay::Recorder;
 use crate::snapshot::History;
+use crate::warning::{keep_findings, spawn_checked_body, totals};
 use bevy_ecs::prelude::*;
 use glam::DVec3;
 use sinew_contact::set::ContactSet;
@@ -12,7 +13,7 @@ use sinew_engine::fnv::Fnv64;
 use sinew_engine::lanes::InstructionSet;
 use sinew_engine::law::{ElasticEnergy, EvaluationRequest};
 use sinew_engine::load::{Constraint, Load, Pose, Pressure, TargetError};
-use sinew_engine::mesh::Mesh;
+use sinew_engine::mesh::{CheckReport, Mesh};
 pub use sinew_engine::precision::Precision;
 use sinew_engine::ratios::{ElementNow, each_element, measure_area_ratios, measure_volume_ratios};
 use sinew_engine::read::{by_vertex, each_vertex, reaction};
@@ -22,7 +23,7 @@ use sinew_engine::scalar::Scalar;
 use sinew_engine::schedule::{Executor, ForceSchedule};
 #[cfg(feature = "gpu")]
 use sinew_engine::step::ColumnsBehind;
-use sinew_engine::step::{Gravity, StepClock, StepError, install_engine, run_step};
+use sinew_engine::step::{Gravity, StepClock, StepError, install_engine};
 use sinew_engine::topology::{BodyRows, Topology};
 use sinew_engine::vertex::{Displacement, Velocity};
 use sinew_engine::workers::{Workers, WorkersError};
@@ -201,6 +202,7 @@ pub struct BodyHandle(pub usize);
 /// | [`group_rows`](Self::group_rows), [`add_constraint`](Self::add_constraint) | [`set_target`](Self::set_target), [`move_tool`](Self::move_tool) | [`tool_report`](Self::tool_report), [`surface`](Self::surface) |
 /// | [`add_load`](Self::add_load), [`add_pressure`](Self::add_pressure) | [`step`](Self::step) | [`evaluate`](Self::evaluate), then [`reaction`](Self::reaction) |
 /// | [`add_tool`](Self::add_tool), [`add_body_contact`](Self::add_body_contact) | [`remove_elements`](Self::remove_elements) | [`report`](Self::report), [`volume_report`](Self::volume_report) |
+/// | | | [`warnings`](Self::warnings), [`verdict`](Self::verdict) |
 ///
 /// ```
 /// use sinew::engine::mesh::generate::box_tets;
@@ -288,14 +290,29 @@ impl Simulation {
         Ok(Self { world, precision, history: History::default(), recorder: None })
     }
 
-    /// Builds a body.
+    /// Builds a body. What its mesh and material make one doubt, such as lengths that look like millimetres, is in
+    /// [`Simulation::warnings`].
     ///
     /// # Errors
     /// When mesh or material cannot be used; nothing is added then.
     pub fn add_body(&mut self, body: &BodyDescription) -> Result<BodyHandle, BodyError> {
         self.fetch();
-        let world = &mut self.world;
-        spawn_body(world, body)?;
+        spawn_checked_body(&mut self.world, body)?;
+        Ok(BodyHandle(self.topology().bodies.len() - 1))
+    }
+
+    /// Builds a body of a mesh that was checked already, with what the [check](sinew_engine::mesh::check()) found.
+    ///
+    /// # Errors
+    /// As [`Simulation::add_body`].
+    pub fn add_checked_body(
+        &mut self,
+        body: &BodyDescription,
+        report: &CheckReport,
+    ) -> Result<BodyHandle, BodyError> {
+        self.fetch();
+        let entity = spawn_body(&mut self.world, body)?;
+        keep_findings(&mut self.world, entity, report);
         Ok(BodyHandle(self.topology().bodies.len() - 1))
     }
 
@@ -524,7 +541,8 @@ impl Simulation {
         self.world_mut().insert_resource(settings);
     }
 
-    /// Carries out one step.
+    /// Carries out one step. What was not as it should be in it, though it was carried out, is in
+    /// [`Simulation::warnings`].
     ///
     /// # Errors
     /// When settings or state are invalid or the integrator gives up; the state is then unchanged.
@@ -540,7 +558,7 @@ impl Simulation {
         if let Some(recorder) = &mut recorder {
             recorder.before_step(self);
         }
-        let result = run_step(&mut self.world);
+        let result = totals::step(&mut self.world);
         if let Some(before) = before
             && result.is_ok()
         {

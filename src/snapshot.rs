@@ -7,6 +7,7 @@
 //! does it hold what users of the engine keep beside it.
 
 use crate::simulation::{Backend, Simulation};
+use crate::warning::totals::RunTotals;
 use bevy_ecs::prelude::*;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
@@ -46,7 +47,7 @@ use std::sync::Arc;
 const MAGIC: &[u8; 8] = b"SinewSnp";
 /// Number of the format. It is raised whenever something that is stored changes, which a stored snapshot in the tests
 /// notices; other numbers are refused by name.
-const FORMAT: u32 = 1;
+const FORMAT: u32 = 2;
 
 /// A snapshot that cannot be taken, read or restored. The simulation is what it was before.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -231,6 +232,7 @@ struct WorldState<S: Scalar> {
     report: StepReport,
     volumes: VolumeReport,
     areas: Option<AreaReport>,
+    totals: Option<RunTotals>,
 }
 
 impl Snapshot {
@@ -429,6 +431,7 @@ impl<S: Scalar> WorldState<S> {
         state.report = world.resource::<StepReport>().clone();
         state.volumes = world.resource::<VolumeReport>().clone();
         state.areas = world.get_resource().copied();
+        state.totals = world.get_resource().cloned();
         state
     }
 
@@ -510,6 +513,7 @@ impl<S: Scalar> WorldState<S> {
         world.insert_resource(self.report.clone());
         world.insert_resource(self.volumes.clone());
         put(world, self.areas);
+        put(world, self.totals.clone());
         // the hooks of tools and the like make the set when commands are carried out
         world.flush();
         if self.contact.is_some() || world.contains_resource::<ContactSet>() {

@@ -24,3 +24,4 @@ mod schedule;
 mod second_order;
 mod snapshot;
 mod units;
+mod warnings;

@@ -514,6 +514,14 @@ namespace Sinew
             out UIntPtr needed);
 
         [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_warnings_json(SimulationHandle simulation, byte[] result, UIntPtr capacity,
+            out UIntPtr needed);
+
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_verdict(SimulationHandle simulation, byte[] result, UIntPtr capacity,
+            out UIntPtr needed);
+
+        [DllImport(Library, CallingConvention = C)]
         internal static extern int sinew_energy(SimulationHandle simulation, out double elastic, out double kinetic);
 
         [DllImport(Library, CallingConvention = C)]

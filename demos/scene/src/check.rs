@@ -65,7 +65,7 @@ fn check_scene(path: &Path, summary: &mut CheckSummary) -> Result<(), SceneError
             summary.meshes.push((*source.report).clone());
         }
     })?;
-    summary.warnings = std::mem::take(&mut built.warnings);
+    summary.warnings = built.all_warnings();
     for body in &built.bodies {
         summary.plan.push(format!(
             "body `{}`: {} vertices, {}, E = {} Pa, nu = {}, {} kg/m^3",

@@ -36,7 +36,8 @@ pub mod springs;
 pub mod summary;
 pub mod text;
 pub mod validate;
-pub mod warning;
+
+pub use sinew::warning;
 
 use std::path::PathBuf;
 

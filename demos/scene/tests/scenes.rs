@@ -548,7 +548,7 @@ fn forceps_hold_the_edge_and_let_it_go() {
     // afterwards it is as if nothing had been
     assert_eq!(*force.last().unwrap(), DVec3::ZERO);
     assert!((*lobe.last().unwrap() - lobe[at(0.8)]).length() < 5e-4);
-    let tool = &summary.touch.as_ref().unwrap().tools[0];
+    let tool = &summary.touch.as_ref().unwrap().touched.tools[0];
     assert!(tool.dissipation > 0.0 && tool.work > tool.dissipation, "{summary}");
 }
 
@@ -611,6 +611,6 @@ fn a_fast_probe_is_followed_by_substeps() {
     assert!(first <= at(0.12) && peak > 1.5 * force[at(0.7)].z, "{peak} at {first}");
     assert!((force[at(0.79)].z / force[at(0.5)].z - 1.0).abs() < 0.01);
     assert_eq!(*force.last().unwrap(), DVec3::ZERO);
-    let touch = summary.touch.as_ref().unwrap();
+    let touch = &summary.touch.as_ref().unwrap().figures;
     assert!(touch.substeps > 1 && touch.lag == 0.0 && touch.depth_over_edge < 0.5, "{summary}");
 }

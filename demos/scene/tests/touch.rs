@@ -97,7 +97,7 @@ fn a_ball_presses_and_leaves_no_force_behind() {
     let last = rows.last().unwrap();
     assert_eq!(last[..3], [0.0; 3]);
     let touch = summary.touch.as_ref().unwrap();
-    let tool = &touch.tools[0];
+    let (tool, touch) = (&touch.touched.tools[0], &touch.figures);
     assert!(tool.force.peak >= pressed[2] && tool.force.end == [0.0; 3] && tool.work > 0.0);
     assert!(touch.points_max > 0 && touch.points_final == 0 && touch.inner_iterations > 20);
     // what the tool put in is in the books
@@ -144,7 +144,7 @@ fn parts_of_a_tool_have_forces_of_their_own() {
         assert!((a[i] + b[i] - all[i]).abs() <= 1e-6 * size, "{i}: {a:?} {b:?} {all:?}");
     }
     assert_eq!(all[6], a[6].max(b[6]));
-    let tool = &summary.touch.as_ref().unwrap().tools[0];
+    let tool = &summary.touch.as_ref().unwrap().touched.tools[0];
     assert_eq!(tool.parts.len(), 2);
     assert!((tool.parts[0].end[2] - a[2]).abs() <= 1e-6 * size);
     says(&summary.to_string(), &["part 0", "part 1"]);
@@ -158,7 +158,7 @@ fn scenes_without_contact_say_nothing_of_it() {
     let options = RunOptions { build, out: Some(out.clone()), ..RunOptions::default() };
     let summary = run(&scene, &options, &mut Silent).unwrap();
     let json = serde_json::to_value(&summary).unwrap();
-    assert!(json.get("touch").is_none() && json["energy"].get("contact").is_none());
+    assert!(json.get("touch").is_none() && json["energy"]["contact"].is_null());
     let text = summary.to_string();
     assert!(!text.contains("contact") && !text.contains("tools"), "{text}");
     let csv = std::fs::read_to_string(out.join("cantilever.csv")).unwrap();
@@ -227,7 +227,7 @@ until = 0.2
     let end = rows.last().unwrap();
     assert_eq!(end[..4], [0.0; 4]);
     assert!(end[4] > 0.0 && end[4] == held[4], "{end:?} {held:?}");
-    let own = &summary.touch.as_ref().unwrap().pulls[0];
+    let own = &summary.touch.as_ref().unwrap().touched.pulls[0];
     assert!(
         own.vertices == 49 && own.force.peak >= -held[2] && (own.work / end[4] - 1.0).abs() < 1e-8,
         "{summary}"

@@ -26,10 +26,11 @@ use sinew::models::material::field::FieldError;
 use sinew::models::resection::{
     Region, Removal, RemovalError, RemovalLog, RemovalReport, RemovalRequest,
 };
-use sinew::prelude::{BodyDescription, Model, StepClock, YoungPoisson, spawn_body};
+use sinew::prelude::{BodyDescription, Model, StepClock, YoungPoisson};
 use sinew::solvers::explicit::forget_steps;
 use sinew::solvers::implicit::forget_matrices;
 use sinew::touch::set::ContactSet;
+use sinew::warning::spawn_checked_body;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -364,7 +365,7 @@ fn build_body(
         membrane: body.membrane.as_ref().map(|m| m.of(&mesh.triangles, &mesh.quads)),
         ..BodyDescription::new(&name, mesh, body.material)
     };
-    spawn_body(world, &description)?;
+    spawn_checked_body(world, &description)?;
     Ok(world.resource::<Topology>().bodies.len() - 1)
 }
 

@@ -59,6 +59,7 @@ mod draw;
 mod input;
 mod pick;
 mod time;
+mod warn;
 
 pub use asset::{MESH_EXTENSIONS, SoftMesh, SoftMeshError, SoftMeshLoader};
 pub use body::{
@@ -76,6 +77,7 @@ pub use pick::{SinewDrag, SinewHit, SinewMouse, SinewRayCast};
 pub use sinew::engine::schedule::SimulationSystems;
 pub use sinew::plugin::{SinewPlugins, StepFailed, StepOutcome};
 pub use time::SinewTimestep;
+pub use warn::SinewWarning;
 
 use bevy_app::{App, Plugin, PluginGroup, PluginGroupBuilder};
 use bevy_ecs::intern::Interned;
@@ -150,6 +152,7 @@ impl Plugin for BodyPlugin {
         );
         time::build(app, schedule);
         body::build(app, schedule);
+        warn::build(app, schedule);
         input::build(app, schedule);
         draw::build_steps(app, schedule);
     }

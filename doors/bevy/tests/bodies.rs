@@ -358,3 +358,24 @@ fn state_of(app: &mut bevy_app::App, body: Entity) -> Vec<f64> {
     }
     result.iter().flat_map(|u| u.to_array()).collect()
 }
+
+/// A mesh in millimetres is told when it is built, a tool inside of it when the step is made; each once.
+#[test]
+fn what_looks_unintended_is_told_once() {
+    let mut app = app();
+    let asset = asset(&mut app);
+    let large = Transform::from_scale(Vec3::splat(1e3));
+    app.world_mut().spawn((SinewBody::new(asset, material()), large, Name::new("organ")));
+    let inside = Tool::new("ball", Shape::Sphere { radius: 20.0 }, DVec3::new(50.0, 40.0, 45.0));
+    app.world_mut().spawn(inside);
+    let mut told = Vec::new();
+    for _ in 0..4 {
+        app.update();
+        let new = messages::<SinewWarning>(&mut app);
+        told.extend(new.into_iter().map(|w| (w.0.code, w.0.subject)));
+    }
+    for expected in [("mesh.implausible-size", "body `organ`"), ("run.contact.drawn-in", "tools")] {
+        let count = told.iter().filter(|own| (&*own.0, &*own.1) == expected).count();
+        assert_eq!(count, 1, "{expected:?} in {told:?}");
+    }
+}

@@ -906,6 +906,21 @@ sinew_status sinew_report_json(const struct sinew_simulation *simulation,
                                size_t capacity,
                                size_t *needed);
 
+// What looks unintended or was repaired in meshes, materials and the scene, then what was not as it should be in the steps
+// that led to the present state: JSON as in `sinew_report_json`, an array of objects with the texts `code`, `level` ("note"
+// or "warning"), `subject`, `message` and `remedy`.
+sinew_status sinew_warnings_json(const struct sinew_simulation *simulation,
+                                 char *out,
+                                 size_t capacity,
+                                 size_t *needed);
+
+// Why the present state cannot be trusted, although every step was carried out, as far as the steps that led to it tell: the
+// text with which the command `sinew run` fails. Empty, with `needed` 1, where it can be trusted.
+sinew_status sinew_verdict(const struct sinew_simulation *simulation,
+                           char *out,
+                           size_t capacity,
+                           size_t *needed);
+
 // Elastic and kinetic energy (J) of the state as it is. Either may be NULL.
 sinew_status sinew_energy(struct sinew_simulation *simulation, double *elastic, double *kinetic);
 

@@ -85,7 +85,11 @@ fn null_is_an_argument_everywhere() {
         sinew_pick(none, null(), null(), null_mut());
         sinew_pick(sim, null(), null(), null_mut());
         sinew_report_json(none, null_mut(), 0, null_mut());
+        sinew_warnings_json(none, null_mut(), 0, null_mut());
+        sinew_verdict(none, null_mut(), 0, null_mut());
         sinew_report_json(sim, null_mut(), 0, null_mut());
+        sinew_warnings_json(sim, null_mut(), 0, null_mut());
+        sinew_verdict(sim, null_mut(), 0, null_mut());
         sinew_energy(none, null_mut(), null_mut());
         sinew_hash(none, null_mut());
         sinew_hash(sim, null_mut());

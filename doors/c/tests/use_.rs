@@ -56,6 +56,14 @@ fn steps_have_the_hash_of_the_library() {
         json.resize(needed, 0);
         ok(sinew_report_json(slab.sim, json.as_mut_ptr(), needed, &mut needed));
         assert_eq!(CStr::from_ptr(json.as_ptr()).to_str().unwrap(), sim.report_json());
+        ok(sinew_warnings_json(slab.sim, null_mut(), 0, &mut needed));
+        json.resize(needed, 0);
+        ok(sinew_warnings_json(slab.sim, json.as_mut_ptr(), needed, &mut needed));
+        let told = CStr::from_ptr(json.as_ptr()).to_str().unwrap();
+        assert_eq!(told, sim.warnings_json());
+        assert!(told.starts_with('[') && told.ends_with(']'), "{told}");
+        ok(sinew_verdict(slab.sim, json.as_mut_ptr(), json.len(), &mut needed));
+        assert_eq!((needed, json[0], sim.verdict()), (1, 0, None));
         assert_eq!(CStr::from_ptr(sinew_version()).to_str().unwrap(), sinew_embed::version());
         assert_eq!(sinew_abi_version(), SINEW_ABI);
         let mut padded = vec![-1f32; 5 * slab.vertices];

@@ -11,15 +11,13 @@ use sinew::engine::mesh::{CheckOptions, Mesh, check};
 use sinew::engine::row::LocalRow;
 use sinew::engine::surface::SurfaceReader;
 use sinew::models::body::present::MassPolicy;
-use sinew::models::body::sheet::{MembraneSettings, PlaneState};
-use sinew::models::body::{BodyDescription, SoftBody, VolumeRule};
+use sinew::models::body::sheet::MembraneSettings;
+use sinew::models::body::{BodyDescription, SoftBody};
 use sinew::models::material::YoungPoisson;
 use sinew::models::material::field::{MaterialArrays, MaterialField};
 use sinew::models::resection::{Region, Removal, RemovalReport};
 use sinew::simulation::{BodyHandle, MaterialChange, Simulation};
-use sinew_scene::assemble::{
-    BuiltBody, BuiltMembrane, body_mass, count_membrane_vertices, warn_of_findings,
-};
+use sinew_scene::assemble::{BuiltBody, BuiltMembrane, body_mass};
 use std::borrow::Cow;
 use std::collections::HashSet;
 
@@ -134,8 +132,6 @@ impl Embedding {
             evaluation: m.evaluation,
             springs: m.springs,
         });
-        let thin = !mesh.is_solid() && settings.is_some_and(|m| m.plane == PlaneState::Stress);
-        let locks = !thin && description.volume == VolumeRule::Elements;
         let material = match settings {
             // the material of the solid means nothing then
             Some(own) if !mesh.is_solid() => own.material,
@@ -146,7 +142,7 @@ impl Embedding {
             _ => None,
         };
         if let Some(membrane) = &membrane {
-            count_membrane_vertices(&mut checked, membrane);
+            checked.use_faces(&membrane.triangles, &membrane.quads);
         }
         let own = BodyDescription {
             points: &checked.mesh.points,
@@ -156,10 +152,9 @@ impl Embedding {
             ..description.clone()
         };
         let simulation = &mut self.built.simulation;
-        let handle = simulation.add_body(&own)?;
+        let handle = simulation.add_checked_body(&own, &checked.report)?;
         let mass = body_mass(&own, &checked, membrane.as_ref(), || simulation.masses(handle));
         let (report, used_vertices) = (checked.report, checked.used_vertices);
-        warn_of_findings(name, &report, material, locks, &mut self.built.warnings);
         self.buffers.push(Buffers::default());
         self.built.bodies.push(BuiltBody {
             name: name.into(),

@@ -289,9 +289,21 @@ impl Embedding {
         self.scene.as_deref()
     }
 
-    /// What was found in meshes and materials, and looks unintended or was repaired.
-    pub fn warnings(&self) -> &[Warning] {
-        &self.built.warnings
+    /// What was found in meshes, materials and the scene, and looks unintended or was repaired; then what was not as it
+    /// should be in the steps that led to the present state.
+    pub fn warnings(&self) -> Vec<Warning> {
+        self.built.all_warnings()
+    }
+
+    /// The same as JSON.
+    pub fn warnings_json(&self) -> String {
+        serde_json::to_string(&self.warnings()).unwrap_or_default()
+    }
+
+    /// Why the present state cannot be trusted, if so, as far as the steps that led to it tell: the reason for which the
+    /// command fails.
+    pub fn verdict(&self) -> Option<String> {
+        self.built.simulation.verdict().err().map(|untrusted| untrusted.to_string())
     }
 
     /// Sets the length (s) of the steps to come.

@@ -33,7 +33,8 @@ fn scenes_have_the_hash_of_the_command() {
         sim.step(steps as u32).unwrap();
         assert_eq!(format!("{:016x}", sim.hash()), summary.final_state_hash, "{name}");
         assert_eq!(sim.steps_done(), steps);
-        assert_eq!(sim.warnings(), &summary.warnings[..sim.warnings().len()], "{name}");
+        assert_eq!(sim.warnings(), summary.warnings, "{name}");
+        assert_eq!(sim.verdict(), None, "{name}");
 
         // from memory, step by step, with buffers and figures read on the way
         let text = std::fs::read_to_string(&path).unwrap();

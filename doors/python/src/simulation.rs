@@ -321,6 +321,11 @@ impl Engine {
         })
     }
 
+    /// Why the state cannot be trusted, if so.
+    fn verdict(&self) -> PyResult<Option<String>> {
+        self.0.read(|own| Ok(own.verdict()))
+    }
+
     fn find(&self, of: &str, name: &str) -> PyResult<Handle> {
         self.0.read(|own| own.find(kind(of)?, name))
     }

@@ -6,7 +6,7 @@ use sinew_identify::{ElementMethod, IdentifyError};
 use std::sync::Arc;
 use thiserror::Error;
 
-use crate::material::{LameParameters, MaterialError, YoungPoisson};
+use crate::material::{LameParameters, MaterialError, MaterialFinding, YoungPoisson};
 
 /// Material of every solid element of a body: one material, and arrays that replace single constants of
 /// it, one value per element in the order of the user's mesh: tetrahedra first, then hexahedra.
@@ -133,6 +133,38 @@ impl MaterialField<'_> {
             poisson_ratio: pick(self.poisson_ratio, self.material.poisson_ratio),
             density: pick(self.density, self.material.density),
         }
+    }
+
+    /// Plausibility of valid materials of elements as soft tissue, by their smallest and largest constants; see
+    /// [`YoungPoisson::findings`].
+    pub fn findings(&self) -> Vec<MaterialFinding> {
+        let ends = |values: Option<&[f64]>, base: f64| match values {
+            None | Some([]) => [base; 2],
+            Some(values) => [
+                values.iter().copied().fold(f64::INFINITY, f64::min),
+                values.iter().copied().fold(f64::NEG_INFINITY, f64::max),
+            ],
+        };
+        let young_modulus = ends(self.young_modulus, self.material.young_modulus);
+        let poisson_ratio = ends(self.poisson_ratio, self.material.poisson_ratio);
+        let density = ends(self.density, self.material.density);
+        let mut found: Vec<MaterialFinding> = Vec::new();
+        for end in 0..2 {
+            let material = YoungPoisson {
+                young_modulus: young_modulus[end],
+                poisson_ratio: poisson_ratio[end],
+                density: density[end],
+            };
+            for finding in material.findings() {
+                let told = |old: &MaterialFinding| {
+                    (old.code, old.remedy) == (finding.code, finding.remedy)
+                };
+                if !found.iter().any(told) {
+                    found.push(finding);
+                }
+            }
+        }
+        found
     }
 
     /// Whether elements have values of their own.

@@ -8,9 +8,7 @@ use super::{axes, meshes};
 use crate::error::SceneError;
 use crate::scene::{BodyEntry, Key, MembraneEntry, PreparedMesh, SpringMethod};
 use crate::springs::{Matter, Springs};
-use crate::warning::{Level, Warning};
-use sinew::engine::mesh::check::Severity;
-use sinew::engine::mesh::{CheckOptions, CheckReport, CheckedMesh, FindingCode, Mesh, check};
+use sinew::engine::mesh::{CheckOptions, CheckedMesh, Mesh, check};
 use sinew::models::body::lumped::{HexahedronSprings, SpringRule, UniformSprings};
 use sinew::models::body::sheet::{MembraneModel, MembraneSettings, PlaneState};
 use sinew::models::body::{BodyDescription, MassRule, Model, VolumeRule};
@@ -37,7 +35,7 @@ pub(super) fn body(
         let checked = check(&placed, &CheckOptions::default()).map_err(|e| mesh_key.error(e))?;
         Ok(PreparedMesh { placed, checked })
     })?;
-    let (thin, material) = (thin(&prepared.placed), material(&prepared.placed)?);
+    let material = material(&prepared.placed)?;
     let mut checked = Arc::unwrap_or_clone(prepared).checked;
     let membrane = match &body.membrane {
         Some(entry) => Some(membrane(&key.at("membrane"), entry, &checked.mesh, material)?),
@@ -51,10 +49,8 @@ pub(super) fn body(
         ));
     }
     if let Some(membrane) = &membrane {
-        count_membrane_vertices(&mut checked, membrane);
+        checked.use_faces(&membrane.triangles, &membrane.quads);
     }
-    let locks = thin.is_none() && body.volume == VolumeRule::Elements;
-    warn_of_findings(&body.name, &checked.report, material, locks, &mut built.warnings);
     let field = |quantity: &str, name: &Option<String>| {
         let key = key.at("material").at(format!("{quantity}_field"));
         cell_data(&key, name.as_ref(), &checked.mesh)
@@ -86,7 +82,10 @@ pub(super) fn body(
         .material_field()
         .validate(counts.0, counts.1)
         .map_err(|source| field_error(&key.at("material"), entry, &checked.mesh, source))?;
-    let handle = built.simulation.add_body(&description).map_err(|e| mesh_key.error(e))?;
+    let handle = built
+        .simulation
+        .add_checked_body(&description, &checked.report)
+        .map_err(|e| mesh_key.error(e))?;
     let mass =
         body_mass(&description, &checked, membrane.as_ref(), || built.simulation.masses(handle));
     Ok(BuiltBody {
@@ -205,58 +204,6 @@ pub fn body_mass(
         None => checked.report.statistics.total_volume * description.material.density,
     };
     solid + membrane.map_or(0.0, |m| m.area * m.settings.surface().1)
-}
-
-/// The check of a mesh does not know of the membrane: which vertices are used depends on it.
-pub fn count_membrane_vertices(checked: &mut CheckedMesh, membrane: &BuiltMembrane) {
-    let used = &mut checked.used_vertices;
-    *used = checked.mesh.tetrahedra.as_flattened().to_vec();
-    used.extend(checked.mesh.middles.as_flattened());
-    used.extend(checked.mesh.hexahedra.as_flattened());
-    used.extend(membrane.triangles.as_flattened());
-    used.extend(membrane.quads.as_flattened());
-    used.sort_unstable();
-    used.dedup();
-    let unused = checked.mesh.points.len() - used.len();
-    let findings = &mut checked.report.findings;
-    findings.retain(|f| f.code != FindingCode::UnusedVertices || unused > 0);
-    for finding in findings.iter_mut().filter(|f| f.code == FindingCode::UnusedVertices) {
-        (finding.count, finding.entity) = (unused, String::new());
-        finding.message = format!("{unused} vertices belong to no element and are left out");
-    }
-}
-
-/// Adds what checks of the mesh and of the material of a body found; `locks` where elements keep their volume one by
-/// one, as sheets in plane stress do not.
-pub fn warn_of_findings(
-    body: &str,
-    report: &CheckReport,
-    material: YoungPoisson,
-    locks: bool,
-    warnings: &mut Vec<Warning>,
-) {
-    let subject = format!("body `{body}`");
-    warnings.extend(report.findings.iter().map(|finding| Warning {
-        code: format!("mesh.{}", finding.code),
-        level: match finding.severity {
-            Severity::Info => Level::Note,
-            _ => Level::Warning,
-        },
-        subject: subject.clone(),
-        message: if finding.entity.is_empty() {
-            finding.message.clone()
-        } else {
-            format!("{}: {}", finding.message, finding.entity)
-        },
-        remedy: finding.remedy.clone(),
-    }));
-    warnings.extend(
-        material
-            .findings()
-            .into_iter()
-            .filter(|f| locks || f.code != "material.poisson.locking")
-            .map(|f| Warning::new(f.code, Level::Warning, &subject, f.message, f.remedy)),
-    );
 }
 
 /// The membrane of a body: its triangles and quadrilaterals, and what they are made of.

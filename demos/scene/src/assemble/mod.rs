@@ -23,7 +23,7 @@ mod select;
 mod tools;
 mod touch;
 
-pub use bodies::{body_mass, count_membrane_vertices, warn_of_findings};
+pub use bodies::body_mass;
 pub use body::{BuiltBody, BuiltMembrane};
 pub use conditions::{BuiltConstraint, BuiltLoad, BuiltPressure};
 pub use memory::SceneSnapshot;

@@ -14,6 +14,7 @@ use sinew::engine::schedule::Executor;
 use sinew::models::resection::RemovalError;
 use sinew::simulation::{Backend, Precision, Simulation};
 use sinew::solvers::settings::SolverSettings;
+use sinew::warning::{body_warnings, run_warnings};
 
 /// What a caller may set in place of the scene.
 #[derive(Clone, Copy, Debug, Default)]
@@ -56,11 +57,20 @@ pub struct BuiltScene {
     pub probes: Vec<BuiltProbe>,
     /// Steps and intervals.
     pub plan: RunPlan,
-    /// What was found and repaired, or looks unintended.
+    /// What looks unintended in the scene, beside what the simulation has to tell of bodies and steps.
     pub warnings: Vec<Warning>,
 }
 
 impl BuiltScene {
+    /// What was found and repaired, or looks unintended: in meshes and materials, in the scene, in the steps so far.
+    pub fn all_warnings(&self) -> Vec<Warning> {
+        let world = self.simulation.world();
+        let mut all = body_warnings(world);
+        all.extend_from_slice(&self.warnings);
+        all.extend(run_warnings(world));
+        all
+    }
+
     /// A scene without bodies.
     pub fn empty(simulation: Simulation, plan: RunPlan) -> Self {
         Self {

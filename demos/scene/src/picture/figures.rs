@@ -70,8 +70,8 @@ impl SceneFigures {
             dt: summary.settings.dt,
             is_static: recording.is_static,
             linearisation_error: summary.solver.figures.linearisation_error_mean,
-            contact_rounds: touch.map(|t| t.inner_iterations_mean),
-            contact_not_found: touch.map(|t| t.unconverged),
+            contact_rounds: touch.map(|t| t.figures.inner_iterations_mean),
+            contact_not_found: touch.map(|t| t.figures.unconverged),
             inverted: summary.volume.inverted_final,
         }
     }

@@ -7,7 +7,7 @@ use crate::assemble::{BuiltScene, SceneSnapshot};
 use crate::error::RunError;
 use crate::output::{WriterState, checkpoints};
 use crate::scene::LoadedScene;
-use crate::summary::{ForceSummary, TouchEnergy};
+use crate::summary::ForceSummary;
 use serde::{Deserialize, Serialize};
 use sinew::snapshot::checksum;
 use std::path::{Path, PathBuf};
@@ -21,7 +21,6 @@ pub(super) struct RunState {
     pub done: u64,
     totals: Totals,
     /// What summaries leave out where there is none of it.
-    contact: Option<TouchEnergy>,
     parts: Vec<Vec<ForceSummary>>,
     probes: Vec<f64>,
     pub writer: WriterState,
@@ -150,8 +149,7 @@ impl RunState {
     pub fn resume(self, built: &mut BuiltScene) -> Result<(Totals, Vec<f64>), RunError> {
         built.restore(&SceneSnapshot::from_bytes(&self.snapshot)?)?;
         let mut totals = self.totals;
-        totals.energy.contact = self.contact;
-        for (tool, parts) in totals.touch.iter_mut().flat_map(|t| &mut t.tools).zip(self.parts) {
+        for (tool, parts) in totals.touched.iter_mut().flat_map(|t| &mut t.tools).zip(self.parts) {
             tool.parts = parts;
         }
         Ok((totals, self.probes))
@@ -161,14 +159,12 @@ impl RunState {
 impl SceneRun<'_> {
     fn state(&mut self, scene: u64, done: u64) -> Result<RunState, RunError> {
         let mut totals = self.totals.clone();
-        let contact = totals.energy.contact.take();
-        let tools = totals.touch.iter_mut().flat_map(|touch| &mut touch.tools);
+        let tools = totals.touched.iter_mut().flat_map(|touched| &mut touched.tools);
         let parts = tools.map(|tool| std::mem::take(&mut tool.parts)).collect();
         Ok(RunState {
             scene,
             done,
             totals,
-            contact,
             parts,
             probes: self.probes.clone(),
             writer: self.writer.as_ref().map(|writer| writer.state()).unwrap_or_default(),

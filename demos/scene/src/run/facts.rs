@@ -5,13 +5,12 @@ use crate::assemble::{BuiltBody, BuiltScene};
 use crate::scene::{LoadedScene, Mode};
 use crate::summary::{
     AxesSummary, BodySummary, ConstraintSummary, Machine, MembraneSummary, RunSettings, RunSummary,
-    RunTiming, SCHEMA, SceneSummary, SolverSummary, Stage, SystemSummary, Versions, Warning,
+    RunTiming, SCHEMA, SceneSummary, SolverSummary, Stage, SystemSummary, TouchSummary, Versions,
 };
 use sinew::engine::report::SystemTimes;
 use sinew::engine::schedule::Executor;
 use sinew::engine::workers::Workers;
 use sinew::models::axes::muscle::Muscles;
-use sinew::solvers::settings::Integrator;
 use std::time::Instant;
 
 /// A run at its end.
@@ -37,23 +36,20 @@ impl RunFacts<'_> {
         self.totals.step_times.count()
     }
 
-    pub fn integrator(&self) -> Integrator {
-        self.built.plan.settings.integrator
-    }
-
     pub fn is_dynamic(&self) -> bool {
         self.built.plan.mode == Mode::Dynamic
     }
 
-    /// The summary, with what was found during the run.
-    pub fn summary(mut self, found: Vec<Warning>) -> RunSummary {
-        let mut warnings = std::mem::take(&mut self.built.warnings);
-        warnings.extend(found);
+    /// The summary.
+    pub fn summary(mut self) -> RunSummary {
+        let warnings = self.built.all_warnings();
         let timing = self.timing();
         let bodies: Vec<_> = (0..self.built.bodies.len()).map(|i| self.body(i)).collect();
         let scene = self.scene(&bodies);
         let (constraints, settings) = (self.constraints(), self.settings());
         let Self { mut built, totals, failure, final_probes, files, .. } = self;
+        let sums = built.simulation.totals().cloned().unwrap_or_default();
+        let figures = sums.contact;
         RunSummary {
             schema: SCHEMA,
             completed: failure.is_none(),
@@ -67,13 +63,13 @@ impl RunFacts<'_> {
             loads: built.loads.into_iter().map(|l| l.summary).collect(),
             resections: built.resections.into_iter().map(|r| r.summary).collect(),
             pressures: built.pressures.into_iter().map(|p| p.summary).collect(),
-            touch: totals.touch,
+            touch: totals.touched.map(|touched| TouchSummary { touched, figures }),
             final_probes,
             timing,
             gpu: totals.gpu,
-            solver: SolverSummary { totals: totals.sums, figures: totals.solver },
-            energy: totals.energy,
-            volume: totals.volume,
+            solver: SolverSummary { totals: sums.sums, figures: sums.solver },
+            energy: sums.energy,
+            volume: sums.volume,
             warnings,
             files,
             final_state_hash: format!("{:016x}", built.simulation.state_hash()),

@@ -4,14 +4,13 @@ mod checkpoint;
 mod facts;
 mod log;
 mod totals;
-mod warnings;
 
 use crate::assemble::{BuildOptions, BuiltScene, build};
 use crate::error::RunError;
 use crate::output::Writer;
 use crate::probe::{self, Recorded, Sampler};
 use crate::scene::LoadedScene;
-use crate::summary::RunSummary;
+use crate::summary::{EnergySummary, RunSummary};
 use checkpoint::Checkpoints;
 use facts::RunFacts;
 pub use log::{LogOptions, replay};
@@ -21,7 +20,6 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 use totals::Totals;
-use warnings::run_warnings;
 
 /// How a scene is run.
 #[derive(Clone, Debug, Default)]
@@ -138,7 +136,7 @@ pub fn run(
     if failure.is_none() {
         checkpoints.iter().for_each(Checkpoints::remove);
     }
-    failure = failure.or_else(|| untrue(&run.built, &run.totals));
+    failure = failure.or_else(|| run.built.simulation.verdict().err().map(|e| e.to_string()));
 
     let SceneRun { built, mut totals, writer, probes, .. } = run;
     let clock = Instant::now();
@@ -148,9 +146,6 @@ pub fn run(
         None => Vec::new(),
     };
     totals.frames += clock.elapsed().as_secs_f64();
-    if built.plan.settings.integrator.facts().dynamic {
-        totals.energy.dissipated = Some(totals.dissipated());
-    }
     let targets: Vec<PathBuf> = options
         .out
         .iter()
@@ -161,8 +156,7 @@ pub fn run(
     files.extend(targets.iter().map(|path| path.display().to_string()));
     let final_probes = probe::columns(&built.probes).into_iter().zip(probes).collect();
     let facts = RunFacts { loaded, built, totals, start, setup, failure, final_probes, files };
-    let found = run_warnings(&facts);
-    let summary = facts.summary(found);
+    let summary = facts.summary();
     for path in &targets {
         let error = |source| RunError::Write { path: path.clone(), source };
         let text = serde_json::to_string_pretty(&summary).map_err(|e| error(e.into()))?;
@@ -209,48 +203,16 @@ fn begin<'a>(
     Ok((run, 1))
 }
 
-/// Part of the steps above which a run whose bodies were halted counts as failed, and how many there must be.
-const HALTED: (f64, u64) = (0.25, 5);
-/// Energy from nowhere, over all that was put in, above which a run counts as failed.
-const GAIN: f64 = 0.1;
-
-/// Why a run that came to its end is not to be trusted, if so.
-fn untrue(built: &BuiltScene, totals: &Totals) -> Option<String> {
-    let (steps, halted) = (totals.step_times.count() as f64, totals.solver.halted_steps);
-    if halted >= HALTED.1 && halted as f64 > HALTED.0 * steps {
-        return Some(format!(
-            "in {halted} of {steps} steps a body was halted because no state of lower energy was found, so it \
-             hardly moved; loads, motions or units are far beyond what the material holds: make them smaller, \
-             or use a smaller dt"
-        ));
-    }
-    if !built.plan.settings.integrator.facts().dynamic {
-        return None;
-    }
-    let gain = -totals.dissipated();
-    let put_in = totals.energy.put_in();
-    // false for NaN
-    let within = gain <= GAIN * put_in;
-    (!within).then(|| {
-        format!(
-            "the bodies end with {gain:.2e} J more than the {put_in:.2e} J that loads and motions put in; use a \
-             smaller dt or integrator = \"safe\""
-        )
-    })
-}
-
 impl SceneRun<'_> {
     /// Carries out step `done` (counted from 1) with its removals, probes and frame, whether it is the `last`;
     /// why it failed, if it did.
     fn step(&mut self, done: u64, last: bool) -> Result<Option<String>, RunError> {
         let prepared = self.built.prepare_step(done);
-        let BuiltScene { simulation, resections, .. } = &mut self.built;
-        self.totals.energy.removed = resections.iter().map(|r| r.summary.energy).sum();
         if let Err(error) = prepared {
             return Ok(Some(error.to_string()));
         }
         let clock = Instant::now();
-        if let Err(error) = simulation.step() {
+        if let Err(error) = self.built.simulation.step() {
             return Ok(Some(error.to_string()));
         }
         self.totals.add_step(&self.built, clock.elapsed().as_secs_f64());
@@ -298,7 +260,11 @@ impl SceneRun<'_> {
         // evaluations for probes do not count as time of the steps
         let times = simulation.world().resource::<SystemTimes>().clone();
         let reactions = &mut totals.reactions;
-        let mut now = Sampler::new(simulation, totals.energy.kinetic);
+        let e = simulation.totals().map_or_else(
+            || EnergySummary { elastic: totals.initial, ..EnergySummary::default() },
+            |sums| sums.energy,
+        );
+        let mut now = Sampler::new(simulation, e.kinetic);
         self.probes = probe::values(&mut now, &parts, probes, |c, force| {
             reactions[c] = Some(reactions[c].unwrap_or(0.0).max(force.length()));
         });
@@ -312,7 +278,6 @@ impl SceneRun<'_> {
         self.observer.row(step, simulation.time(), &self.probes);
         if let Some(writer) = &mut self.writer {
             let (report, volume) = (simulation.report(), simulation.volume_report());
-            let e = &totals.energy;
             let mut row = vec![
                 simulation.time(),
                 e.elastic,
@@ -320,7 +285,7 @@ impl SceneRun<'_> {
                 e.load_work,
                 e.constraint_work,
                 e.recovery,
-                totals.dissipated(),
+                e.dissipated.unwrap_or(0.0),
                 if step == 0 { 1.0 } else { volume.smallest_ratio },
                 volume.inverted as f64,
                 f64::from(report.newton_iterations),

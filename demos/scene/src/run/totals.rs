@@ -1,22 +1,17 @@
 //! Sums over the steps of a run.
 
 use crate::assemble::BuiltScene;
-use crate::summary::{
-    EnergySummary, GpuSummary, SolverFigures, StepTimes, TouchSummary, VolumeSummary,
-};
+use crate::summary::{GpuSummary, StepTimes, Touched};
 use serde::{Deserialize, Serialize};
-use sinew::engine::report::{StepReport, StepTotals};
 use sinew::simulation::Simulation;
 
-/// Sums over the steps.
+/// Sums over the steps, beside those of the [simulation](sinew::warning::totals::RunTotals).
 #[derive(Clone, Default, Serialize, Deserialize)]
 pub(super) struct Totals {
     /// Host times of all steps.
     pub step_times: StepTimes,
-    pub sums: StepTotals,
-    pub solver: SolverFigures,
-    pub energy: EnergySummary,
-    pub volume: VolumeSummary,
+    /// Elastic energy (J) before the first step.
+    pub initial: f64,
     /// Largest reaction (N) of every constraint that a probe looks at.
     pub reactions: Vec<Option<f64>>,
     /// Volume over that at rest of every body with axes: smallest, largest and last.
@@ -28,28 +23,15 @@ pub(super) struct Totals {
     #[serde(skip)]
     pub gpu: Option<GpuSummary>,
     /// Tools, pulls and contacts, in scenes that have some.
-    pub touch: Option<TouchSummary>,
+    pub touched: Option<Touched>,
 }
 
 impl Totals {
     /// Before the first step.
     pub fn new(built: &mut BuiltScene) -> Self {
-        let initial = built.simulation.evaluate();
-        let touch = TouchSummary::new(built);
-        let contact = touch.as_ref().map(|_| Default::default());
         Self {
-            energy: EnergySummary {
-                initial,
-                elastic: initial,
-                contact,
-                ..EnergySummary::default()
-            },
-            touch,
-            volume: VolumeSummary {
-                smallest_j: 1.0,
-                final_smallest_j: 1.0,
-                ..VolumeSummary::default()
-            },
+            initial: built.simulation.evaluate(),
+            touched: Touched::new(built),
             reactions: vec![None; built.constraints.len()],
             volume_ratios: vec![[f64::INFINITY, f64::NEG_INFINITY, 1.0]; built.bodies.len()],
             ..Self::default()
@@ -60,68 +42,10 @@ impl Totals {
     pub fn add_step(&mut self, built: &BuiltScene, seconds: f64) {
         let simulation = &built.simulation;
         self.step_times.add(seconds);
-        if let Some(touch) = &mut self.touch {
-            touch.add_step(built, self.step_times.count());
+        if let Some(touched) = &mut self.touched {
+            touched.add_step(built);
         }
-        self.add(simulation.report());
         self.add_gpu(simulation);
-        self.energy.activation_work = simulation.activation_work().total;
-        let (volume, v) = (simulation.volume_report(), &mut self.volume);
-        if volume.smallest_ratio < v.smallest_j {
-            v.smallest_j = volume.smallest_ratio;
-            v.smallest_j_time = simulation.time();
-        }
-        v.final_smallest_j = volume.smallest_ratio;
-        v.inverted_max = v.inverted_max.max(volume.inverted);
-        v.inverted_final = volume.inverted;
-        if volume.largest_mean_change > 0.0 {
-            let before = v.largest_mean_change.unwrap_or(0.0);
-            v.largest_mean_change = Some(volume.largest_mean_change.max(before));
-        }
-    }
-
-    fn add(&mut self, report: &StepReport) {
-        self.sums.add(report);
-        let s = &mut self.solver;
-        s.recovering_final = report.recovering;
-        s.halted_steps += u64::from(report.line_search_failures + report.gradient_fallbacks > 0);
-        s.unconverged_steps += u64::from(report.unconverged);
-        s.cg_iterations_max = s.cg_iterations_max.max(report.cg_iterations);
-        s.newton_iterations_max = s.newton_iterations_max.max(report.newton_iterations);
-        s.worst_residual = s.worst_residual.max(report.cg_residual);
-        s.worst_newton_step = s.worst_newton_step.max(report.newton_step);
-        // a running mean: the time of this step is booked already
-        let done = self.step_times.count().max(1) as f64;
-        let error = report.linearisation_error;
-        s.linearisation_error_mean += (error - s.linearisation_error_mean) / done;
-        s.linearisation_error_max = s.linearisation_error_max.max(error);
-        if s.preconditioner != report.preconditioner && !report.preconditioner.is_empty() {
-            report.preconditioner.as_ref().clone_into(&mut s.preconditioner);
-        }
-        let f = &report.fallbacks;
-        let reasons = [f.start, f.indefinite, f.shortened, f.energy, f.inverted, f.waiting];
-        for (sum, count) in s.fallbacks.iter_mut().zip(reasons) {
-            *sum += u64::from(count);
-        }
-        if report.stable_step > 0.0 {
-            let smallest = s.stable_step.unwrap_or(f64::INFINITY).min(report.stable_step);
-            s.stable_step = Some(smallest);
-        }
-        let e = &mut self.energy;
-        e.load_work += report.load_work;
-        e.recovery += report.recovery_energy;
-        e.recovery_turnover += report.recovery_energy.abs();
-        e.constraint_work += report.constraint_work;
-        e.damping += report.damping_dissipation;
-        if let Some(contact) = &mut e.contact {
-            contact.work += report.contact.work;
-            contact.stored = report.contact.energy;
-            contact.friction += report.contact.friction_dissipation;
-        }
-        e.elastic = report.elastic_energy;
-        e.kinetic = report.kinetic_energy;
-        e.elastic_max = e.elastic_max.max(e.elastic);
-        e.kinetic_max = e.kinetic_max.max(e.kinetic);
     }
 
     #[cfg(not(feature = "gpu"))]
@@ -145,15 +69,5 @@ impl Totals {
                 *sum += own;
             }
         }
-    }
-
-    /// Energy (J) that damping and the integrator took out.
-    pub fn dissipated(&self) -> f64 {
-        let e = &self.energy;
-        let contact = e.contact.map_or(0.0, |contact| contact.work - contact.stored);
-        contact + e.initial + e.recovery + e.load_work + e.constraint_work + e.activation_work
-            - e.removed
-            - e.elastic
-            - e.kinetic
     }
 }

@@ -4,8 +4,11 @@
 mod text;
 mod touch;
 
+pub use crate::warning::totals::{
+    ContactTotals, EnergySummary, SolverFigures, TouchEnergy, VolumeSummary,
+};
 pub use crate::warning::{Level, Warning};
-pub use touch::{ForceSummary, PairSummary, PullSummary, ToolSummary, TouchEnergy, TouchSummary};
+pub use touch::{ForceSummary, PairSummary, PullSummary, ToolSummary, TouchSummary, Touched};
 
 use crate::assemble::ResectionSummary;
 use serde::{Deserialize, Serialize};
@@ -495,99 +498,6 @@ pub struct SolverSummary {
     /// What is no sum.
     #[serde(flatten)]
     pub figures: SolverFigures,
-}
-
-/// Largest, mean and last figures of the solver over a run, and counts of steps.
-#[derive(Clone, Debug, Default, Serialize, Deserialize)]
-pub struct SolverFigures {
-    /// Most conjugate-gradient iterations in one step.
-    pub cg_iterations_max: u32,
-    /// Most Newton iterations in one step.
-    pub newton_iterations_max: u32,
-    /// Largest relative residual at which a linear solve ended a step.
-    pub worst_residual: f64,
-    /// Largest last Newton step over body size.
-    pub worst_newton_step: f64,
-    /// Mean over the steps of how far the decrease of the incremental potential was from what the
-    /// last linearisation predicted, relative: 0 exact, near 1 when it said little.
-    pub linearisation_error_mean: f64,
-    /// The largest of them.
-    pub linearisation_error_max: f64,
-    /// Preconditioner of the last linear solve, empty without one.
-    pub preconditioner: String,
-    /// Steps whose Newton iteration did not converge.
-    pub unconverged_steps: u64,
-    /// Bodies' steps that linearised BDF2 left to the safe step: no history, tangent not positive definite, step shortened, energy
-    /// over its budget, elements turned inside out, waiting after one of these.
-    pub fallbacks: [u64; 6],
-    /// Bodies in recovery at the end.
-    pub recovering_final: u32,
-    /// Steps in which a body was halted or fell back to a gradient.
-    pub halted_steps: u64,
-    /// Smallest stable explicit step (s), `None` when not estimated.
-    pub stable_step: Option<f64>,
-}
-
-/// Energies of a run (J).
-#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
-pub struct EnergySummary {
-    /// Elastic plus kinetic energy at the start.
-    pub initial: f64,
-    /// What recovery from inversion added by changing laws and changing back.
-    pub recovery: f64,
-    /// Its magnitudes summed.
-    pub recovery_turnover: f64,
-    /// Work of gravity and loads.
-    pub load_work: f64,
-    /// Energy put in by moving constraints: an upper bound of their work.
-    pub constraint_work: f64,
-    /// Energy that changes of activation put into muscles.
-    pub activation_work: f64,
-    /// Energies of contact; `None` in scenes without.
-    #[serde(skip_serializing_if = "Option::is_none", skip_deserializing)]
-    pub contact: Option<TouchEnergy>,
-    /// Energy that left with removed elements.
-    pub removed: f64,
-    /// Elastic energy at the end.
-    pub elastic: f64,
-    /// Kinetic energy at the end.
-    pub kinetic: f64,
-    /// `initial + recovery + load_work + constraint_work + activation_work - removed - elastic - kinetic`: taken out by damping,
-    /// friction and the integrator; `None` for a series of equilibria. Where something touches, the work of contact is
-    /// added and what contacts store is taken off.
-    pub dissipated: Option<f64>,
-    /// The part of it that damping took; the rest is the integrator's.
-    pub damping: f64,
-    /// Largest elastic energy.
-    pub elastic_max: f64,
-    /// Largest kinetic energy.
-    pub kinetic_max: f64,
-}
-
-impl EnergySummary {
-    /// Energy (J) that was there or put in, magnitudes summed, or the most that was stored.
-    pub fn put_in(&self) -> f64 {
-        let work = self.load_work.abs() + self.constraint_work.abs() + self.activation_work.abs();
-        let work = work + self.contact.map_or(0.0, |contact| contact.work.abs());
-        self.initial.abs() + work + self.recovery_turnover + self.elastic_max + self.kinetic_max
-    }
-}
-
-/// Volume ratios J of a run.
-#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
-pub struct VolumeSummary {
-    /// Smallest J of all steps.
-    pub smallest_j: f64,
-    /// When (s).
-    pub smallest_j_time: f64,
-    /// Smallest J at the end.
-    pub final_smallest_j: f64,
-    /// Most tetrahedra with J <= 0 at one time.
-    pub inverted_max: u64,
-    /// Tetrahedra with J <= 0 at the end.
-    pub inverted_final: u64,
-    /// Largest magnitude of the mean of J - 1 over a cluster, of all steps; none without clusters.
-    pub largest_mean_change: Option<f64>,
 }
 
 /// Name of a model in a scene file.

@@ -100,7 +100,7 @@ impl RunSummary {
                 load.body
             );
         }
-        self.touch.iter().for_each(|touch| touch.describe(&mut block));
+        self.touch.iter().for_each(|touch| touch.touched.describe(&mut block));
         self.resections.iter().for_each(|resection| describe_resection(resection, &mut block));
         let (s, steps) = (&self.settings.solver, self.settings.steps);
         let integrator = s.integrator.resolve().name();

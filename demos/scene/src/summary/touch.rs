@@ -4,48 +4,29 @@ use crate::assemble::BuiltScene;
 use crate::text::{TextBlock, line, short};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
-use sinew::engine::report::ContactFigures;
 use sinew::simulation::Simulation;
+use sinew::warning::totals::ContactTotals;
 
 /// What touched in a run.
-#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, Serialize)]
 pub struct TouchSummary {
+    /// Tools, pulls and contacts; in JSON beside the figures.
+    #[serde(flatten)]
+    pub touched: Touched,
+    /// Figures of all of them together.
+    #[serde(flatten)]
+    pub figures: ContactTotals,
+}
+
+/// Tools, pulls and contacts of a run.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub struct Touched {
     /// Tools in the order of the file.
     pub tools: Vec<ToolSummary>,
     /// Pulls in the order of the file.
     pub pulls: Vec<PullSummary>,
     /// Contacts of bodies in the order of the file.
     pub contacts: Vec<PairSummary>,
-    /// Most points in contact at the end of a step.
-    pub points_max: u32,
-    /// Points in contact at the end of the run.
-    pub points_final: u32,
-    /// Iterations of the inner loop: linear systems with the contact of the last iterate.
-    pub inner_iterations: u64,
-    /// Their mean over the steps.
-    pub inner_iterations_mean: f64,
-    /// Most in one step.
-    pub inner_iterations_max: u32,
-    /// Inner loops that ended at their cap.
-    pub unconverged: u64,
-    /// Largest penetration (m).
-    pub depth: f64,
-    /// Largest penetration over the mean edge of its surface.
-    pub depth_over_edge: f64,
-    /// Parts in which steps were made because a tool was fast; 0 without such steps.
-    pub substeps: u64,
-    /// Most such parts in one step.
-    pub substeps_max: u32,
-    /// Steps of tools that did not reach their target.
-    pub lagging: u64,
-    /// Largest way (m) by which they did not reach it.
-    pub lag: f64,
-    /// Parts of tools that appeared inside of bodies and were drawn in.
-    pub drawn_in: u64,
-    /// Points that were too deep inside of another body to tell its sides, and were left out, summed over steps.
-    pub buried: u64,
-    /// Steps of bodies that took the safe step because of an impact.
-    pub impacts: u64,
 }
 
 /// The largest force that something felt, and the last one.
@@ -141,18 +122,7 @@ pub struct PairSummary {
     pub dissipation: f64,
 }
 
-/// Energies of contact (J).
-#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
-pub struct TouchEnergy {
-    /// Energy that moving tools and pulls put in: an upper bound of their work.
-    pub work: f64,
-    /// Stored in contacts and pulls at the end.
-    pub stored: f64,
-    /// What friction took; a part of what is dissipated.
-    pub friction: f64,
-}
-
-impl TouchSummary {
+impl Touched {
     /// Of a scene before its first step; `None` where nothing touches.
     pub(crate) fn new(built: &BuiltScene) -> Option<Self> {
         if !built.touches() {
@@ -180,18 +150,12 @@ impl TouchSummary {
             friction: contact.friction,
             ..PairSummary::default()
         });
-        Some(Self {
-            tools: tools.collect(),
-            pulls: pulls.collect(),
-            contacts: contacts.collect(),
-            ..Self::default()
-        })
+        Some(Self { tools: tools.collect(), pulls: pulls.collect(), contacts: contacts.collect() })
     }
 
-    /// Adds a step, the `steps`th.
-    pub(crate) fn add_step(&mut self, built: &BuiltScene, steps: u64) {
+    /// Adds a step.
+    pub(crate) fn add_step(&mut self, built: &BuiltScene) {
         let simulation = &built.simulation;
-        self.add(&simulation.report().contact, steps);
         let time = simulation.time();
         for (own, tool) in self.tools.iter_mut().zip(&built.tools) {
             let now = tool.report(simulation);
@@ -218,24 +182,6 @@ impl TouchSummary {
             own.dissipation = now.dissipation;
             (own.area, own.depth) = (own.area.max(now.area), own.depth.max(now.depth));
         }
-    }
-
-    fn add(&mut self, now: &ContactFigures, steps: u64) {
-        self.points_max = self.points_max.max(now.points);
-        self.points_final = now.points;
-        self.inner_iterations += u64::from(now.inner_iterations);
-        self.inner_iterations_mean = self.inner_iterations as f64 / steps.max(1) as f64;
-        self.inner_iterations_max = self.inner_iterations_max.max(now.inner_iterations);
-        self.unconverged += u64::from(now.unconverged);
-        self.depth = self.depth.max(now.depth);
-        self.depth_over_edge = self.depth_over_edge.max(now.depth_over_edge);
-        self.substeps += u64::from(now.substeps);
-        self.substeps_max = self.substeps_max.max(now.substeps);
-        self.lagging += u64::from(now.lagging);
-        self.lag = self.lag.max(now.lag);
-        self.drawn_in += u64::from(now.drawn_in);
-        self.buried += u64::from(now.buried);
-        self.impacts += u64::from(now.impacts);
     }
 
     /// A line for every tool, pull and contact.
@@ -271,33 +217,36 @@ impl TouchSummary {
             block.line(format!("contact {}", contact.name), words);
         }
     }
+}
 
+impl TouchSummary {
     /// How well contact was resolved.
     pub(super) fn describe_accuracy(&self, block: &mut TextBlock) {
+        let own = &self.figures;
         line!(
             block,
             "contact",
             "at most {} points; {} inner iterations per step (most {}), {} loops unconverged; deepest {} mm, {} \
                  of an edge",
-            self.points_max,
-            short(self.inner_iterations_mean),
-            self.inner_iterations_max,
-            self.unconverged,
-            short(self.depth * 1e3),
-            short(self.depth_over_edge)
+            own.points_max,
+            short(own.inner_iterations_mean),
+            own.inner_iterations_max,
+            own.unconverged,
+            short(own.depth * 1e3),
+            short(own.depth_over_edge)
         );
         let odd = [
-            (self.substeps, format!("{} substeps (most {})", self.substeps, self.substeps_max)),
+            (own.substeps, format!("{} substeps (most {})", own.substeps, own.substeps_max)),
             (
-                self.lagging,
+                own.lagging,
                 format!(
                     "behind its path in {} steps, by {} mm at most",
-                    self.lagging,
-                    short(self.lag * 1e3)
+                    own.lagging,
+                    short(own.lag * 1e3)
                 ),
             ),
-            (self.drawn_in, format!("{} drawn in", self.drawn_in)),
-            (self.impacts, format!("{} impacts", self.impacts)),
+            (own.drawn_in, format!("{} drawn in", own.drawn_in)),
+            (own.impacts, format!("{} impacts", own.impacts)),
         ];
         let used: Vec<String> =
             odd.into_iter().filter(|(count, _)| *count > 0).map(|(_, words)| words).collect();

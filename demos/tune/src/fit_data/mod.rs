@@ -82,7 +82,7 @@ pub fn fit(loaded: &LoadedScene, request: &DataFitRequest) -> Result<DataFitRepo
     let parameters = parameter::parse(&request.fit, &request.bounds, &scene, &materials)?;
     let observations = Observations::read(&request.data, &scene)?;
     let observed = &observations.list;
-    let mut warnings = scene.warnings.clone();
+    let mut warnings = scene.all_warnings();
     warnings.extend(verdict::of_scene(loaded, &scene, &parameters));
 
     let values: Vec<f64> = parameters.iter().map(|p| p.start).collect();

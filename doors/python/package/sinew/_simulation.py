@@ -928,8 +928,15 @@ class Simulation:
 
     @property
     def warnings(self) -> list[types.Warning]:
-        """What was found in meshes and materials."""
+        """What looks unintended in meshes, materials and the scene, then what was not as it should be in the steps that led to
+        the present state, with the codes of the command: a body was halted, contact did not converge, elements were inverted."""
         return [types.Warning(*own) for own in self._own.warnings()]
+
+    @property
+    def verdict(self) -> str | None:
+        """Why the present state cannot be trusted although every step was carried out, as far as the steps that led to it tell,
+        or ``None``. The command ``sinew run`` fails with this text."""
+        return self._own.verdict()
 
     def snapshot(self) -> Snapshot:
         """Everything that the steps to come depend on, to :meth:`restore` and to pickle."""

@@ -248,7 +248,7 @@ class Stiffness:
 
 @dataclass(frozen=True)
 class Warning:
-    """What looks unintended in meshes and materials, or was repaired."""
+    """What looks unintended or was repaired, or was not as it should be in steps."""
 
     code: str
     """Stable identifier, such as ``mesh.inverted-winding``."""

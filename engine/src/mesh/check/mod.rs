@@ -245,6 +245,28 @@ pub struct CheckedMesh {
     pub used_vertices: Vec<u32>,
 }
 
+impl CheckedMesh {
+    /// Counts as used what solid elements and these faces of a membrane use: the check does not know which faces of a mesh
+    /// make up a membrane.
+    pub fn use_faces(&mut self, triangles: &[[u32; 3]], quads: &[[u32; 4]]) {
+        let used = &mut self.used_vertices;
+        *used = self.mesh.tetrahedra.as_flattened().to_vec();
+        used.extend(self.mesh.middles.as_flattened());
+        used.extend(self.mesh.hexahedra.as_flattened());
+        used.extend(triangles.as_flattened());
+        used.extend(quads.as_flattened());
+        used.sort_unstable();
+        used.dedup();
+        let unused = self.mesh.points.len() - used.len();
+        let findings = &mut self.report.findings;
+        findings.retain(|f| f.code != FindingCode::UnusedVertices || unused > 0);
+        for finding in findings.iter_mut().filter(|f| f.code == FindingCode::UnusedVertices) {
+            (finding.count, finding.entity) = (unused, String::new());
+            finding.message = format!("{unused} vertices belong to no element and are left out");
+        }
+    }
+}
+
 /// A mesh that cannot be simulated; the message lists every error.
 #[derive(Clone, Debug)]
 pub struct CheckError {

@@ -1,10 +1,29 @@
 //! What happened during a run and deserves a word: a row of [`RULES`] for each.
 
-use super::facts::RunFacts;
-use crate::summary::TouchSummary;
-use crate::warning;
-use crate::warning::Level::{self, Note, Warning};
-use sinew::simulation::{Backend, Precision};
+use super::Level::{self, Note, Warning};
+use super::totals::RunTotals;
+use crate::simulation::Backend;
+use bevy_ecs::prelude::World;
+use sinew_engine::precision::Precision;
+use sinew_solvers::settings::{Integrator, SolverSettings};
+
+/// A run so far.
+pub(super) struct Run<'a> {
+    pub world: &'a World,
+    pub totals: &'a RunTotals,
+}
+
+impl Run<'_> {
+    fn steps(&self) -> u64 {
+        self.totals.steps
+    }
+
+    fn integrator(&self) -> Integrator {
+        self.world
+            .get_resource::<SolverSettings>()
+            .map_or_else(Integrator::default, |s| s.integrator)
+    }
+}
 
 /// A warning and when it is due.
 struct Rule {
@@ -12,17 +31,20 @@ struct Rule {
     code: &'static str,
     subject: &'static str,
     /// How often it happened, 0 when there is nothing to say.
-    count: fn(&RunFacts) -> u64,
-    message: fn(&RunFacts, u64) -> String,
+    count: fn(&Run) -> u64,
+    message: fn(&Run, u64) -> String,
     remedy: &'static str,
 }
 
 /// Warnings of a run in the order of the report.
-pub(super) fn run_warnings(run: &RunFacts) -> Vec<warning::Warning> {
+pub(super) fn run_warnings(run: &Run) -> Vec<super::Warning> {
+    if run.totals.steps == 0 {
+        return Vec::new();
+    }
     let due = RULES.iter().map(|rule| (rule, (rule.count)(run))).filter(|(_, count)| *count > 0);
     due.map(|(rule, count)| {
         let message = (rule.message)(run, count);
-        warning::Warning::new(rule.code, rule.level, rule.subject, message, rule.remedy)
+        super::Warning::new(rule.code, rule.level, rule.subject, message, rule.remedy)
     })
     .collect()
 }
@@ -52,12 +74,12 @@ rules! {
     Warning "run.cg.cap" "solver": |run| run.totals.sums.cg_caps;
         |n| "{n} linear solves stopped at the iteration cap";
         "raise solver.max_linear_iterations or linear_tolerance";
-    Warning "run.gpu.stalled" "gpu": |run| run.totals.gpu.as_ref().map_or(0, |gpu| gpu.stalled);
+    Warning "run.gpu.stalled" "gpu": |run| run.totals.gpu_stalled;
         |n| "{n} linear solves could not be brought to the tolerance in f32; worst residual {:.1e}",
             run.totals.solver.worst_residual;
         "raise solver.linear_tolerance, or use backend = \"cpu\"";
     Warning "run.newton.unconverged" "solver":
-        |run| if run.is_dynamic() { run.totals.solver.unconverged_steps } else { 0 };
+        |run| run.totals.solver.unconverged_steps;
         |n| "Newton did not converge in {n} of {} steps", run.steps();
         "use a smaller dt, a smaller linear_tolerance or more max_newton_iterations";
     Warning "run.gradient" "solver": |run| run.totals.sums.gradient_fallbacks;
@@ -93,24 +115,24 @@ rules! {
         |n| "recovery changed the elastic energy by {:.2e} J by changing laws",
             run.totals.energy.recovery_turnover;
         "compare with recovery = false; the motion meanwhile is not that of the material";
-    Warning "run.contact.unconverged" "contact": |run| of_touch(run, |t| t.unconverged);
+    Warning "run.contact.unconverged" "contact": |run| run.totals.contact.unconverged;
         |n| "{n} inner loops of contact ended at their cap, in {} steps", run.steps();
         "use a smaller dt, or a smaller stiffness of tools and contacts";
-    Warning "run.contact.depth" "contact": |run| of_touch(run, |t| (t.depth_over_edge > DEEP).into());
+    Warning "run.contact.depth" "contact": |run| (run.totals.contact.depth_over_edge > DEEP).into();
         |n| "points were up to {:.2} edges deep in what they touch",
-            run.totals.touch.as_ref().map_or(0.0, |t| t.depth_over_edge);
+            run.totals.contact.depth_over_edge;
         "use a finer mesh, slower tools or a larger stiffness of tools and contacts";
-    Warning "run.contact.lag" "tools": |run| of_touch(run, |t| t.lagging);
+    Warning "run.contact.lag" "tools": |run| run.totals.contact.lagging;
         |n| "in {n} steps a tool stayed behind its path, by {:.2e} m at most",
-            run.totals.touch.as_ref().map_or(0.0, |t| t.lag);
+            run.totals.contact.lag;
         "move it more slowly, or use a smaller dt";
-    Warning "run.contact.drawn-in" "tools": |run| of_touch(run, |t| t.drawn_in);
+    Warning "run.contact.drawn-in" "tools": |run| run.totals.contact.drawn_in;
         |n| "{n} parts of tools appeared inside of bodies and were drawn in until these made way";
         "let tools start outside of bodies";
-    Warning "run.contact.buried" "contact": |run| of_touch(run, |t| t.buried);
+    Warning "run.contact.buried" "contact": |run| run.totals.contact.buried;
         |n| "{n} times a point was too deep inside of another body to tell its sides, and was left out";
         "let bodies start apart, or use a smaller dt";
-    Note "run.contact.impact" "contact": |run| of_touch(run, |t| t.impacts);
+    Note "run.contact.impact" "contact": |run| run.totals.contact.impacts;
         |n| "in {n} steps a body took a step of first order because of an impact";
         "nothing to do; a smaller dt resolves impacts better";
     Note "run.load-parts" "solver": |run| run.totals.sums.load_partings;
@@ -130,25 +152,20 @@ rules! {
 /// Depth over an edge above which it is told.
 const DEEP: f64 = 0.5;
 
-/// A figure of contact, 0 in scenes without.
-fn of_touch(run: &RunFacts, figure: fn(&TouchSummary) -> u64) -> u64 {
-    run.totals.touch.as_ref().map_or(0, figure)
-}
-
 /// Energy that recovery turns over, over the largest elastic energy, above which it is told.
 const LARGE_SWAP: f64 = 0.01;
 
 /// Energy (J) from nowhere.
-fn energy_gain(run: &RunFacts) -> f64 {
+fn energy_gain(run: &Run) -> f64 {
     -run.totals.energy.dissipated.unwrap_or(0.0)
 }
 
 /// Energy (J) that rounding, or the budget of the integrator, may add.
-fn allowed_gain(run: &RunFacts) -> f64 {
+fn allowed_gain(run: &Run) -> f64 {
     let (e, integrator) = (&run.totals.energy, run.integrator());
     // what runs on the device is f32 whatever the columns hold
-    let single = run.built.simulation.backend() == Backend::Gpu
-        || run.built.simulation.precision() == Precision::F32;
+    let single = run.world.get_resource() == Some(&Backend::Gpu)
+        || run.world.get_resource() == Some(&Precision::F32);
     let share = match single {
         _ if integrator.facts().energy_swings => 1e-2,
         false => 1e-6,
