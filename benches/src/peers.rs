@@ -156,65 +156,86 @@ fn run_rapier(options: &BenchOptions, report: &mut PeerReport) -> Result<()> {
     Ok(())
 }
 
-/// Fastest row that `pick` accepts, with its figure.
-fn best(rows: &[PeerRow], pick: impl Fn(&PeerRow) -> Option<f64>) -> Option<(&PeerRow, f64)> {
-    rows.iter().filter_map(|row| pick(row).map(|x| (row, x))).min_by(|a, b| a.1.total_cmp(&b.1))
-}
-
 /// Errors (%) below this are the same: neither engine asks its solver for more digits.
 const SAME_ERROR: f64 = 1e-3;
+
+/// Step (s) of a row that has steps.
+fn step(row: &PeerRow) -> Option<f64> {
+    Some(1e-3 * row.ms_per_step? / row.cost_per_simulated_second?)
+}
+
+/// Whether two rows have steps of the same length and numbers of the same precision: what else is told of their speed
+/// would compare two things.
+fn alike(a: &PeerRow, b: &PeerRow) -> bool {
+    let same = |(a, b): (f64, f64)| (a / b - 1.0).abs() < 1e-3;
+    a.precision == b.precision && step(a).zip(step(b)).is_some_and(same)
+}
+
+/// The aim against a row of a rival, by rows of ours with the same step and precision whose settled error is no larger.
+fn faster_steps(ours: &[&PeerRow], rival: &PeerRow, factor: f64) -> Option<BenchAim> {
+    let (theirs, error) = (rival.ms_per_step?, rival.error_percent?);
+    let setting = rival.setting.split(", ").find(|part| part.starts_with("at most"));
+    let aim = format!(
+        "steps of {} ms at least {factor} times as fast as {} ({}), {}, settled error no larger: {}",
+        three_digits(1e3 * step(rival)?),
+        rival.engine,
+        setting.unwrap_or(&rival.setting),
+        rival.precision,
+        rival.scene
+    );
+    let comparable: Vec<&&PeerRow> = ours.iter().filter(|r| alike(r, rival)).collect();
+    if comparable.is_empty() {
+        let aim = BenchAim::at_least(aim, factor, "times", 0.0);
+        let why = "none of our rows has this step and precision";
+        return Some(BenchAim { not_judged: Some(why.into()), ..aim });
+    }
+    let as_good =
+        comparable.iter().filter(|r| r.error_percent.is_some_and(|e| e <= error.max(SAME_ERROR)));
+    let best = as_good.filter_map(|r| r.ms_per_step).min_by(f64::total_cmp);
+    Some(match best {
+        Some(ours) => at_least(&aim, ours, theirs, factor),
+        None => BenchAim::at_least(format!("{aim} (no setting as exact)"), factor, "times", 0.0),
+    })
+}
+
+/// An aim of a time of ours below one of theirs.
+fn at_least(aim: &str, ours: f64, theirs: f64, factor: f64) -> BenchAim {
+    let what = format!("{aim} ({} against {})", three_digits(ours), three_digits(theirs));
+    BenchAim::at_least(what, factor, "times", theirs / ours)
+}
 
 /// Judges the goals that the rows cover.
 pub fn aims(rows: &[PeerRow]) -> Vec<BenchAim> {
     let mut aims = Vec::new();
-    let at_least = |aim: String, ours: f64, theirs: f64, factor: f64| {
-        let what = format!("{aim} ({} against {})", three_digits(ours), three_digits(theirs));
-        BenchAim::at_least(what, factor, "times", theirs / ours)
-    };
     let mut scenes: Vec<&str> = rows.iter().map(|r| r.scene.as_str()).collect();
     scenes.dedup();
     for scene in scenes {
         let of = |engine: &'static str| {
             rows.iter().filter(move |r| r.scene == scene && r.engine == engine)
         };
-        let force =
-            |engine| of(engine).filter_map(|r| r.force_ns_per_element).min_by(f64::total_cmp);
-        if let (Some(ours), Some(theirs)) = (force("Sinew"), force("MuJoCo")) {
-            let aim = format!("elastic forces at least 6 times as fast as MuJoCo's: {scene}");
-            aims.push(at_least(aim, ours, theirs, 6.0));
+        for precision in ["f64", "f32"] {
+            let force = |engine| {
+                let own = of(engine).filter(|r| r.precision == precision);
+                own.filter_map(|r| r.force_ns_per_element).min_by(f64::total_cmp)
+            };
+            if let (Some(ours), Some(theirs)) = (force("Sinew"), force("MuJoCo")) {
+                let aim = format!(
+                    "elastic forces at least 6 times as fast as MuJoCo's, {precision}: {scene}"
+                );
+                aims.push(at_least(&aim, ours, theirs, 6.0));
+            }
         }
+        let ours: Vec<&PeerRow> = of("Sinew").collect();
         for (engine, factor, setting) in
             [("MuJoCo", None, "h = 10 ms"), ("Rapier", Some(5.0), "300")]
         {
             for rival in of(engine).filter(|r| r.setting.contains(setting)) {
-                let (Some(theirs), Some(error)) =
-                    (rival.cost_per_simulated_second, rival.error_percent)
-                else {
-                    continue;
-                };
                 let factor = factor.or(match rival.elements {
                     LARGE.. => Some(40.0),
                     4000.. => Some(10.0),
                     _ => None,
                 });
-                let Some(factor) = factor else { continue };
-                let ours = best(rows, |r| {
-                    let as_good = r.error_percent? <= error.max(SAME_ERROR);
-                    (r.engine == "Sinew" && r.scene == scene && as_good)
-                        .then_some(r.cost_per_simulated_second)?
-                });
-                let cap = rival.setting.split(", ").find(|part| part.starts_with("at most"));
-                let aim = format!(
-                    "at least {factor} times as fast as {engine} ({}) at no larger error: {scene}",
-                    cap.unwrap_or(&rival.setting)
-                );
-                aims.push(match ours {
-                    Some((_, ours)) => at_least(aim, ours, theirs, factor),
-                    None => {
-                        let what = format!("{aim} (no setting as exact)");
-                        BenchAim::at_least(what, factor, "times", 0.0)
-                    }
-                });
+                aims.extend(factor.and_then(|factor| faster_steps(&ours, rival, factor)));
             }
         }
     }

@@ -15,7 +15,9 @@ use sinew_benches::bench::roofline::{
 use sinew_benches::bench::step::StepsReport;
 use sinew_benches::toolbox::aim::BenchAim;
 use sinew_benches::toolbox::stats::Rounds;
+use sinew_tune::machine::Load;
 use sinew_tune::measures::displacement_error;
+use sinew_tune::page::Judgement;
 use sinew_tune::table::Table;
 use std::hint::black_box;
 
@@ -101,6 +103,28 @@ fn what_is_not_a_number_is_missed() {
     assert!(aims::kernels(&KernelReport::default()).is_empty());
     assert!(aims::steps(&StepsReport::default()).is_empty());
     assert!(aims::accuracy(&AccuracyReport::default()).is_empty());
+}
+
+#[test]
+fn a_busy_machine_gives_no_verdict_on_times() {
+    let busy = |unit, found| BenchAim::at_most("a", 1.0, unit, found).on_a_busy_machine();
+    // too slow, and nobody knows why; fast enough in spite of it
+    assert_eq!(busy("ms", 2.0).judgement(), Judgement::Open);
+    assert_eq!(busy("ms", 0.5).judgement(), Judgement::Yes);
+    // either side of a ratio may have been held up
+    assert_eq!([busy("x", 2.0), busy("times", 0.5)].map(|a| a.judgement()), [Judgement::Open; 2]);
+    // errors and counts do not hang on time
+    assert_eq!([busy("%", 2.0), busy("", 2.0)].map(|a| a.judgement()), [Judgement::No; 2]);
+    let load = Load { others: Some(0.9), ..Load::default() };
+    let mut report = BenchReport::new("sinew-lab bench contact", true);
+    report.add_load("contact", load);
+    report.add_load("step", Load::default());
+    report.add_aims("contact", [BenchAim::at_most("beside another job", 1.0, "x", 2.0)]);
+    report.add_aims("step", [BenchAim::at_most("alone", 1.0, "ms", 2.0)]);
+    let judged: Vec<_> = report.aims.iter().map(BenchAim::judgement).collect();
+    assert_eq!(judged, [Judgement::Open, Judgement::No]);
+    let html = report.html().unwrap();
+    assert!(html.contains("Verdicts: 0 of 1 met, 1 not judged"), "{html}");
 }
 
 #[test]

@@ -12,7 +12,7 @@ use sinew_benches::peers::touch::{
 };
 use sinew_benches::peers::{Beam, PeerReport, PeerRow, aims, sinew_rows};
 use sinew_benches::toolbox::error::{BenchError, Result};
-use sinew_tune::page::Chart;
+use sinew_tune::page::{Chart, Judgement};
 
 #[test]
 fn beams_have_the_stated_volume_and_mass() {
@@ -163,6 +163,7 @@ fn own_rows_settle_to_the_truth() {
 fn aims_compare_at_no_larger_error() {
     let case = BeamCase { beam: Beam::mujoco([24, 6, 6], 0.3).unwrap(), truth: Vec::new() };
     let row = |engine: &str, setting: &str, cost, force, error| PeerRow {
+        ms_per_step: Some(10.0 * cost),
         cost_per_simulated_second: Some(cost),
         force_ns_per_element: Some(force),
         error_percent: Some(error),
@@ -173,14 +174,26 @@ fn aims_compare_at_no_larger_error() {
         row("Sinew", "exact", 0.5, 12.0, 1e-6),
         row("MuJoCo", "h = 10 ms", 2.0, 70.0, 1e-4),
     ];
+    let judged =
+        |rows: &[PeerRow]| -> Vec<Judgement> { aims(rows).iter().map(|a| a.judgement()).collect() };
+    let [yes, no, open] = [Judgement::Yes, Judgement::No, Judgement::Open];
     // the cheaper row of ours is too wrong to count
-    let met: Vec<bool> = aims(&rows).iter().map(|a| a.met).collect();
-    assert_eq!(met, [true, false, true]);
+    assert_eq!(judged(&rows), [yes, no, yes]);
     rows[0].error_percent = Some(1e-5);
-    let met: Vec<bool> = aims(&rows).iter().map(|a| a.met).collect();
-    assert_eq!(met, [true, true, true]);
+    assert_eq!(judged(&rows), [yes, yes, yes]);
     rows[0].error_percent = Some(2.0);
-    assert!(!aims(&rows).last().unwrap().met);
+    assert_eq!(judged(&rows)[2], no);
+    // steps of another length and numbers of another precision count for nothing
+    rows[0] = row("Sinew", "default, h = 33 ms", 0.01, 1.0, 1e-6);
+    rows[0].ms_per_step = Some(0.33);
+    assert_eq!(judged(&rows), [yes, no, yes]);
+    rows[0] = PeerRow { precision: "f32".into(), ..row("Sinew", "f32", 0.01, 1.0, 1e-6) };
+    // forces: 70 ns against 12 in `f64`, not against the 1 in `f32`
+    assert_eq!(judged(&rows), [no, no]);
+    rows[1].precision = "f32".into();
+    // nothing of ours is like theirs: no forces, no verdict on steps
+    assert_eq!(judged(&rows)[0], open);
+    assert!(aims(&rows)[0].what.contains("f64"), "{:?}", aims(&rows)[0]);
 }
 
 #[test]

@@ -154,7 +154,7 @@ const WITHIN: f64 = 2.0;
 
 fn finding_of_ratio(what: &str, own: f64, paper: f64) -> Finding {
     let agrees = own < WITHIN * paper && own > paper / WITHIN;
-    Finding::of(agrees).says(format!(
+    Finding::of_times(agrees).says(format!(
         "{what}: {own:.2} times the time, {paper:.2} times in the paper (a factor of {WITHIN} allowed either way)"
     ))
 }
@@ -191,7 +191,7 @@ pub(crate) fn figure() -> Result<Figure> {
         ratio("axes, printed, beside plain springs, on tetrahedra", 2, 0),
         ratio("axes, printed, beside plain springs, on hexahedra", 3, 1),
         ratio("axes, printed, on hexahedra beside tetrahedra", 3, 2),
-        Finding::of(own(3) < 1.0).says(format!(
+        Finding::of_times(own(3) < 1.0).says(format!(
             "hexahedra with axes run in real time with the substeps that stability asks for: {:.2} s per second on one \
              thread of this machine, tetrahedra {:.2} s (0.43 and 1.87 s in the paper)",
             own(3),

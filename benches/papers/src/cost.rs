@@ -261,13 +261,13 @@ fn findings(subjects: &[Subject]) -> Vec<Finding> {
         }
         let ratio = both.unwrap_or(force);
         let agrees = if limit { ratio <= paper } else { (ratio / paper - 1.0).abs() <= SAME };
-        findings.push(Finding::of(agrees).says(text));
+        findings.push(Finding::of_times(agrees).says(text));
     }
     let roots = [("triangle", "TRQS", "TRBS"), ("tetrahedron", "TQS", "TBS")].map(|(e, a, b)| {
         ratio(subjects, [e, a, b, "f64"], &[FORCE]).map_or(f64::NAN, |s| s.median)
     });
     let faster = roots.iter().all(|r| *r > 1.0);
-    findings.push(Finding::of(faster).says(format!(
+    findings.push(Finding::of_times(faster).says(format!(
             "biquadratic springs, which need no square root, are {} than quadratic ones: force takes {:.2} \
              (triangles) and {:.2} times as long with these (tetrahedra)",
             if faster { "faster" } else { "not both faster" },

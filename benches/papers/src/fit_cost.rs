@@ -113,7 +113,7 @@ fn findings(rows: &[Row]) -> Vec<Finding> {
     };
     let list = |table: &str, ratios: Vec<(String, bool)>| {
         let all: Vec<&str> = ratios.iter().map(|r| r.0.as_str()).collect();
-        Finding::of(ratios.iter().all(|r| r.1)).says(format!(
+        Finding::of_times(ratios.iter().all(|r| r.1)).says(format!(
             "{table}: {} ({SAME_ORDER:.1} times more or less is allowed)",
             all.join(", ")
         ))
@@ -132,7 +132,7 @@ fn findings(rows: &[Row]) -> Vec<Finding> {
     }
     for (method, aim) in [(Frobenius, AIMS[0]), (TwoNorm, AIMS[1])] {
         let [mean, printed] = of(ElementKind::Hexahedron, method);
-        findings.push(Finding::of(mean < aim).says(format!(
+        findings.push(Finding::of_times(mean < aim).says(format!(
             "this project's own aim: a hexahedron takes {:.3} ms with the {} (aim {} ms; {printed} s printed)",
             1e3 * mean,
             printed_name(method),

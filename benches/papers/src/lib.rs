@@ -1,5 +1,5 @@
-//! The figures of three papers made again with this engine, command `sinew-papers`: charts and numbers, with a paragraph
-//! each that says what agrees and what does not. The paragraphs are worked out from the numbers of the run.
+//! The figures of three papers made again with this engine, command `sinew-papers`: charts and numbers, with a line for
+//! every claim that says whether it agrees. The lines are worked out from the numbers of the run.
 
 pub mod axes;
 mod axis_cost;
@@ -34,8 +34,8 @@ use figure::{Figure, Finding};
 use lumped::Meshes;
 use sinew_benches::toolbox::error::{BenchError, Result};
 use sinew_benches::toolbox::report::ReportFiles;
-use sinew_tune::machine::MachineNotes;
-use sinew_tune::page::Page;
+use sinew_tune::machine::{MachineNotes, Watch};
+use sinew_tune::page::{CLAIMS, Judgement, Page, Verdict};
 use sinew_tune::table::escape;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -141,16 +141,21 @@ impl Source {
         }
         let setup = Setup { meshes: Meshes::find(options)?, quick: options.quick };
         let wanted = |letter: char| only.is_empty() || only.contains(&letter);
+        let machine = MachineNotes::now();
         let mut figures = Vec::new();
         for (letter, (title, make)) in letters.into_iter().zip(self.figures) {
             if wanted(letter) {
                 tell(&format!("{letter}: {title}"));
-                figures.push((letter, *title, make(&setup)?));
+                let watch = Watch::start();
+                let mut figure = make(&setup)?;
+                let busy = watch.finish().warning(machine.cores).is_some();
+                figure.findings.iter_mut().for_each(|f| f.not_judged = f.timed && busy);
+                figures.push((letter, *title, figure));
             }
         }
         let pictures = pictures(self.name, wanted(self.picture) && !options.quick, &mut tell)?;
         let meshes = (self.name == PAPER_B.name).then(|| setup.meshes.source());
-        Ok(Paper { source: self, machine: MachineNotes::now(), meshes, figures, pictures })
+        Ok(Paper { source: self, machine, meshes, figures, pictures })
     }
 }
 
@@ -207,23 +212,30 @@ fn pictures(
     Ok(Vec::new())
 }
 
-/// Findings in sentences.
-fn paragraph(findings: &[Finding]) -> String {
-    let word = |f: &Finding| if f.agrees { "Agrees" } else { "Does not agree" };
-    let sentences: Vec<String> =
-        findings.iter().map(|f| format!("{}: {}.", word(f), f.text)).collect();
-    sentences.join(" ")
+/// How many claims of figures agree, such as `5 of 8 agree`.
+fn counted<'a>(figures: impl Iterator<Item = &'a Figure> + Clone) -> String {
+    CLAIMS.counted(figures.flat_map(|f| &f.findings).map(Finding::judgement))
 }
 
 impl Paper {
+    /// How many claims agree, in words.
+    fn count(&self) -> String {
+        format!("Claims of the paper: {}", counted(self.figures.iter().map(|f| &f.2)))
+    }
+
     /// For the terminal.
     pub fn text(&self) -> String {
         let meshes = self.meshes.iter().map(|m| format!("{m}.\n")).collect::<String>();
-        let mut text = format!("{meshes}{}\n{}\n", self.source.reference, self.machine.line());
+        let (reference, count) = (self.source.reference, self.count());
+        let mut text = format!("{meshes}{reference}\n{}\n{count}\n", self.machine.line());
         for (letter, title, figure) in &self.figures {
             let _ = writeln!(text, "\n({letter}) {title}\n{}\n", figure.setting);
             for finding in &figure.findings {
-                let word = if finding.agrees { "agrees  " } else { "DIFFERS " };
+                let word = match finding.judgement() {
+                    Judgement::Yes => "agrees     ",
+                    Judgement::No => "DIFFERS    ",
+                    Judgement::Open => "not judged ",
+                };
                 let _ = writeln!(text, "  {word} {}", finding.text);
             }
             for table in &figure.tables {
@@ -237,13 +249,21 @@ impl Paper {
     pub fn markdown(&self) -> String {
         let meshes = self.meshes.iter().map(|m| format!("{m}.\n\n")).collect::<String>();
         let (reference, machine) = (self.source.reference, self.machine.line());
-        let mut text = format!("# {reference}\n\n{meshes}{machine}\n");
+        let mut text = format!("# {reference}\n\n{meshes}{machine}\n\n{}.\n", self.count());
         for (name, _) in &self.pictures {
             let _ = writeln!(text, "\n![{name}]({name}.png)");
         }
         for (letter, title, figure) in &self.figures {
             let _ = writeln!(text, "\n## ({letter}) {title}\n");
-            let _ = writeln!(text, "{}\n\n{}", figure.setting, paragraph(&figure.findings));
+            let _ = writeln!(text, "{}\n", figure.setting);
+            for finding in &figure.findings {
+                let word = match finding.judgement() {
+                    Judgement::Yes => "Agrees",
+                    Judgement::No => "Does not agree",
+                    Judgement::Open => "Not judged, the machine was busy",
+                };
+                let _ = writeln!(text, "- **{word}:** {}.", finding.text);
+            }
             for chart in &figure.charts {
                 let _ = writeln!(text, "\n![{0}]({0}.svg)", chart.name);
             }
@@ -259,17 +279,24 @@ impl Paper {
         let title = format!("{} made again", self.source.short);
         let mut page = Page::new(title, self.source.reference, &self.machine.line());
         self.meshes.iter().for_each(|meshes| page.paragraph("note", &format!("{meshes}.")));
+        page.headline(&self.count());
         #[cfg(feature = "render")]
         for (name, png) in &self.pictures {
             let data = sinew_render::page::data_url("image/png", png);
-            page.add(format_args!(
-                "<figure><img src=\"{data}\" alt=\"{name}\" style=\"max-width:100%\"></figure>"
-            ));
+            page.add(format_args!("<figure><img src=\"{data}\" alt=\"{name}\"></figure>"));
         }
         for (letter, title, figure) in &self.figures {
-            page.add(format_args!("<h2>({letter}) {}</h2>", escape(title)));
+            let claims = counted(std::iter::once(figure));
+            page.entry(&format!("figure-{letter}"), &format!("({letter}) {title}: {claims}"));
+            page.add(format_args!("<h2 id=\"figure-{letter}\">({letter}) {}</h2>", escape(title)));
             page.paragraph("note", &figure.setting);
-            page.paragraph("", &paragraph(&figure.findings));
+            let verdict = |f: &Finding| Verdict {
+                judgement: f.judgement(),
+                measured: String::new(),
+                what: f.text.clone(),
+            };
+            let verdicts: Vec<Verdict> = figure.findings.iter().map(verdict).collect();
+            page.list(&CLAIMS, &verdicts.iter().collect::<Vec<_>>());
             figure.charts.iter().for_each(|chart| page.chart(chart));
             figure.tables.iter().for_each(|table| page.table(table));
         }
@@ -334,5 +361,10 @@ mod tests {
         assert!(text.contains("Table 6") && html.contains("Natsupakpong &amp; Cavusoglu"));
         assert!(!text.contains("NaN"), "{text}");
         assert!(text.starts_with("Meshes: generated"), "{text}");
+        // the count first, then a line a claim
+        let all = paper.figures.iter().map(|f| f.2.findings.len()).sum::<usize>();
+        assert!(html.contains(&paper.count()) && html.matches("<li class=").count() == all);
+        assert!(html.find("Claims of the paper").unwrap() < html.find("<h2").unwrap());
+        assert_eq!(html.matches("<a href=\"#figure-").count(), 6);
     }
 }

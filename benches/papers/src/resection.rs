@@ -85,7 +85,7 @@ fn findings(cases: &[Case]) -> Vec<Finding> {
     let mut findings = Vec::new();
     for Case { name, run } in cases {
         let removed: usize = run.frames.iter().map(|f| f.removed).sum();
-        findings.push(Finding::of(run.frame.late <= 0.01).says(format!(
+        findings.push(Finding::of_times(run.frame.late <= 0.01).says(format!(
                 "resection runs in real time ({name}, {removed} of {} tetrahedra): a frame takes {:.1} ms \
                  (median), {:.1} ms at 99 %, {:.1} ms at most; {:.1} % take more than {:.1} ms",
                 run.tetrahedra,

@@ -325,7 +325,7 @@ pub(crate) fn figure(quick: bool) -> Result<Figure> {
     let gone = |run: &Run| run.frames.iter().map(|f| f.removed).sum::<usize>();
     let height = |run: &Run| 1e3 * run.frames.iter().map(|f| f.height).fold(0.0, f64::max);
     let mut findings = vec![
-        Finding::of(slow > PRINTED_RATE).says(format!(
+        Finding::of_times(slow > PRINTED_RATE).says(format!(
                 "interactive with its quasi-static surroundings: {median:.0} frames per second in the median, \
                  {slow:.0} for 95 % of them, {worst:.0} at worst, {:.1} times the 30 printed, which drawing is part of; \
                  the floor alone {:.0}, {:.0} and {:.0}",

@@ -105,6 +105,7 @@ pub fn run(
     };
     for &part in parts {
         let watch = Watch::start();
+        let mut aims = Vec::new();
         match part {
             BenchPart::Kernels => {
                 tell("limits of the machine");
@@ -138,7 +139,7 @@ pub fn run(
                 let (repeats, kinds) = (if quick { 2 } else { 5 }, &options.cases);
                 let found = contact::run(&sizes([1, 2]), &threads, repeats, kinds, &mut tell)?;
                 report.tables.push(found.0);
-                report.aims.extend(found.1);
+                aims = found.1;
             }
             #[cfg(feature = "gpu")]
             BenchPart::Gpu => {
@@ -147,6 +148,7 @@ pub fn run(
             }
         }
         report.add_load(part.name(), watch.finish());
+        report.add_aims(part.name(), aims);
     }
     report.work_out_aims();
     Ok(report)

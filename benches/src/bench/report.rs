@@ -12,7 +12,7 @@ use crate::toolbox::prelude::*;
 use crate::toolbox::report::ReportFiles;
 use sinew::engine::lanes::InstructionSet;
 use sinew_tune::machine::{Load, MachineNotes};
-use sinew_tune::page::{Page, Verdict};
+use sinew_tune::page::{AIMS, Page, Verdict};
 use sinew_tune::table::{escape, three_digits};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -90,10 +90,22 @@ impl BenchReport {
 
     /// Works out the aims of the parts that keep their rows.
     pub fn work_out_aims(&mut self) {
-        self.aims.extend(self.kernels.iter().flat_map(aims::kernels));
-        self.aims.extend(self.step.iter().flat_map(aims::steps));
-        self.aims.extend(self.accuracy.iter().flat_map(aims::accuracy));
-        self.aims.extend(self.peers.iter().flat_map(|p| peers::aims(&p.rows)));
+        let found: [(&str, Vec<BenchAim>); 4] = [
+            ("kernels", self.kernels.iter().flat_map(aims::kernels).collect()),
+            ("step", self.step.iter().flat_map(aims::steps).collect()),
+            ("accuracy", self.accuracy.iter().flat_map(aims::accuracy).collect()),
+            ("peers", self.peers.iter().flat_map(|p| peers::aims(&p.rows)).collect()),
+        ];
+        found.into_iter().for_each(|(part, aims)| self.add_aims(part, aims));
+    }
+
+    /// Adds the aims of a part whose load is booked.
+    pub fn add_aims(&mut self, part: &str, aims: impl IntoIterator<Item = BenchAim>) {
+        let cores = self.machine.cores;
+        let busy = |l: &PartLoad| l.part == part && l.load.warning(cores).is_some();
+        let busy = self.loads.iter().any(busy);
+        let told = |aim: BenchAim| if busy { aim.on_a_busy_machine() } else { aim };
+        self.aims.extend(aims.into_iter().map(told));
     }
 
     /// All tables, the aims first.
@@ -202,6 +214,18 @@ impl BenchReport {
         Ok(charts)
     }
 
+    /// Cases that have no chart because every method has the same error, and that error in words.
+    fn level_charts(&self) -> Vec<(&str, String)> {
+        let Some(accuracy) = &self.accuracy else { return Vec::new() };
+        let all = accuracy.cases.iter().flat_map(|case| [(case, false), (case, true)]);
+        all.filter_map(|(case, refined)| {
+            let [low, high] = level(accuracy, case, refined)?.map(three_digits);
+            let mesh = if refined { "a refined mesh" } else { "the same mesh" };
+            Some((&*case.case, format!("every method is {low} to {high} % from the converged solution on {mesh}; no chart")))
+        })
+        .collect()
+    }
+
     /// Kernels of a precision with the widest instruction set, beside their aims.
     fn kernel_bars(&self, precision: &str) -> Vec<Bar> {
         let best = InstructionSet::best().name();
@@ -302,7 +326,7 @@ impl BenchReport {
     /// Aims of the project and against other engines.
     fn verdicts(&self) -> Vec<Verdict> {
         let verdict = |a: &BenchAim| Verdict {
-            met: a.met,
+            judgement: a.judgement(),
             measured: format!("{} {}", three_digits(a.found), a.unit).trim_end().to_owned(),
             what: match a.what.contains("at least") {
                 true => a.what.clone(),
@@ -319,10 +343,8 @@ impl BenchReport {
     pub fn html(&self) -> Result<String> {
         let heading = "Sinew bench: speed against error";
         let mut page = Page::new("Sinew bench", heading, &self.machine.line());
-        for warning in &self.warnings {
-            page.paragraph("warning", warning);
-        }
-        page.verdicts(&self.verdicts());
+        let busy = format!("{} parts were measured on a busy machine", self.warnings.len());
+        page.warnings(&busy, &self.warnings);
         let mut drawn = Vec::new();
         for (group, leading) in self.leading_charts()? {
             // what is in the picture of all stands there by itself
@@ -336,6 +358,7 @@ impl BenchReport {
             }
             drawn.extend(group.into_iter().map(|chart| chart.name));
         }
+        page.verdicts(&AIMS, &self.verdicts());
         page.add(format_args!(
             "<p class=\"note\">Made by <code>{}</code>{}. Every figure is a median of repeats in which the variants \
              took turns; quartiles and minima stand beside it. The same data are in \
@@ -345,13 +368,27 @@ impl BenchReport {
         ));
         let mut tables = self.tables();
         tables.retain(|t| t.name != "aims");
-        let link = |table: &Table| {
-            let short = table.title.split(':').next().unwrap_or(&table.title);
-            format!("<a href=\"#{}\">{}</a> ", table.name, escape(short))
+        let start = |table: &Table| -> String {
+            table.title.split(':').next().unwrap_or(&table.title).into()
         };
-        page.add(format_args!("<nav>{}</nav>", tables.iter().map(link).collect::<String>()));
+        for table in &tables {
+            let alike = tables.iter().filter(|other| start(other) == start(table)).count();
+            let title = if alike > 1 { table.title.clone() } else { start(table) };
+            page.entry(table.name, &title);
+        }
         let rest = self.charts()?;
-        rest.iter().filter(|c| !drawn.contains(&c.name)).for_each(|chart| page.chart(chart));
+        for chart in rest.iter().filter(|c| !drawn.contains(&c.name)) {
+            if height(chart) <= LONG_CHART {
+                page.chart(chart);
+                continue;
+            }
+            page.add(format_args!("<details><summary>{}, a long chart</summary>", chart.name));
+            page.chart(chart);
+            page.add("</details>");
+        }
+        for (chart, why) in self.level_charts() {
+            page.paragraph("note", &format!("{chart}: {why}"));
+        }
         for table in &tables {
             match table.name {
                 "peers" => {
@@ -399,6 +436,15 @@ impl BenchReport {
         files.parts(&self.charts()?, &self.tables())?;
         files.write(folder)
     }
+}
+
+/// Height (pixels) above which a chart is folded.
+const LONG_CHART: u32 = 1300;
+
+/// Height (pixels) that a chart says it has.
+fn height(chart: &Chart) -> u32 {
+    let text = chart.svg.split("height=\"").nth(1).and_then(|rest| rest.split('"').next());
+    text.and_then(|height| height.parse().ok()).unwrap_or(0)
 }
 
 fn peer_tables(report: &PeerReport) -> Vec<Table> {
@@ -478,10 +524,25 @@ fn overview(report: &AccuracyReport) -> Result<Chart> {
     plot::speed_against_error("speed-against-error", title, axes, &series, &fronts)
 }
 
+/// Ratio of errors below which a chart of them would be one row of dots.
+const LEVEL: f64 = 1.5;
+
+/// Least and largest error (%) of a case, as far as charts tell errors apart, where these are level.
+fn level(report: &AccuracyReport, case: &CaseRow, refined: bool) -> Option<[f64; 2]> {
+    let own = report.points.iter().filter(|p| p.case == case.case);
+    let errors = own.map(|p| pair(p, refined)).filter(usable).map(|p| p[1].max(plot::FLOOR));
+    let start = [f64::INFINITY, 0.0];
+    let [low, high] = errors.fold(start, |[low, high]: [f64; 2], e| [low.min(e), high.max(e)]);
+    (low <= high && high < LEVEL * low).then_some([low, high])
+}
+
 /// Every method on one case, against the same or the refined mesh; none without points.
 fn case_chart(report: &AccuracyReport, case: &CaseRow, refined: bool) -> Result<Option<Chart>> {
     let own = report.points.iter().filter(|p| p.case == case.case);
     let points: Vec<&AccuracyPoint> = own.filter(|p| usable(&pair(p, refined))).collect();
+    if level(report, case, refined).is_some() {
+        return Ok(None);
+    }
     let mut sizes: Vec<usize> = points.iter().map(|p| p.tetrahedra).collect();
     sizes.dedup();
     let Some(&first) = sizes.first() else { return Ok(None) };

@@ -140,7 +140,7 @@ pub fn sparse_label(x: &f64) -> String {
 }
 
 /// Errors (%) below this are rounding; they are drawn on the floor of the chart.
-const FLOOR: f64 = 1e-8;
+pub(crate) const FLOOR: f64 = 1e-8;
 
 type Label = fn(&f64) -> String;
 

@@ -6,7 +6,6 @@ mod advise;
 mod fit;
 mod fit_data;
 mod progress;
-#[cfg(feature = "render")]
 mod render;
 mod sweep;
 
@@ -26,6 +25,7 @@ use sinew_scene::assemble::{BuildOptions, generate};
 use sinew_scene::cell_springs::SpringTable;
 use sinew_scene::check::check_file;
 use sinew_scene::mesh_tool::{MeshInfo, convert, merge, read, write};
+use sinew_scene::picture::run_to_page;
 use sinew_scene::run::{LogOptions, Observer, RunOptions, Silent, replay, run};
 use sinew_scene::scene::{
     BackendName, BoxShape, CylinderShape, ExecutorName, Generate, LoadedScene, SheetCells,
@@ -64,8 +64,7 @@ struct Cli {
 enum Command {
     /// Simulate a scene and report what happened.
     Run(RunArguments),
-    /// Simulate a scene and make pictures, a film or a page of it, without a window.
-    #[cfg(feature = "render")]
+    /// Simulate a scene and make a page with a player of it, in a build with the feature `render` also pictures and films.
     Render(Box<render::RenderArguments>),
     /// Do again what `sinew run --record` wrote, and stop at the first state that differs.
     Replay(ReplayArguments),
@@ -93,6 +92,9 @@ struct RunArguments {
     /// Folder for frames (VTU, PVD), probes (CSV) and summary (JSON).
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+    /// Page with an interactive player, for any browser; nothing has to be installed.
+    #[arg(long, value_name = "FILE", conflicts_with = "resume")]
+    page: Option<PathBuf>,
     /// File for the JSON summary; `-` prints it instead of the report.
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
@@ -372,7 +374,6 @@ enum ShapeOptions {
 fn main() -> ExitCode {
     exit_code(match Cli::parse().command {
         Command::Run(arguments) => run_scene(arguments),
-        #[cfg(feature = "render")]
         Command::Render(arguments) => render::render_scene(*arguments),
         Command::Replay(arguments) => replay_log(&arguments),
         Command::Check(arguments) => check_scene_or_mesh(&arguments),
@@ -420,7 +421,10 @@ fn run_scene(arguments: RunArguments) -> Outcome {
     };
     let mut progress = Progress::default();
     let observer: &mut dyn Observer = if arguments.quiet { &mut Silent } else { &mut progress };
-    let summary = run(&scene, &options, observer)?;
+    let summary = match &arguments.page {
+        Some(page) => run_to_page(&scene, &options, page, observer)?,
+        None => run(&scene, &options, observer)?,
+    };
     if print_json {
         sayln!("{}", serde_json::to_string_pretty(&summary)?);
     } else if !arguments.quiet {

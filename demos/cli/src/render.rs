@@ -5,9 +5,12 @@ use crate::progress::Progress;
 use clap::Args;
 use sinew::prelude::{Integrator, Model};
 use sinew_cli::{Outcome, choice, print};
+#[cfg(feature = "render")]
 use sinew_render::adapter::AdapterRequest;
 use sinew_render::camera::CameraRequest;
-use sinew_scene::picture::{Quantity, RenderJob, Variant, gallery, render};
+#[cfg(feature = "render")]
+use sinew_scene::picture::gallery;
+use sinew_scene::picture::{Quantity, RenderJob, Variant, render};
 use sinew_scene::run::{Observer, Silent};
 use sinew_scene::scene::LoadedScene;
 use sinew_tune::advise::Choice;
@@ -95,6 +98,7 @@ fn camera(text: &str) -> Result<CameraRequest, String> {
 }
 
 /// The adapter of a word on the command line.
+#[cfg(feature = "render")]
 fn adapter(word: Option<&str>) -> AdapterRequest {
     match word {
         Some("software") => AdapterRequest { software: Some(true), ..AdapterRequest::default() },
@@ -103,7 +107,13 @@ fn adapter(word: Option<&str>) -> AdapterRequest {
 }
 
 pub fn render_scene(arguments: RenderArguments) -> Outcome {
+    #[cfg(not(feature = "render"))]
+    if arguments.gallery.is_some() {
+        return Err(sinew_render::RenderError::NoPictures("--gallery").into());
+    }
+    #[cfg(feature = "render")]
     let adapter = adapter(arguments.adapter.as_deref());
+    #[cfg(feature = "render")]
     if let Some(folder) = &arguments.gallery {
         let files = gallery(folder, &adapter, |what| eprintln!("{what}"))?;
         eprintln!("{} files written to {}", files.len(), folder.display());
@@ -144,6 +154,7 @@ pub fn render_scene(arguments: RenderArguments) -> Outcome {
         small: false,
         quantity: arguments.color,
         camera: arguments.camera.unwrap_or_default(),
+        #[cfg(feature = "render")]
         adapter,
         edges: arguments.edges,
         no_ground: arguments.no_ground,

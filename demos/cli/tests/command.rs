@@ -143,6 +143,19 @@ fn a_fit_reports_writes_and_names_what_is_wrong() {
     check(&["fit", "nowhere.msh", "--young", "1e4", "--poisson", "0.3"], 1, "", "nowhere.msh");
 }
 
+#[test]
+fn a_run_leaves_a_page_in_every_build() {
+    let (bar, path) = (shipped("fibre_bar"), file("page.html").display().to_string());
+    check(&["run", &bar, "--steps", "4", "--page", &path], 0, &path, "");
+    let page = std::fs::read_to_string(&path).unwrap();
+    assert!(page.contains("<canvas>") && page.contains("\"name\":\"strain\""), "a player");
+    // before the run, not after it
+    check(&["run", &bar, "--page", "no/such/folder/a.html"], 1, "", "no/such/folder");
+    check(&["run", &bar, "--page", &path, "--resume"], 2, "", "--resume");
+    #[cfg(not(feature = "render"))]
+    check(&["render", &bar, "--png", "x"], 1, "", "--features sinew-cli/render");
+}
+
 #[cfg(feature = "render")]
 #[test]
 fn render_writes_a_page_and_refuses_what_it_cannot_draw() {

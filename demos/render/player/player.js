@@ -211,10 +211,11 @@
       this.box = document.createElement("div");
       this.box.className = "view";
       this.box.innerHTML = `<canvas></canvas><div class="caption"><b></b><span></span></div>
-        <div class="bar"><span></span><div class="scale"><div class="strip"></div></div></div>
         <div class="note"><b></b><span></span></div>`;
-      this.box.querySelector("b").textContent = run.title;
-      this.box.querySelector("span").textContent = run.subtitle;
+      if (data.runs.length > 1) {
+        this.box.querySelector("b").textContent = run.label || run.title;
+        this.box.querySelector("span").textContent = own(run.subtitle, run.label);
+      }
       byId("views").append(this.box);
       this.canvas = this.box.querySelector("canvas");
       const gl = this.gl = this.canvas.getContext("webgl2", { antialias: true, alpha: false, preserveDrawingBuffer: true });
@@ -441,26 +442,6 @@
       for (let i = 0; i < 256; i++) pixels.set([map[3 * i], map[3 * i + 1], map[3 * i + 2], 255], 4 * i);
       gl.bindTexture(gl.TEXTURE_2D, this.map);
       gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, 256, 1, gl.RGBA, gl.UNSIGNED_BYTE, pixels);
-      const bar = this.box.querySelector(".bar"), field = this.run.fields.find((f) => f.name === shown.field);
-      bar.hidden = !field;
-      if (!field) return;
-      const [low, high] = ranges[field.name], [factor, name] = unitOf(field.unit, Math.max(Math.abs(low), Math.abs(high)));
-      bar.querySelector("span").textContent = field.label + (name ? ` (${name})` : "");
-      const stops = [];
-      for (let i = 0; i <= 16; i++) {
-        const k = 3 * Math.round(255 * i / 16);
-        stops.push(`rgb(${map[k]},${map[k + 1]},${map[k + 2]})`);
-      }
-      const scaleBox = bar.querySelector(".scale");
-      scaleBox.querySelectorAll(".mark").forEach((m) => m.remove());
-      bar.querySelector(".strip").style.background = `linear-gradient(to top, ${stops.join(",")})`;
-      for (const value of ticks(low * factor, high * factor, 5)) {
-        const mark = document.createElement("div");
-        mark.className = "mark";
-        mark.style.top = `${100 * (1 - (value / factor - low) / (high - low))}%`;
-        mark.textContent = String(Number(value.toPrecision(6))).replace("-", "−");
-        scaleBox.append(mark);
-      }
     }
 
     draw() {
@@ -475,19 +456,17 @@
       const forward = add(scale(level, Math.cos(e)), upward, -Math.sin(e));
       const right = unit(cross(forward, upward)), up = cross(right, forward);
       const tangent = 0.249328, aspect = width / height;
-      // the colour bar keeps its side free
-      const free = Math.max(0.4, 1 - 110 * dense / width);
-      const distance = run.radius / Math.sin(Math.atan(tangent * Math.min(1, free * aspect))) * 0.94 * camera.zoom;
-      const aside = (1 - free) * tangent * aspect;
-      const centre = add(add(run.middle, right, (camera.shift[0] + aside) * distance), up, camera.shift[1] * distance);
+      const distance = around.radius / Math.sin(Math.atan(tangent * Math.min(1, aspect))) * (data.runs.length > 1 ? 1.04 : 0.94) * camera.zoom;
+      const centre = add(add(around.middle, right, camera.shift[0] * distance), up, camera.shift[1] * distance);
       const eye = add(centre, forward, -distance);
-      const near = Math.max(distance - 4 * run.radius, 0.02 * run.radius), far = distance + 6 * run.radius;
+      const near = Math.max(distance - 4 * around.radius, 0.02 * around.radius), far = distance + 6 * around.radius;
       const f = 1 / tangent, q = far / (near - far);
       const m = [0, 1, 2].flatMap((k) => [right[k] * f / aspect, up[k] * f, -forward[k] * (far + near) / (near - far),
         forward[k]]);
       const d = [-dot(right, eye) * f / aspect, -dot(up, eye) * f,
         dot(forward, eye) * (far + near) / (near - far) + 2 * q * near, -dot(forward, eye)];
       const matrix = [...m, ...d];
+      this.sight = { eye, forward, right: scale(right, tangent * aspect), up: scale(up, tangent) };
       const key = unit(add(add(scale(right, -0.55), upward), forward, -0.75));
       const gx = unit(add(Math.abs(upward[0]) > 0.9 ? [0, 1, 0] : [1, 0, 0], upward,
         -upward[Math.abs(upward[0]) > 0.9 ? 1 : 0]));
@@ -581,6 +560,35 @@
       gl.disable(gl.BLEND);
     }
 
+    // what is seen at a place of the canvas, 0 to 1 from left to right and from top to bottom: the body and the value there
+    under(x, y) {
+      const { run } = this, frame = run.frames[this.frame], skin = run.skins[this.skin];
+      const field = run.fields.findIndex((f) => f.name === shown.field);
+      if (!this.sight || !skin) return null;
+      const { eye, forward, right, up } = this.sight;
+      const ray = add(add(forward, right, 2 * x - 1), up, 1 - 2 * y);
+      let nearest = Infinity, found = null;
+      const { low, step } = run, places = frame.places;
+      const at = (v) => { const i = 3 * skin.source[v]; return [0, 1, 2].map((k) => low[k] + step[k] * places[i + k]); };
+      for (let t = 0; t < skin.index.length; t += 3) {
+        const v = [skin.index[t], skin.index[t + 1], skin.index[t + 2]], a = at(v[0]);
+        const e = add(at(v[1]), a, -1), f = add(at(v[2]), a, -1), p = cross(ray, f), size = dot(e, p);
+        if (Math.abs(size) < 1e-30) continue;
+        const from = add(eye, a, -1), b = dot(from, p) / size;
+        if (b < 0 || b > 1) continue;
+        const q = cross(from, e), c = dot(ray, q) / size, far = dot(f, q) / size;
+        if (c < 0 || b + c > 1 || far <= 0 || far >= nearest) continue;
+        nearest = far;
+        found = { v, weights: [1 - b - c, b, c] };
+      }
+      if (!found) return null;
+      const body = run.bodies[skin.body[found.v[0]]];
+      if (field < 0) return { body };
+      const { range, unit, label } = run.fields[field], values = frame.values[field];
+      const byte = found.v.reduce((sum, v, k) => sum + found.weights[k] * values[skin.source[v]], 0);
+      return { body, label, unit, value: range[0] + (range[1] - range[0]) * byte / 255, end: byte >= 254.5 };
+    }
+
     lines(use) {
       const gl = this.gl, skin = this.run.skins[this.skin];
       if (!skin.lines) {
@@ -619,8 +627,138 @@
   function unitOf(name, largest) {
     const steps = { m: [[1, "m"], [1e2, "cm"], [1e3, "mm"], [1e6, "µm"]],
       Pa: [[1e-6, "MPa"], [1e-3, "kPa"], [1, "Pa"], [1e3, "mPa"]],
+      N: [[1e-3, "kN"], [1, "N"], [1e3, "mN"], [1e6, "µN"]],
       "J/m³": [[1e-6, "MJ/m³"], [1e-3, "kJ/m³"], [1, "J/m³"], [1e3, "mJ/m³"]] }[name];
     return steps ? steps.find(([f]) => largest * f >= 0.9995) || steps.at(-1) : [1, name];
+  }
+
+  // three digits, as in captions
+  function withUnit(value, name) {
+    if (value === 0) return `0 ${name}`;
+    const [factor, unitName] = unitOf(name, Math.abs(value)), x = value * factor;
+    const digits = Math.max(0, Math.min(2, 2 - Math.floor(Math.log10(Math.max(Math.abs(x), 1)))));
+    return `${x.toFixed(digits)} ${unitName}`.replace("-", "−");
+  }
+
+  // ---- what all views share
+
+  // parts of captions that all runs have, and what is left of one
+  const parts = (text) => text.split(" · ");
+  const inAll = (part, of) => data.runs.every((run) => parts(of(run)).includes(part));
+  const shared = (of) => parts(of(data.runs[0])).filter((part) => inAll(part, of)).join(" · ");
+  const own = (text, label) =>
+    parts(text).filter((part) => part !== label && !inAll(part, (run) => run.subtitle)).join(" · ");
+
+  // one camera: a ball around all runs
+  function ball(runs) {
+    const middle = [0, 1, 2].map((k) => runs.reduce((sum, run) => sum + run.middle[k], 0) / runs.length);
+    const reach = (run) => run.radius + Math.hypot(...add(run.middle, middle, -1));
+    return { middle, radius: Math.max(...runs.map(reach)) };
+  }
+
+  // one colour bar
+  function legend() {
+    const box = byId("legend"), field = data.runs.flatMap((run) => run.fields).find((f) => f.name === shown.field);
+    box.hidden = !field;
+    if (!field) return;
+    const map = data.maps[shown.map];
+    const [low, high] = ranges[field.name], [factor, name] = unitOf(field.unit, Math.max(Math.abs(low), Math.abs(high)));
+    box.querySelector("span").textContent = field.label + (name ? ` (${name})` : "");
+    const stops = [];
+    for (let i = 0; i <= 16; i++) {
+      const k = 3 * Math.round(255 * i / 16);
+      stops.push(`rgb(${map[k]},${map[k + 1]},${map[k + 2]})`);
+    }
+    const scaleBox = byId("scale");
+    scaleBox.querySelectorAll(".mark").forEach((m) => m.remove());
+    byId("strip").style.setProperty("--stops", stops.join(","));
+    for (const value of ticks(low * factor, high * factor, 5)) {
+      const mark = document.createElement("div");
+      mark.className = "mark";
+      mark.style.setProperty("--at", `${100 * (value / factor - low) / (high - low)}%`);
+      mark.textContent = String(Number(value.toPrecision(6))).replace("-", "−");
+      scaleBox.append(mark);
+    }
+  }
+
+  // forces over time, with their values at the cursor
+  const INKS = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#b58900"];
+  const graph = { lines: [], hover: null };
+  function drawGraph() {
+    const svg = document.querySelector("#graph svg"), width = svg.clientWidth, height = svg.clientHeight;
+    byId("graph").hidden = graph.lines.length === 0 || last <= first;
+    if (byId("graph").hidden || !width) return;
+    const left = 52, right = width - 8, top = 8, bottom = height - 18;
+    const largest = Math.max(...graph.lines.flatMap((line) => line.points.map((p) => p[1])));
+    const [factor, unitName] = unitOf("N", largest), high = largest * factor * 1.04;
+    const x = (t) => left + (right - left) * (t - first) / (last - first);
+    const y = (v) => bottom - (bottom - top) * v * factor / high;
+    const isStatic = data.runs.every((run) => run.static);
+    const out = [];
+    for (const v of ticks(0, high, 3)) {
+      const at = y(v / factor);
+      out.push(`<line x1="${left}" x2="${right}" y1="${at}" y2="${at}" stroke="#e4e8ec"/>`,
+        `<text x="${left - 6}" y="${at + 4}" text-anchor="end">${Number(v.toPrecision(6))} ${unitName}</text>`);
+    }
+    for (const t of ticks(first, last, Math.max(2, Math.floor(width / 120)))) {
+      const words = isStatic ? `${Number((100 * t).toPrecision(6))} %` : `${Number(t.toPrecision(6))} s`;
+      const anchor = x(t) > right - 16 ? "end" : "middle";
+      out.push(`<text x="${x(t)}" y="${height - 4}" text-anchor="${anchor}">${words}</text>`);
+    }
+    for (const { points, ink } of graph.lines) {
+      const path = points.map(([t, v]) => `${x(t).toFixed(1)},${y(v).toFixed(1)}`).join(" ");
+      out.push(`<polyline points="${path}" fill="none" stroke="${ink}" stroke-width="1.6"/>`);
+    }
+    out.push('<line id="now" stroke="#262c36" stroke-width="1"/><line id="there" stroke="#9aa3ae" stroke-width="1"/>');
+    svg.innerHTML = out.join("");
+    Object.assign(graph, { left, right, top, bottom, x });
+    moveCursor();
+  }
+  // the value that holds at a time
+  function valueAt(points, t) {
+    let value = 0;
+    for (const p of points) { if (p[0] > t + 1e-6 * (last - first)) break; value = p[1]; }
+    return value;
+  }
+  function moveCursor() {
+    if (!graph.x || byId("graph").hidden) return;
+    const put = (id, t) => {
+      const line = document.getElementById(id);
+      line.style.display = t === null ? "none" : "";
+      for (const [name, v] of [["x1", graph.x(t)], ["x2", graph.x(t)], ["y1", graph.top], ["y2", graph.bottom]]) line.setAttribute(name, v);
+    };
+    put("now", time);
+    put("there", graph.hover);
+    const t = graph.hover ?? time;
+    graph.lines.forEach((line) => { line.value.textContent = withUnit(valueAt(line.points, t), "N"); });
+  }
+  function prepareGraph() {
+    for (const run of data.runs) {
+      for (const series of run.forces) {
+        const ink = INKS[graph.lines.length % INKS.length], entry = document.createElement("div");
+        const name = data.runs.length > 1 ? `${run.label || run.title}: ${series.name}` : series.name;
+        const value = document.createElement("b"), key = document.createElement("i"), words = document.createElement("span");
+        key.style.background = ink;
+        words.textContent = `${name} `;
+        value.style.fontWeight = 500;
+        entry.append(key, words, value);
+        byId("names").append(entry);
+        graph.lines.push({ name, points: series.points, ink, value });
+      }
+    }
+    const svg = document.querySelector("#graph svg");
+    const timeOf = (e) => {
+      const share = (e.clientX - svg.getBoundingClientRect().left - graph.left) / (graph.right - graph.left);
+      return first + (last - first) * Math.max(0, Math.min(1, share));
+    };
+    svg.onpointerdown = (e) => { svg.setPointerCapture(e.pointerId); play(false); setTime(timeOf(e)); };
+    svg.onpointermove = (e) => {
+      graph.hover = timeOf(e);
+      if (e.buttons) setTime(graph.hover);
+      moveCursor();
+    };
+    svg.onpointerleave = () => { graph.hover = null; moveCursor(); };
+    byId("graph").hidden = graph.lines.length === 0 || last <= first;
   }
 
   // ---- controls
@@ -630,6 +768,9 @@
     return;
   }
   const ranges = {};
+  const around = ball(data.runs);
+  byId("heading").querySelector("b").textContent = shared((run) => run.title) || document.title;
+  byId("heading").querySelector("span").textContent = shared((run) => run.subtitle);
   let views;
   try {
     const runs = await Promise.all(data.runs.map(unpack));
@@ -644,12 +785,17 @@
     throw error;
   }
   const names = [...new Set(data.runs.flatMap((run) => run.fields.map((f) => f.name)))];
-  for (const name of [...names, "none"]) byId("field").add(new Option(name, name));
+  const labels = Object.fromEntries(data.runs.flatMap((run) => run.fields.map((f) => [f.name, f.label])));
+  for (const name of [...names, "none"]) byId("field").add(new Option(labels[name] ?? "plain colours", name));
   for (const name of Object.keys(data.maps)) byId("map").add(new Option(name, name));
   byId("field").value = shown.field;
   const first = Math.min(...views.map((v) => v.run.frames[0].time));
   const last = Math.max(...views.map((v) => v.run.frames.at(-1).time));
-  let time = last > first ? first : 0, playing = false, before = 0, dirty = true;
+  // loads are of interest when all of them act; a motion from its start, or from where the address says
+  const asked = Number(/[#&]t=([-\d.]+)/.exec(location.hash)?.[1] ?? NaN);
+  const still = data.runs.every((run) => run.static) || matchMedia("(prefers-reduced-motion: reduce)").matches;
+  const opens = Number.isFinite(asked) ? asked : still ? last : first;
+  let time = opens, playing = false, before = 0, dirty = true;
 
   function setTime(value) {
     time = Math.max(first, Math.min(last, value));
@@ -657,6 +803,7 @@
       const i = view.at(time);
       if (i !== view.frame) { view.show(i); dirty = true; }
     }
+    moveCursor();
     byId("scrub").value = last > first ? 1000 * (time - first) / (last - first) : 0;
   }
   function setField(name) {
@@ -669,10 +816,12 @@
     shown.map = name;
     byId("map").value = name;
     views.forEach((v) => v.colours());
+    legend();
     dirty = true;
   }
   function play(on) {
     playing = on;
+    if (on) byId("tip").hidden = true;
     byId("play").textContent = on ? "Pause" : "Play";
     if (on && time >= last) setTime(first);
   }
@@ -695,10 +844,26 @@
     if (e.key === "ArrowRight" && e.target.id !== "scrub") setTime(frames[Math.min(i + 1, frames.length - 1)].time);
     if (e.key === "ArrowLeft" && e.target.id !== "scrub") setTime(frames[Math.max(i - 1, 0)].time);
   });
-  addEventListener("resize", () => { dirty = true; });
+  addEventListener("resize", () => { dirty = true; drawGraph(); });
+
+  // the value under the cursor
+  const tip = byId("tip");
+  function point(view, e) {
+    const box = view.canvas.getBoundingClientRect();
+    const seen = view.under((e.clientX - box.left) / box.width, (e.clientY - box.top) / box.height);
+    tip.hidden = !seen;
+    if (!seen) return;
+    // values beyond the end of the bar are stored as its end
+    const value = seen.label ? `${seen.label} ${seen.end ? "at least " : ""}${withUnit(seen.value, seen.unit)}` : "";
+    tip.textContent = [seen.body, value].filter(Boolean).join(": ");
+    tip.style.left = `${Math.min(e.clientX + 14, innerWidth - tip.offsetWidth - 6)}px`;
+    tip.style.top = `${Math.max(4, e.clientY - 34)}px`;
+  }
 
   // one finger or the left button turns, two fingers or the right button move, wheel and pinch zoom
-  for (const { canvas } of views) {
+  for (const view of views) {
+    const { canvas } = view;
+    canvas.onpointerleave = () => { tip.hidden = true; };
     const down = new Map();
     const spread = () => {
       const [a, b] = [...down.values()];
@@ -713,7 +878,8 @@
     canvas.onpointerup = canvas.onpointercancel = (e) => down.delete(e.pointerId);
     canvas.onpointermove = (e) => {
       const own = down.get(e.pointerId);
-      if (!own) return;
+      if (!own) { if (!playing) point(view, e); return; }
+      tip.hidden = true;
       const old = down.size > 1 ? spread() : null;
       const dx = e.clientX - own.x, dy = e.clientY - own.y, reach = 0.5 / canvas.clientHeight;
       Object.assign(own, { x: e.clientX, y: e.clientY });
@@ -750,7 +916,10 @@
   setTime(time);
   views.forEach((v) => { if (v.frame === undefined) v.show(0); });
   setField(shown.field);
-  requestAnimationFrame(tick);
+  prepareGraph();
+  drawGraph();
+  if (!still && !Number.isFinite(asked)) play(true);
+  requestAnimationFrame((now) => { before = now; tick(now); });
   // for scripts and tests
-  window.sinew = { views, setTime, setField, setMap, draw: () => views.forEach((v) => v.draw()), first, last };
+  window.sinew = { views, play, playing: () => playing, time: () => time, setTime, setField, setMap, draw: () => views.forEach((v) => v.draw()), first, last };
 })();

@@ -3,9 +3,10 @@
 use crate::camera::{Camera, CameraRequest};
 use crate::error::RenderError;
 use crate::image::Image;
+use crate::look::Look;
 use crate::overlay::{Align, FAINT_INK, Fonts, INK, Weight, colour_bar};
 use crate::painter::{Captions, letters, margins};
-use crate::renderer::{Look, Renderer};
+use crate::renderer::Renderer;
 use crate::scene::{Field, Recording};
 use sinew_adapter::Gpu;
 

@@ -1,5 +1,6 @@
 //! What can go wrong on the way to a picture.
 
+#[cfg(feature = "draw")]
 use sinew_adapter::AdapterError;
 use std::path::PathBuf;
 
@@ -8,8 +9,14 @@ use std::path::PathBuf;
 #[non_exhaustive]
 pub enum RenderError {
     /// No adapter could be opened.
+    #[cfg(feature = "draw")]
     #[error(transparent)]
     Adapter(#[from] AdapterError),
+    /// Pictures were asked of a build that makes pages only.
+    #[error(
+        "{0}: this build makes pages (--html), no pictures; build it with `--features sinew-cli/render` for these"
+    )]
+    NoPictures(&'static str),
     /// The size of a picture is out of range.
     #[error("a picture of {width} x {height} pixels; {remedy}")]
     Size {

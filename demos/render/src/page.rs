@@ -7,7 +7,7 @@
 use crate::camera::CameraRequest;
 use crate::colour::{BODY_COLOURS, ColourMap, Rgb};
 use crate::error::RenderError;
-use crate::renderer::Look;
+use crate::look::Look;
 use crate::scene::{Frame, Recording};
 use crate::skin::Skin;
 use base64::Engine;
@@ -16,6 +16,9 @@ use serde_json::{Value, json};
 use std::io::Write;
 use std::path::Path;
 use std::sync::Arc;
+
+/// Points of a graph over time.
+const GRAPH: usize = 800;
 
 /// Whole numbers for positions in a box.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -179,6 +182,11 @@ pub fn run_data(recording: &Recording) -> Result<Value, std::io::Error> {
         })).collect::<Vec<_>>(),
         "shapes": recording.shapes.iter().map(|s| json!({
             "vertices": s.points.len(), "triangles": s.triangles.len(), "colour": s.colour, "plate": s.plate,
+        })).collect::<Vec<_>>(),
+        "label": recording.label,
+        "bodies": recording.bodies,
+        "forces": recording.forces.iter().map(|s| json!({
+            "name": s.name.replace('_', " "), "points": s.thinned(GRAPH).iter().map(|p| p.map(|x| x as f32)).collect::<Vec<_>>(),
         })).collect::<Vec<_>>(),
         "arrowKey": recording.arrow_key.as_ref().map(|key| &key.text),
         "frames": recording.frames.iter().zip(which).map(|(f, skin)| json!({

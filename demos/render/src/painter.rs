@@ -3,8 +3,9 @@
 use crate::camera::{Camera, CameraRequest, Margins};
 use crate::error::RenderError;
 use crate::image::Image;
+use crate::look::Look;
 use crate::overlay::{Align, FAINT_INK, Fonts, INK, Weight, arrow_key, colour_bar};
-use crate::renderer::{Look, Renderer};
+use crate::renderer::Renderer;
 use crate::scene::{Frame, Recording, Time};
 use sinew_adapter::Gpu;
 

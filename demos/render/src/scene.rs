@@ -54,7 +54,7 @@ pub struct Arrow {
 /// What arrows mean, for the caption.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ArrowKey {
-    /// What they show, with the value that the longest of them stands for.
+    /// What they show, with the largest value of the run.
     pub text: String,
     /// Colour of those that are meant.
     pub colour: Rgb,
@@ -113,6 +113,45 @@ pub struct Frame {
     pub note: String,
 }
 
+/// A number over time, as the force of a tool.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Series {
+    /// What it is, such as the name of the tool.
+    pub name: String,
+    /// Times (s), or shares of the loads, in rising order, with the values there.
+    pub points: Vec<[f64; 2]>,
+}
+
+impl Series {
+    /// The value at a time: that of the last point up to it; 0 before the first.
+    pub fn at(&self, time: f64) -> f64 {
+        // times are sums of steps, and frames have the same sums
+        match self.points.partition_point(|p| p[0] <= time) {
+            0 => 0.0,
+            i => self.points[i - 1][1],
+        }
+    }
+
+    /// At most `count` points with the extremes of every stretch, for drawing.
+    pub fn thinned(&self, count: usize) -> Vec<[f64; 2]> {
+        if self.points.len() <= count {
+            return self.points.clone();
+        }
+        let stretch = self.points.len().div_ceil((count / 2).max(1));
+        let mut thin = Vec::with_capacity(count);
+        for points in self.points.chunks(stretch) {
+            let value = |i: &usize| points[*i][1];
+            let by = |a: &usize, b: &usize| value(a).total_cmp(&value(b));
+            let ends = [(0..points.len()).min_by(by), (0..points.len()).max_by(by)];
+            let mut ends: Vec<usize> = ends.into_iter().flatten().collect();
+            ends.sort_unstable();
+            ends.dedup();
+            thin.extend(ends.into_iter().map(|i| points[i]));
+        }
+        thin
+    }
+}
+
 /// All there is to draw of a run.
 #[derive(Clone, Debug, Default)]
 pub struct Recording {
@@ -120,6 +159,8 @@ pub struct Recording {
     pub title: String,
     /// Second line: model, integrator, step.
     pub subtitle: String,
+    /// What stands above it where others are beside it.
+    pub label: String,
     /// Whether [`Frame::time`] is the share of the loads instead of a time.
     pub is_static: bool,
     /// Whether pieces may be cut off and fall out of the picture.
@@ -138,6 +179,8 @@ pub struct Recording {
     pub shapes: Vec<Rigid>,
     /// What the arrows of tools mean; none where there are no such arrows.
     pub arrow_key: Option<ArrowKey>,
+    /// Force (N) of every tool, pull and moved constraint over time.
+    pub forces: Vec<Series>,
     /// Simulated time (s) from frame to frame; of a static scene 0.
     pub interval: f64,
     /// The frames.

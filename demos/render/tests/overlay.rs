@@ -1,7 +1,8 @@
 //! Marks, numbers and letters of captions.
 
 use sinew_render::image::Image;
-use sinew_render::overlay::{Align, Fonts, INK, Weight, mark, scaled_unit, ticks, with_unit};
+use sinew_render::overlay::{Align, Fonts, INK, Weight};
+use sinew_render::scale::{mark, scaled_unit, ticks, with_unit};
 
 #[test]
 fn marks_are_round_and_inside() {
@@ -32,6 +33,7 @@ fn numbers_have_the_digits_of_their_steps() {
     assert_eq!(with_unit(0.012_34, "N"), "12.3 mN");
     assert_eq!(with_unit(1.5, "N"), "1.50 N");
     assert_eq!(with_unit(-345.6, "N"), "−346 N");
+    assert_eq!(with_unit(0.0, "N"), "0 N");
 }
 
 #[test]

@@ -4,7 +4,7 @@ use glam::Vec3;
 use sinew_render::camera::CameraRequest;
 use sinew_render::page::page;
 use sinew_render::rigid::{Placed, Rigid};
-use sinew_render::scene::ArrowKey;
+use sinew_render::scene::{ArrowKey, Recording, Series};
 use std::io::Write;
 use std::process::{Command, Stdio};
 
@@ -26,8 +26,27 @@ function probe() {
   const canvases = [...document.querySelectorAll("canvas")], scrub = document.getElementById("scrub");
   const look = () => { sinew.draw(); return canvases.map(pixels); };
   const first = look();
+  const opened = { playing: sinew.playing(), time: sinew.time() };
   scrub.value = 1000;
   scrub.dispatchEvent(new Event("input"));
+  const box = (e) => e.getBoundingClientRect();
+  const marks = [...document.querySelectorAll('#scale .mark')], strip = box(document.getElementById("strip"));
+  const graph = { shown: !document.getElementById("graph").hidden, words: document.getElementById("names").textContent,
+    lines: document.querySelectorAll('#graph polyline').length,
+    cursor: Number(document.getElementById("now")?.getAttribute("x1")) / document.querySelector('#graph svg').clientWidth };
+  const legend = { bars: document.querySelectorAll('#strip').length, words: document.getElementById("legend").textContent,
+    // the tick of the first mark is at the lower end of the strip, its number beside it
+    off: marks.length ? Math.abs((box(marks[0]).top + box(marks[0]).bottom) / 2 - strip.bottom) : NaN,
+    gap: marks.length ? box(marks[0]).left - strip.right : NaN };
+  // the cursor over the middle of the bar, then beside it
+  sinew.draw();
+  const canvas = box(canvases[0]), tip = document.getElementById("tip");
+  const pointed = [[0.5, 0.5], [0.02, 0.98]].map(([x, y]) => {
+    const place = { clientX: canvas.left + x * canvas.width, clientY: canvas.top + y * canvas.height };
+    canvases[0].dispatchEvent(new PointerEvent("pointermove", place));
+    return tip.hidden ? "" : tip.textContent;
+  });
+  const wide = document.documentElement.scrollWidth - innerWidth;
   const last = look(), note = document.querySelector(".note").textContent;
   const field = document.getElementById("field");
   field.value = "none";
@@ -43,7 +62,7 @@ function probe() {
     return n * 4 / p.length;
   };
   const changed = (a, b) => { let n = 0; for (let i = 0; i < a.length; i += 4) n += a[i] !== b[i]; return n * 4 / a.length; };
-  const result = { errors, note, views: canvases.length, vivid: first.map(vivid),
+  const result = { errors, note, opened, pointed, graph, legend, wide, views: canvases.length, vivid: first.map(vivid),
     moved: first.map((p, i) => changed(p, last[i])), recoloured: last.map((p, i) => changed(p, plain[i])),
     tools: [0, 1].map((i) => changed(plain[i], without[i])) };
   const out = document.createElement("pre");
@@ -67,12 +86,54 @@ fn browser() -> Option<&'static str> {
     })
 }
 
-#[test]
-fn the_player_draws_scrubs_and_recolours_without_an_error() {
+/// What the probe saw in a page of these runs, in a window of this width; nothing without a browser.
+fn seen(name: &str, runs: &[&Recording], width: u32) -> Option<serde_json::Value> {
     let Some(browser) = browser() else {
         let _ = writeln!(std::io::stderr(), "skipped: no chromium on the path");
-        return;
+        return None;
     };
+    let page = page(runs, CameraRequest::default()).unwrap();
+    // before the player, so that nothing escapes it
+    let page = page.replace("<div id=\"views\">", &format!("{PROBE}<div id=\"views\">"));
+    let folder = std::env::temp_dir().join(format!("sinew-player-{name}-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    let file = folder.join("page.html");
+    std::fs::write(&file, page).unwrap();
+    let output = Command::new(browser)
+        .args(["--headless=new", "--no-sandbox", "--use-angle=swiftshader"])
+        .args(["--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"])
+        .arg(format!("--window-size={width},900"))
+        .args(["--virtual-time-budget=20000", "--dump-dom"])
+        .arg(format!("--user-data-dir={}", folder.join("profile").display()))
+        .arg(format!("file://{}", file.display()))
+        .output()
+        .unwrap();
+    let text = String::from_utf8_lossy(&output.stdout);
+    let result = text.rsplit_once("RESULT").and_then(|(_, rest)| rest.split_once("END"));
+    let result = result.unwrap_or_else(|| {
+        panic!("no result: {}", String::from_utf8_lossy(&output.stderr));
+    });
+    let seen: serde_json::Value = serde_json::from_str(result.0).unwrap();
+    std::fs::remove_dir_all(folder).unwrap();
+    assert_eq!(seen["errors"], serde_json::json!([]), "{seen}");
+    assert!(seen["wide"].as_f64().unwrap() <= 0.0, "cut off at {width} pixels: {seen}");
+    Some(seen)
+}
+
+#[test]
+fn loads_open_where_all_of_them_act() {
+    let mut recording = crate::common::bar();
+    recording.is_static = true;
+    let Some(seen) = seen("static", &[&recording, &recording], 390) else { return };
+    assert_eq!(seen["opened"], serde_json::json!({ "playing": false, "time": 1.5 }));
+    // nothing is moved by the scrub bar, which stands there already
+    assert!(seen["moved"].as_array().unwrap().iter().all(|share| share == 0), "{seen}");
+    // no forces, no graph
+    assert_eq!(seen["graph"]["shown"], false, "{seen}");
+}
+
+#[test]
+fn the_player_draws_scrubs_and_recolours_without_an_error() {
     let recording = crate::common::bar();
     // a ball beside the bar, and a floor
     let mut tools = recording.clone();
@@ -90,29 +151,28 @@ fn the_player_draws_scrubs_and_recolours_without_an_error() {
     }
     let text = "force of tools".into();
     tools.arrow_key = Some(ArrowKey { text, colour: grey });
-    let page = page(&[&recording, &tools], CameraRequest::default()).unwrap();
-    // before the player, so that nothing escapes it
-    let page = page.replace("<div id=\"views\">", &format!("{PROBE}<div id=\"views\">"));
-    let folder = std::env::temp_dir().join(format!("sinew-player-{}", std::process::id()));
-    std::fs::create_dir_all(&folder).unwrap();
-    let file = folder.join("page.html");
-    std::fs::write(&file, page).unwrap();
-    let output = Command::new(browser)
-        .args(["--headless=new", "--no-sandbox", "--use-angle=swiftshader"])
-        .args(["--enable-unsafe-swiftshader", "--ignore-gpu-blocklist", "--window-size=800,500"])
-        .args(["--virtual-time-budget=20000", "--dump-dom"])
-        .arg(format!("--user-data-dir={}", folder.join("profile").display()))
-        .arg(format!("file://{}", file.display()))
-        .output()
-        .unwrap();
-    let text = String::from_utf8_lossy(&output.stdout);
-    let result = text.rsplit_once("RESULT").and_then(|(_, rest)| rest.split_once("END"));
-    let result = result.unwrap_or_else(|| {
-        panic!("no result: {}", String::from_utf8_lossy(&output.stderr));
-    });
-    let seen: serde_json::Value = serde_json::from_str(result.0).unwrap();
-    std::fs::remove_dir_all(folder).unwrap();
-    assert_eq!(seen["errors"], serde_json::json!([]), "{seen}");
+    let rising = (0..=30).map(|i| [0.05 * f64::from(i), 0.1 * f64::from(i)]);
+    tools.forces = vec![Series { name: "ball".into(), points: rising.collect() }];
+    tools.label = "with tools".into();
+    let Some(seen) = seen("tools", &[&recording, &tools], 1000) else { return };
+    assert_eq!(seen["opened"]["playing"], true, "{seen}");
+    // one colour bar whose numbers stand beside their ticks
+    let legend = &seen["legend"];
+    assert_eq!(legend["bars"], 1, "{seen}");
+    assert!(legend["words"].as_str().unwrap().contains("displacement (cm)"), "{seen}");
+    assert!(legend["off"].as_f64().unwrap() < 2.0, "{seen}");
+    assert!((0.0..12.0).contains(&legend["gap"].as_f64().unwrap()), "{seen}");
+    // the force over time, its value and the cursor at the end
+    let graph = &seen["graph"];
+    assert_eq!((&graph["shown"], &graph["lines"]), (&true.into(), &1.into()), "{seen}");
+    assert!(graph["words"].as_str().unwrap().contains("with tools: ball 3.00 N"), "{seen}");
+    assert!(graph["cursor"].as_f64().unwrap() > 0.95, "{seen}");
+    // what is under the cursor: the middle of the bar has gone a part of the way of its end
+    let value = seen["pointed"][0].as_str().unwrap();
+    let number = value.strip_prefix("bar: displacement ").and_then(|v| v.strip_suffix(" cm"));
+    let number: f64 = number.unwrap_or_else(|| panic!("{seen}")).parse().unwrap();
+    assert!(number > 5.0 && number < 50.0, "{seen}");
+    assert_eq!(seen["pointed"][1], "", "{seen}");
     assert_eq!(seen["views"], 2);
     assert!(seen["note"].as_str().unwrap().contains("1.50 s"), "{seen}");
     // the second has tools

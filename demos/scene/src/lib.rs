@@ -17,6 +17,7 @@
 //! * [`output`]: VTU frames, their PVD index and the CSV of probes.
 //! * [`summary`]: what a run reports, as data and as text.
 //! * [`text`]: numbers and hints in words.
+//! * [`picture`]: pages of runs; pictures and films with the feature `render`.
 //! * [`check`], [`mesh_tool`], [`validate`](mod@validate): the other subcommands.
 //! * [`modes`](mod@modes): modes of free vibration.
 
@@ -27,7 +28,6 @@ pub mod error;
 pub mod mesh_tool;
 pub mod modes;
 pub mod output;
-#[cfg(feature = "render")]
 pub mod picture;
 pub mod probe;
 pub mod run;

@@ -1,16 +1,15 @@
 //! Scene files and what runs them. In one binary: each would link, and in part compile, everything below for itself.
 
 mod bad_scenes;
-#[cfg(feature = "render")]
 mod boundary;
 mod cell_springs;
 mod checkpoints;
 mod common;
+mod figures;
 mod fuzz;
 #[cfg(feature = "gpu")]
 mod gpu_scenes;
 mod material_fields;
-#[cfg(feature = "render")]
 mod measure;
 mod modes;
 #[cfg(feature = "render")]

@@ -4,10 +4,13 @@ use sinew::prelude::{Curve, DVec3, Model, Pull, Shape, Tool};
 use sinew::touch::field::DistanceField;
 use sinew::touch::tool::ToolMotion;
 use sinew_render::adapter::{AdapterError, AdapterRequest, open};
+use sinew_render::camera::CameraRequest;
 use sinew_render::image::Image;
 use sinew_render::scene::Recording;
 use sinew_scene::assemble::{BuildOptions, BuiltScene};
-use sinew_scene::picture::{CaptureOptions, Quantity, Recorder, RenderJob, Variant, render};
+use sinew_scene::picture::{
+    CaptureOptions, GalleryEntry, Quantity, Recorder, RenderJob, Variant, render,
+};
 use sinew_scene::run::{Observer, RunOptions, Silent, run};
 use sinew_scene::scene::LoadedScene;
 use sinew_scene::shipped_scene;
@@ -36,20 +39,12 @@ fn record(scene: &LoadedScene, steps: u64, quantities: Vec<Quantity>) -> (Record
     (recording, summary.final_state_hash)
 }
 
-/// The list is read when the gallery is drawn, which no test does: it takes minutes.
 #[test]
-fn the_gallery_lists_shipped_scenes_and_known_quantities() {
-    let list: toml::Table = toml::from_str(include_str!("../src/picture/gallery.toml")).unwrap();
-    let page = std::fs::read_to_string("../../docs/gallery.md").unwrap();
-    let pictures = list["picture"].as_array().unwrap();
-    assert_eq!(pictures.len(), page.matches("![").count());
-    for picture in pictures {
-        let name = picture["scene"].as_str().unwrap();
-        assert!(shipped_scene(name).is_file(), "{name}");
-        assert!(page.contains(picture["words"].as_str().unwrap()), "{name}");
-        assert!(picture["at"].as_float().is_some_and(|at| at > 0.0), "{name}");
-        picture["quantity"].clone().try_into::<Quantity>().unwrap();
-        picture["camera"].as_str().unwrap();
+fn the_gallery_lists_shipped_scenes_with_what_can_be_drawn() {
+    for entry in GalleryEntry::all().unwrap() {
+        assert!(shipped_scene(&entry.scene).is_file(), "{}", entry.scene);
+        assert!(entry.at > 0.0, "{}", entry.scene);
+        entry.camera.parse::<CameraRequest>().unwrap();
     }
 }
 
@@ -257,8 +252,16 @@ fn tools_are_recorded_with_poses_forces_and_pressure() {
     let largest = forces.iter().map(|f| f.length()).fold(0.0, f64::max);
     assert!(forces.last().unwrap().z > 0.0, "on the tool: up");
     let key = &recording.arrow_key.as_ref().unwrap().text;
-    assert!(key.contains(&sinew_render::overlay::with_unit(largest, "N")), "{key}: {largest}");
+    assert!(key.contains(&sinew_render::scale::with_unit(largest, "N")), "{key}: {largest}");
     assert!(key.contains("on bodies"), "{key}");
+    // and its graph has every step, zero before it touches
+    let [force] = &recording.forces[..] else { panic!("{:?}", recording.forces) };
+    assert_eq!((force.name.as_str(), force.points.len()), ("ball", forces.len()));
+    for (point, reported) in force.points.iter().zip(&forces) {
+        assert_eq!(point[1], reported.length());
+    }
+    assert_eq!((force.at(0.0), force.at(last.time)), (0.0, largest));
+    assert!(last.note.contains(&sinew_render::scale::with_unit(largest, "N")), "{}", last.note);
     // pressure under the ball only
     let field = &recording.fields[0];
     assert_eq!((field.name.as_str(), field.unit.as_str()), ("pressure", "Pa"));

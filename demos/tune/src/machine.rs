@@ -112,7 +112,7 @@ fn caches_kib() -> [Option<u64>; 3] {
 
 /// Load of the machine over a stretch of time. Shares are of all cores together, 0 to 1; `None` where
 /// the system does not tell.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Load {
     /// Length (s).
     pub wall_s: f64,

@@ -11,14 +11,57 @@ pub struct Chart {
     pub svg: String,
 }
 
-/// An aim and whether it was met.
+/// How a statement was judged.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Judgement {
+    /// It holds.
+    Yes,
+    /// It does not.
+    No,
+    /// This run cannot tell, as when times were taken on a busy machine.
+    Open,
+}
+
+/// An aim or a claim and how it was judged.
 pub struct Verdict {
-    /// Whether it was met.
-    pub met: bool,
+    /// How.
+    pub judgement: Judgement,
     /// What was measured, in a few words.
     pub measured: String,
-    /// What was aimed at.
+    /// What was aimed at or claimed.
     pub what: String,
+}
+
+/// What the three judgements are called.
+pub struct VerdictWords {
+    /// Name of such statements.
+    pub heading: &'static str,
+    /// What those do that hold, in a count.
+    pub count: &'static str,
+    /// On badges: holds, does not, is not judged.
+    pub badges: [&'static str; 3],
+}
+
+/// Of aims.
+pub const AIMS: VerdictWords =
+    VerdictWords { heading: "Verdicts", count: "met", badges: ["met", "not met", "not judged"] };
+
+/// Of claims of others.
+pub const CLAIMS: VerdictWords =
+    VerdictWords { heading: "Claims", count: "agree", badges: ["agrees", "differs", "not judged"] };
+
+impl VerdictWords {
+    /// How many hold of those that were judged, and how many were not.
+    pub fn counted(&self, judgements: impl Iterator<Item = Judgement> + Clone) -> String {
+        let of = |wanted| judgements.clone().filter(|j| *j == wanted).count();
+        let [yes, no, open] = [Judgement::Yes, Judgement::No, Judgement::Open].map(of);
+        let judged = format!("{yes} of {} {}", yes + no, self.count);
+        match (yes + no, open) {
+            (_, 0) => judged,
+            (0, _) => format!("{open} not judged"),
+            _ => format!("{judged}, {open} not judged"),
+        }
+    }
 }
 
 /// Rows above which a table is folded in a page.
@@ -29,16 +72,19 @@ const MANY: usize = 14;
 /// A self-contained page in the style of all reports.
 pub struct Page {
     title: String,
+    /// Heading and what the page is about.
+    head: String,
+    /// Links to the sections.
+    contents: String,
     body: String,
 }
 
 impl Page {
     /// A page that begins with a heading and what it is about.
     pub fn new(title: impl Into<String>, heading: &str, about: &str) -> Self {
-        let mut page = Self { title: title.into(), body: String::new() };
-        page.add(format_args!("<h1>{}</h1>", escape(heading)));
-        page.paragraph("machine", about);
-        page
+        let (heading, about) = (escape(heading), escape(about));
+        let head = format!("<h1>{heading}</h1>\n<p class=\"machine\">{about}</p>\n");
+        Self { title: title.into(), head, contents: String::new(), body: String::new() }
     }
 
     /// A line of HTML as it stands.
@@ -66,32 +112,70 @@ impl Page {
         self.add("</div>");
     }
 
-    /// Verdicts, what was missed first; of many the last are folded.
-    pub fn verdicts(&mut self, verdicts: &[Verdict]) {
+    /// The one thing to know, above the contents.
+    pub fn headline(&mut self, text: &str) {
+        let _ = writeln!(self.head, "<p class=\"count\">{}</p>", escape(text));
+    }
+
+    /// A heading, listed in the contents at the top of the page.
+    pub fn section(&mut self, id: &str, title: &str) {
+        self.entry(id, title);
+        self.add(format_args!("<h2 id=\"{id}\">{}</h2>", escape(title)));
+    }
+
+    /// One more entry of the contents, for what has a heading of its own.
+    pub fn entry(&mut self, id: &str, title: &str) {
+        let _ = write!(self.contents, "<a href=\"#{id}\">{}</a> ", escape(title));
+    }
+
+    /// What the reader must know of the conditions, in one box; several are folded under a summary.
+    pub fn warnings(&mut self, summary: &str, warnings: &[String]) {
+        match warnings {
+            [] => {}
+            [one] => self.paragraph("warning", one),
+            all => {
+                let summary = escape(summary);
+                self.add(format_args!("<details class=\"warning\"><summary>{summary}</summary>"));
+                all.iter().for_each(|warning| self.paragraph("", warning));
+                self.add("</details>");
+            }
+        }
+    }
+
+    /// Verdicts with a heading that counts them, what does not hold first; of many the last are folded.
+    pub fn verdicts(&mut self, words: &VerdictWords, verdicts: &[Verdict]) {
         if verdicts.is_empty() {
             return;
         }
-        let met = verdicts.iter().filter(|v| v.met).count();
-        self.add(format_args!("<h2>Verdicts: {met} of {} met</h2>", verdicts.len()));
-        let item = |v: &&Verdict| {
-            let (class, word) = if v.met { ("met", "met") } else { ("missed", "not met") };
-            let (measured, what) = (escape(&v.measured), escape(&v.what));
-            format!(
-                "<li class=\"{class}\"><b>{word}</b><span><strong>{measured}</strong> {what}</span></li>\n"
-            )
-        };
-        let missed = verdicts.iter().filter(|v| !v.met);
-        let all: Vec<&Verdict> = missed.chain(verdicts.iter().filter(|v| v.met)).collect();
+        let counted = words.counted(verdicts.iter().map(|v| v.judgement));
+        self.section("verdicts", &format!("{}: {counted}", words.heading));
+        let of = |wanted| verdicts.iter().filter(move |v| v.judgement == wanted);
+        let all: Vec<&Verdict> =
+            [Judgement::No, Judgement::Open, Judgement::Yes].into_iter().flat_map(of).collect();
         let (shown, folded) = all.split_at(all.len().min(MANY));
-        let list = |part: &[&Verdict]| part.iter().map(item).collect::<String>();
-        self.add(format_args!("<ul class=\"verdicts\">\n{}</ul>", list(shown)));
+        self.list(words, shown);
         if !folded.is_empty() {
+            self.add(format_args!("<details><summary>{} more</summary>", folded.len()));
+            self.list(words, folded);
+            self.add("</details>");
+        }
+    }
+
+    /// Verdicts in their order, one row each.
+    pub fn list(&mut self, words: &VerdictWords, verdicts: &[&Verdict]) {
+        self.add("<ul class=\"verdicts\">");
+        for v in verdicts {
+            let (class, word) = match v.judgement {
+                Judgement::Yes => ("met", words.badges[0]),
+                Judgement::No => ("missed", words.badges[1]),
+                Judgement::Open => ("open", words.badges[2]),
+            };
+            let (measured, what) = (escape(&v.measured), escape(&v.what));
             self.add(format_args!(
-                "<details><summary>{} more</summary>\n<ul class=\"verdicts\">\n{}</ul></details>",
-                folded.len(),
-                list(folded)
+                "<li class=\"{class}\"><b>{word}</b><span><strong>{measured}</strong> {what}</span></li>"
             ));
         }
+        self.add("</ul>");
     }
 
     /// A table in groups of rows that have the same value in a column, which becomes their heading. Columns in `below` are
@@ -157,11 +241,16 @@ impl Page {
 
     /// All of it.
     pub fn html(self) -> String {
+        let contents = match self.contents.as_str() {
+            "" => String::new(),
+            links => format!("<nav>{links}</nav>\n"),
+        };
         format!(
             "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
              <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n<title>{}</title>\n\
-             <style>\n{STYLE}</style>\n</head>\n<body>\n<main>\n{}</main>\n</body>\n</html>\n",
+             <style>\n{STYLE}</style>\n</head>\n<body>\n<main>\n{}{contents}{}</main>\n</body>\n</html>\n",
             escape(&self.title),
+            self.head,
             self.body
         )
     }
@@ -172,27 +261,32 @@ body { margin: 0; background: #fff; color: #222; font: 15px/1.45 system-ui, sans
 main { max-width: 1180px; margin: 0 auto; padding: 20px 24px; overflow-wrap: break-word; }
 h1 { font-size: 26px; margin: 0 0 4px; }
 h2 { font-size: 21px; margin: 28px 0 8px; }
-.machine + h2, .warning + h2 { margin-top: 12px; }
+.machine + h2, .warning + h2, nav + h2 { margin-top: 12px; }
 h3 { font-size: 17px; margin: 28px 0 6px; }
 h4 { font-size: 14px; margin: 18px 0 4px; }
 p { margin: 6px 0; max-width: 90ch; }
 .machine, .note { color: #444; font-size: 13px; }
 .machine { max-width: none; }
+details.warning summary { margin: 0; }
 .warning { background: #fff3d6; border-left: 4px solid #d98e00; padding: 4px 10px; font-size: 13px; max-width: none; }
 code { background: #f2f2f2; padding: 1px 4px; border-radius: 3px; overflow-wrap: anywhere; }
 nav { margin: 12px 0; font-size: 14px; }
-nav a { margin-right: 12px; color: #0059a8; }
+nav { columns: 3 300px; column-gap: 24px; line-height: 1.5; }
+nav a { display: block; color: #0059a8; break-inside: avoid; }
+.count { font-size: 17px; font-weight: 600; }
+figure img { max-width: 100%; }
 figure { margin: 18px 0; overflow-x: auto; }
 figure svg { max-width: 100%; height: auto; border: 1px solid #e2e2e2; }
 .charts { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(100%, 370px), 1fr)); gap: 8px; margin: 12px 0; }
 .charts:has(> :nth-child(4):last-child) { grid-template-columns: repeat(auto-fit, minmax(min(100%, 480px), 1fr)); }
 .charts figure { margin: 0; max-width: 640px; }
-.charts figure svg { width: 100%; box-sizing: border-box; }
+.charts figure svg, .plots figure svg { width: 100%; box-sizing: border-box; }
 .verdicts { list-style: none; margin: 6px 0; padding: 0; columns: 2 480px; column-gap: 24px; font-size: 13px; line-height: 1.35; }
 .verdicts li { display: flex; gap: 8px; padding: 3px 0; break-inside: avoid; }
-.verdicts b { flex: 0 0 62px; align-self: flex-start; text-align: center; border-radius: 3px; font-size: 12px; padding: 1px 0; }
+.verdicts b { flex: 0 0 68px; align-self: flex-start; text-align: center; border-radius: 3px; font-size: 12px; padding: 1px 0; }
 .verdicts .met b { background: #dcefdc; color: #145214; }
 .verdicts .missed b { background: #fbdcd3; color: #8a1c00; }
+.verdicts .open b { background: #e6e8eb; color: #444; }
 .scroll { overflow-x: auto; }
 table { border-collapse: collapse; font-size: 13px; font-variant-numeric: tabular-nums; }
 th, td { padding: 3px 9px; border-bottom: 1px solid #e4e4e4; text-align: right; white-space: nowrap; }
@@ -211,7 +305,8 @@ summary { cursor: pointer; font-weight: 600; margin: 18px 0 4px; }
   main { padding: 14px 16px; }
   h1 { font-size: 21px; }
   h2 { font-size: 18px; margin-top: 20px; }
-  figure:not(.charts figure) svg { max-width: none; width: 600px; }
+  figure:not(.charts figure, .plots figure) svg { max-width: none; width: 600px; }
+  figure img { max-width: none; width: 860px; }
   .grouped td, .grouped th, .grouped .below td { padding-left: 6px; padding-right: 6px; }
 }
 ";

@@ -1,6 +1,6 @@
 //! Pages of tables and verdicts.
 
-use sinew_tune::page::{Page, Verdict};
+use sinew_tune::page::{AIMS, CLAIMS, Judgement, Page, Verdict};
 use sinew_tune::table::{Cell, Table};
 
 #[test]
@@ -23,14 +23,37 @@ fn groups_have_headings_and_words_stand_below() {
 
 #[test]
 fn what_was_missed_comes_first() {
-    let verdict = |met, what: String| Verdict { met, measured: "2 times".into(), what };
-    let mut all: Vec<Verdict> = (0..14).map(|i| verdict(true, format!("aim {i}."))).collect();
-    all.push(verdict(false, "the last".into()));
+    let verdict = |judgement, what: String| Verdict { judgement, measured: "2 times".into(), what };
+    let mut all: Vec<Verdict> =
+        (0..14).map(|i| verdict(Judgement::Yes, format!("aim {i}."))).collect();
+    all.push(verdict(Judgement::Open, "on a busy machine".into()));
+    all.push(verdict(Judgement::No, "the last".into()));
     let mut page = Page::new("p", "p", "m");
-    page.verdicts(&all);
-    page.verdicts(&[]);
+    page.verdicts(&AIMS, &all);
+    page.verdicts(&AIMS, &[]);
     let html = page.html();
-    assert!(html.contains("Verdicts: 14 of 15 met") && html.contains("<summary>1 more"));
-    assert!(html.find("the last").unwrap() < html.find("aim 0.").unwrap());
-    assert_eq!(html.matches("<h2>").count(), 1);
+    // what was not judged counts for neither side, and is grey
+    assert!(html.contains("Verdicts: 14 of 15 met, 1 not judged"), "{html}");
+    assert!(html.contains("<summary>2 more"), "{html}");
+    assert!(html.contains("<li class=\"open\"><b>not judged</b>"), "{html}");
+    let at = |words: &str| html.find(words).unwrap();
+    assert!(at("the last") < at("on a busy machine") && at("on a busy machine") < at("aim 0."));
+    assert_eq!(html.matches("<h2").count(), 1);
+    let judgements = all.iter().map(|v| v.judgement);
+    assert_eq!(CLAIMS.counted(judgements), "14 of 15 agree, 1 not judged");
+}
+
+#[test]
+fn contents_stand_above_what_they_name_and_warnings_in_one_box() {
+    let mut page = Page::new("p", "p", "m");
+    let warnings = ["kernels: busy", "step: busy"].map(String::from);
+    page.warnings("The machine was busy", &warnings);
+    page.section("a", "First & last");
+    page.entry("t", "A table");
+    let html = page.html();
+    let nav = "<nav><a href=\"#a\">First &amp; last</a> <a href=\"#t\">A table</a> </nav>";
+    assert!(html.find(nav).unwrap() < html.find("<h2 id=\"a\">").unwrap(), "{html}");
+    assert_eq!(html.matches("<details class=\"warning\">").count(), 1);
+    // a page without sections has no contents
+    assert!(!Page::new("p", "p", "m").html().contains("<nav>"));
 }

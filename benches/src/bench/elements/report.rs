@@ -179,10 +179,12 @@ impl ElementReport {
                 let ours = least(&|curve| time_within(curve, error));
                 let beyond = least(&|curve| time_at_error(curve, error).map(|(t, _)| t));
                 let what = format!(
-                    "our best elements over {} {}{body} at its least error of {} %, nu {nu}{}",
+                    "our best elements over {} {}{body} at its least static error of {} %{}, nu {nu}{}",
                     row.kind,
                     row.mesh,
                     three_digits(error),
+                    // there is no other Rapier
+                    if engine == "Rapier" { " (ours f64, theirs f32)" } else { "" },
                     if ours.is_some() { "" } else { " (extrapolated)" }
                 );
                 // JSON has no infinity: without any elements that get there, the largest number

@@ -3,7 +3,7 @@
 use super::boundary::{Face, boundary};
 use super::measure::{MeasuredBody, ModuliFields};
 use super::quantity::Quantity;
-use super::tools::{Force, Tools};
+use super::tools::{Force, Tools, append};
 use crate::assemble::{BuiltBody, BuiltScene};
 use crate::run::Observer;
 use crate::scene::{LoadedScene, Mode, Scene};
@@ -16,7 +16,8 @@ use sinew::engine::row::{MeshVertex, VertexRow};
 use sinew::engine::topology::BodyRows;
 use sinew::touch::pull::{Pull, PullReport};
 use sinew_render::colour::{ColourMap, Rgb};
-use sinew_render::scene::{Arrow, Ball, Frame, Recording, Rod};
+use sinew_render::scale::with_unit;
+use sinew_render::scene::{Arrow, Ball, Frame, Recording, Rod, Series};
 use sinew_render::skin::{CREASE_ANGLE, Facet, Skin};
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -162,6 +163,10 @@ impl<'a> Recorder<'a> {
             self.recording.interval = (last.time - first.time) / intervals as f64;
         }
         set_ranges(&mut self.recording);
+        self.recording.forces.retain(|series| series.points.iter().any(|p| p[1] > 0.0));
+        for frame in self.recording.frames.iter_mut().filter(|frame| frame.step > 0) {
+            frame.note = note(&self.recording.forces, frame);
+        }
         self.tools.finish(&mut self.recording);
         self.seconds += start.elapsed().as_secs_f64();
         (self.recording, self.seconds)
@@ -323,14 +328,14 @@ impl<'a> Recorder<'a> {
         }
         let now = Now::new(built, step, displacements);
         self.balls(built, &now, &points, &mut balls);
-        let mut forces = forces(&self.scene.scene, built, &now);
+        let mut forces = forces(&self.scene.scene, built, &now, &mut self.recording.forces);
         let world = built.simulation.world_mut();
         let (tools, own) = self.tools.record(world, step > 0, time);
         forces.extend(own);
         self.forces.push(forces);
         let pushes = self.pushes(built, &now);
         self.pushes.push(pushes);
-        let note = note(built, step);
+        let note = accuracy(built, step);
         let (skin, arrows) = (self.skin.clone(), Vec::new());
         let frame = Frame { step, time, points, skin, fields, balls, arrows, rods, tools, note };
         self.recording.frames.push(frame);
@@ -412,6 +417,14 @@ impl Observer for Recorder<'_> {
 
     fn step(&mut self, done: u64, time: f64, scene: &mut BuiltScene) {
         self.inner.step(done, time, scene);
+        let start = Instant::now();
+        // a blow may be over before the next frame
+        let (time, world) = (scene.simulation.time(), scene.simulation.world_mut());
+        self.tools.forces(world, time, &mut self.recording.forces);
+        for (pull, report) in world.query::<(&Pull, &PullReport)>().iter(world) {
+            append(&mut self.recording.forces, &pull.name, time, report.force.length());
+        }
+        self.seconds += start.elapsed().as_secs_f64();
         if self.wanted.binary_search(&done).is_ok() {
             self.record(scene, done);
         }
@@ -455,11 +468,20 @@ impl Now {
 }
 
 /// Reactions of what moves at its middle, loads, and pulls.
-fn forces(scene: &Scene, built: &mut BuiltScene, now: &Now) -> Vec<Force> {
+fn forces(
+    scene: &Scene,
+    built: &mut BuiltScene,
+    now: &Now,
+    series: &mut Vec<Series>,
+) -> Vec<Force> {
     let BuiltScene { simulation, constraints, .. } = built;
     let mut forces = Vec::new();
     for (c, entry) in constraints.iter().zip(&scene.constraints) {
-        if now.step == 0 || entry.motion.is_none() || !c.acts(now.time) {
+        if now.step == 0 || entry.motion.is_none() {
+            continue;
+        }
+        if !c.acts(now.time) {
+            append(series, &c.name, now.time, 0.0);
             continue;
         }
         let times = simulation.world().get_resource::<SystemTimes>().cloned();
@@ -468,6 +490,7 @@ fn forces(scene: &Scene, built: &mut BuiltScene, now: &Now) -> Vec<Force> {
             simulation.world_mut().insert_resource(times);
         }
         let force = simulation.reaction(c.entity).as_vec3();
+        append(series, &c.name, now.time, f64::from(force.length()));
         let at: DVec3 = c.vertices.iter().map(|&v| now.points[c.body][v as usize]).sum();
         let at = (at / c.vertices.len().max(1) as f64).as_vec3();
         forces.push(Force::new(at, force, now.centres[c.body].as_vec3(), MOVED));
@@ -586,22 +609,34 @@ fn titles(loaded: &LoadedScene, built: &BuiltScene) -> (String, String) {
     (title, subtitle)
 }
 
-/// What the caption says about a step.
-fn note(built: &BuiltScene, step: u64) -> String {
+/// How exactly a step was solved, in words.
+fn accuracy(built: &BuiltScene, step: u64) -> String {
     let report = built.simulation.report();
     if step == 0 {
         return "at rest".into();
     }
-    let mut parts = vec![format!("step {step}")];
-    if report.newton_step > 0.0 {
-        parts.push(format!("Newton step {:.0e}", report.newton_step));
-    } else if report.cg_residual > 0.0 {
-        parts.push(format!("residual {:.0e}", report.cg_residual));
+    let mut parts = Vec::new();
+    // of one linearised step it would be the step itself
+    if report.newton_iterations > 1 {
+        parts.push(format!("last correction {:.0e} of the size", report.newton_step));
     }
     if report.substeps > 0 {
         parts.push(format!("{} substeps", report.substeps));
     }
     parts.join(" · ").replace("e-", "e−")
+}
+
+/// Forces named in a caption: more are in the page.
+const NAMED: usize = 3;
+
+/// What the caption says about a frame: the forces that act now, then how exactly the step was solved.
+fn note(forces: &[Series], frame: &Frame) -> String {
+    let now = forces.iter().take(NAMED).map(|series| {
+        let name = series.name.replace('_', " ");
+        format!("{name} {}", with_unit(series.at(frame.time), "N"))
+    });
+    let accuracy = Some(frame.note.clone()).filter(|words| !words.is_empty());
+    now.chain(accuracy).collect::<Vec<_>>().join(" · ")
 }
 
 /// Ranges of the colour bars from what is seen in all frames; single peaks, as at clamped corners, are cut off.

@@ -10,23 +10,14 @@ use crate::scene::LoadedScene;
 use crate::summary::RunSummary;
 use glam::Vec3;
 use sinew_render::RenderError;
+#[cfg(feature = "render")]
 use sinew_render::adapter::{AdapterRequest, open};
 use sinew_render::camera::CameraRequest;
-use sinew_render::compare::{Comparison, Grid, Layout, Panel};
-use sinew_render::film::Film;
-use sinew_render::image::{Image, Packing};
-use sinew_render::overlay::Fonts;
 use sinew_render::page::write_page;
-use sinew_render::painter::{Captions, Painter, decorate};
-use sinew_render::renderer::Look;
-use sinew_render::scene::{Frame, Recording, Time};
+use sinew_render::scene::{Frame, Recording};
 use std::fmt;
 use std::path::{Path, PathBuf};
-use std::sync::mpsc;
 use std::time::Instant;
-
-/// Pictures that wait for their overlay and encoder before drawing waits.
-const QUEUE: usize = 4;
 
 /// A scene under a label.
 #[derive(Clone, Debug)]
@@ -67,6 +58,7 @@ pub struct RenderJob {
     /// Camera.
     pub camera: CameraRequest,
     /// Adapter.
+    #[cfg(feature = "render")]
     pub adapter: AdapterRequest,
     /// Lines along sharp edges.
     pub edges: bool,
@@ -131,6 +123,14 @@ pub enum RenderJobError {
     /// It could not be drawn.
     #[error(transparent)]
     Render(#[from] RenderError),
+    /// A scene of the gallery ended early: its picture would not show what it says.
+    #[error("{scene} ended early: {failure}; mend the scene or take it out of the gallery")]
+    Failed {
+        /// The scene.
+        scene: String,
+        /// Why it ended.
+        failure: String,
+    },
 }
 
 /// Runs a scene and records it; returns the recording, the summary and the host times (s) of the run and of
@@ -162,8 +162,13 @@ pub fn render(
     job: &RenderJob,
     observer: &mut dyn Observer,
 ) -> Result<(RenderReport, RunSummary), RenderJobError> {
-    let pictures = job.png.is_some() || job.video.is_some() || job.picture.is_some();
-    if !pictures && job.html.is_none() {
+    let asked = [
+        ("--picture", job.picture.is_some()),
+        ("--png", job.png.is_some()),
+        ("--video", job.video.is_some()),
+    ];
+    let pictures = asked.into_iter().find(|(_, asked)| *asked).map(|(option, _)| option);
+    if pictures.is_none() && job.html.is_none() {
         return Err(RenderError::Option {
             option: "output",
             found: "nothing".into(),
@@ -171,64 +176,37 @@ pub fn render(
         }
         .into());
     }
+    #[cfg(not(feature = "render"))]
+    if let Some(option) = pictures {
+        return Err(RenderError::NoPictures(option).into());
+    }
     // a missing adapter should not cost a run; a page needs none
-    let gpu = if pictures { Some(open(&job.adapter).map_err(RenderError::from)?) } else { None };
+    #[cfg(feature = "render")]
+    let gpu = match pictures {
+        Some(_) => Some(open(&job.adapter).map_err(RenderError::from)?),
+        None => None,
+    };
     let mut report = RenderReport { size: job.size, ..RenderReport::default() };
-    let (recording, summary) = recorded(scene, job, observer, &mut report)?;
-    let label = if job.label.is_empty() { recording.title.clone() } else { job.label.clone() };
-    let mut panels = vec![Panel { label, recording }];
+    let (mut recording, summary) = recorded(scene, job, observer, &mut report)?;
+    recording.label.clone_from(if job.label.is_empty() { &recording.title } else { &job.label });
+    let mut runs = vec![recording];
     for Variant { label, scene } in &job.beside {
-        let (recording, summary) = recorded(scene, job, observer, &mut report)?;
+        let (mut recording, summary) = recorded(scene, job, observer, &mut report)?;
         if let Some(failure) = summary.failure {
             report.notes.push(format!("{label} ended early: {failure}"));
         }
-        panels.push(Panel { label: label.clone(), recording });
+        recording.label.clone_from(label);
+        runs.push(recording);
     }
-    report.frames = panels[0].recording.frames.len();
+    report.frames = runs[0].frames.len();
     if let Some(path) = &job.html {
-        let runs: Vec<&Recording> = panels.iter().map(|p| &p.recording).collect();
-        write_page(path, &runs, job.camera)?;
+        write_page(path, &runs.iter().collect::<Vec<_>>(), job.camera)?;
         report.files.push(path.clone());
     }
-    let Some(gpu) = gpu else { return Ok((report, summary)) };
-    let field = (job.quantity != Quantity::None).then_some(0);
-    let dress = |look: &mut Look| {
-        look.edges = job.edges;
-        look.ground = !job.no_ground;
-        look.ghost = !job.no_ghost;
-    };
-    let start = Instant::now();
-    if panels.len() == 1 {
-        let recording = &panels[0].recording;
-        let mut painter = Painter::new(gpu, job.size, recording, job.camera, field, Captions::ALL)?;
-        dress(&mut painter.look);
-        report.adapter = painter.adapter();
-        if let Some(path) = &job.picture {
-            let frame = nearest(recording, job.at);
-            let image = painter.picture(&Fonts::default(), recording, frame)?;
-            write_picture(path, &image, job, &mut report)?;
-        }
-        if job.png.is_some() || job.video.is_some() {
-            film(scene, job, recording, &mut report, FilmSource::One(&mut painter))?;
-        }
-    } else {
-        let title = common_words(&panels, |r| &r.title, " · ");
-        let layout = Layout::Whole(job.size);
-        let grid = Grid { title: &title, layout, camera: job.camera, field };
-        // the clock is that of the first
-        let recording = panels[0].recording.clone();
-        let mut comparison = Comparison::new(gpu, panels, &grid)?;
-        dress(&mut comparison.look);
-        report.adapter = comparison.adapter();
-        if let Some(path) = &job.picture {
-            let image = beside(&mut comparison, &recording, nearest(&recording, job.at))?;
-            write_picture(path, &image, job, &mut report)?;
-        }
-        if job.png.is_some() || job.video.is_some() {
-            film(scene, job, &recording, &mut report, FilmSource::Several(&mut comparison))?;
-        }
+    #[cfg(feature = "render")]
+    if let Some(gpu) = gpu {
+        super::draw::draw(scene, job, runs, gpu, &mut report)?;
     }
-    report.seconds[2] = start.elapsed().as_secs_f64();
     Ok((report, summary))
 }
 
@@ -239,13 +217,8 @@ fn recorded(
     observer: &mut dyn Observer,
     report: &mut RenderReport,
 ) -> Result<(Recording, RunSummary), RenderJobError> {
-    let mut quantities = vec![job.quantity];
-    if job.html.is_some() {
-        // the page lets people choose
-        let more = Quantity::ALL.into_iter().chain([Quantity::Pressure]);
-        quantities.extend(more.filter(|q| *q != job.quantity));
-        quantities.retain(|q| *q != Quantity::None);
-    }
+    let quantities =
+        if job.html.is_some() { page_quantities(job.quantity) } else { vec![job.quantity] };
     let capture = CaptureOptions { frames: job.frames, quantities, ..CaptureOptions::default() };
     let finer =
         if job.quantity == Quantity::Error { Some(finer(scene, job, &capture)?) } else { None };
@@ -261,6 +234,47 @@ fn recorded(
     Ok((recording, summary))
 }
 
+/// Quantities of a page, which lets people choose, the first one before all others.
+fn page_quantities(first: Quantity) -> Vec<Quantity> {
+    let more = Quantity::ALL.into_iter().chain([Quantity::Pressure]);
+    let all = [first].into_iter().chain(more.filter(|q| *q != first));
+    all.filter(|q| *q != Quantity::None).collect()
+}
+
+/// Runs a scene as [`run`] does and writes a page with a player of it, up to where it failed.
+///
+/// # Errors
+/// When the scene cannot be built or a file cannot be written.
+pub fn run_to_page(
+    scene: &LoadedScene,
+    options: &RunOptions,
+    page: &Path,
+    observer: &mut dyn Observer,
+) -> Result<RunSummary, RenderJobError> {
+    // a page that cannot be written should not cost a run
+    let fresh = !page.exists();
+    let opened = std::fs::File::options().create(true).append(true).open(page);
+    opened.map_err(|e| RenderError::Write { path: page.into(), reason: e.to_string() })?;
+    let quantities = page_quantities(Quantity::default());
+    let capture = CaptureOptions { quantities, ..CaptureOptions::default() };
+    let mut recorder = Recorder::new(scene, capture, observer);
+    let mut summary = match run(scene, options, &mut recorder) {
+        Ok(summary) => summary,
+        Err(error) => {
+            if fresh {
+                // nothing was written; what cannot be removed is empty
+                let _ = std::fs::remove_file(page);
+            }
+            return Err(error.into());
+        }
+    };
+    let (mut recording, _) = recorder.finish();
+    drop_unused_pressure(&mut recording);
+    write_page(page, &[&recording], CameraRequest::default())?;
+    summary.files.push(page.display().to_string());
+    Ok(summary)
+}
+
 /// Takes the pressure away where nothing touches.
 fn drop_unused_pressure(recording: &mut Recording) {
     let Some(field) = recording.fields.iter().position(|f| f.name == "pressure") else { return };
@@ -270,39 +284,6 @@ fn drop_unused_pressure(recording: &mut Recording) {
             frame.fields.remove(field);
         }
     }
-}
-
-/// Writes the one picture of a job.
-fn write_picture(
-    path: &Path,
-    image: &Image,
-    job: &RenderJob,
-    report: &mut RenderReport,
-) -> Result<(), RenderError> {
-    image.write_png(path, if job.small { Packing::Small } else { Packing::Fast })?;
-    report.pictures += 1;
-    report.files.push(path.into());
-    Ok(())
-}
-
-/// What all runs have in common of a text, part by part.
-fn common_words(panels: &[Panel], of: impl Fn(&Recording) -> &str, separator: &str) -> String {
-    let shared = |part: &&str| {
-        panels[1..].iter().all(|p| of(&p.recording).split(separator).any(|other| other == *part))
-    };
-    let parts: Vec<_> = of(&panels[0].recording).split(separator).filter(shared).collect();
-    parts.join(separator)
-}
-
-/// All runs at the time of frame `i` of `clock`.
-fn beside(comparison: &mut Comparison, clock: &Recording, i: usize) -> Result<Image, RenderError> {
-    let at = clock.frames[i].time;
-    let frames: Vec<usize> =
-        comparison.panels().iter().map(|p| nearest(&p.recording, Some(at))).collect();
-    let time = Time { at, is_static: clock.is_static };
-    let words = common_words(comparison.panels(), |r| &r.subtitle, " · ");
-    let subtitle = if words.is_empty() { time.to_string() } else { format!("{time} · {words}") };
-    comparison.picture(&subtitle, &frames)
 }
 
 /// Steps of the finer run in one.
@@ -360,86 +341,4 @@ pub fn nearest(recording: &Recording, at: Option<f64>) -> usize {
     let Some(at) = at else { return last };
     let distance = |i: usize| (recording.frames[i].time - at).abs();
     (0..=last).min_by(|&a, &b| distance(a).total_cmp(&distance(b))).unwrap_or(last)
-}
-
-/// What draws a film.
-enum FilmSource<'a> {
-    One(&'a mut Painter),
-    Several(&'a mut Comparison),
-}
-
-/// All frames: the device draws while another thread writes the overlay and encodes.
-fn film(
-    scene: &LoadedScene,
-    job: &RenderJob,
-    recording: &Recording,
-    report: &mut RenderReport,
-    source: FilmSource,
-) -> Result<(), RenderError> {
-    if let Some(folder) = &job.png {
-        std::fs::create_dir_all(folder)
-            .map_err(|e| RenderError::Write { path: folder.clone(), reason: e.to_string() })?;
-    }
-    let stem = scene.scene.name.replace(|c: char| !c.is_alphanumeric() && c != '-', "_");
-    let frames: Vec<usize> = (0..recording.frames.len()).collect();
-    // as fast as it happened; load steps one after another
-    let rate = if recording.interval > 0.0 { 1.0 / recording.interval } else { 2.0 };
-    let mut video = match &job.video {
-        Some(path) => Some(Film::start(path, job.size, frames.len() as u32, rate)?),
-        None => None,
-    };
-    if let (Some(film), Some(asked)) = (&video, &job.video)
-        && film.path() != asked
-    {
-        report.notes.push(format!(
-            "no ffmpeg on the path: {} is an animated PNG in place of {}; install ffmpeg for films",
-            film.path().display(),
-            asked.display()
-        ));
-    }
-    // a comparison has its overlay already
-    let overlay = match &source {
-        FilmSource::One(painter) => Some((painter.look.field, painter.captions)),
-        FilmSource::Several(_) => None,
-    };
-    let (sender, receiver) = mpsc::sync_channel::<(usize, Image)>(QUEUE);
-    let encoded = std::thread::scope(|scope| {
-        let video = &mut video;
-        let encoder = scope.spawn(move || {
-            let fonts = Fonts::default();
-            for (i, mut image) in receiver {
-                if let Some((field, captions)) = overlay {
-                    let frame = &recording.frames[i];
-                    decorate(&mut image, &fonts, recording, frame, field, captions);
-                }
-                if let Some(folder) = &job.png {
-                    let name = format!("{stem}_{i:05}.png");
-                    image.write_png(&folder.join(name), Packing::Fast)?;
-                }
-                if let Some(film) = video.as_mut() {
-                    film.add(&image)?;
-                }
-            }
-            Ok::<(), RenderError>(())
-        });
-        let stopped = || RenderError::Device("the encoder has stopped".into());
-        let mut send = |i, image| sender.send((i, image)).map_err(|_| stopped());
-        let drawn = match source {
-            FilmSource::One(painter) => painter.film(recording, &frames, &mut send),
-            FilmSource::Several(comparison) => {
-                frames.iter().try_for_each(|&i| send(i, beside(comparison, recording, i)?))
-            }
-        };
-        drop(sender);
-        // what the encoder says comes first: drawing stops because of it
-        let encoded = encoder.join().unwrap_or_else(|_| Err(stopped()));
-        encoded.and(drawn)
-    });
-    encoded?;
-    report.pictures += frames.len();
-    report.files.extend(job.png.clone());
-    if let Some(film) = video {
-        report.files.push(film.finish()?);
-    }
-    Ok(())
 }

@@ -1,7 +1,10 @@
-//! Pictures, films and pages of a scene (feature `render`).
+//! Pages of scenes; with the feature `render` pictures and films as well.
 
 mod boundary;
 mod capture;
+#[cfg(feature = "render")]
+mod draw;
+mod figures;
 mod gallery;
 mod job;
 mod measure;
@@ -10,7 +13,12 @@ mod tools;
 
 pub use boundary::{Face, boundary};
 pub use capture::{CaptureOptions, Recorder};
+pub use figures::{FIGURES, GalleryFigures, SceneFigures, checksum, scenes_table, with_block};
+#[cfg(feature = "render")]
 pub use gallery::gallery;
-pub use job::{RenderJob, RenderJobError, RenderReport, Variant, nearest, record, render};
+pub use gallery::{GalleryEntry, gallery_page};
+pub use job::{
+    RenderJob, RenderJobError, RenderReport, Variant, nearest, record, render, run_to_page,
+};
 pub use measure::{Measures, measures, sheet_measures};
 pub use quantity::Quantity;

@@ -19,7 +19,8 @@ pub enum Quantity {
     Stress,
     /// Energy density (J/m^3) of St Venant-Kirchhoff, likewise.
     Energy,
-    /// Volume over that at rest (-); of membranes the area.
+    /// Volume over that at rest (-), `J` in reports and VTU files; of membranes the area.
+    #[serde(alias = "J")]
     Volume,
     /// Pressure (Pa) of tools and other bodies on the surface.
     Pressure,
@@ -41,7 +42,7 @@ impl Quantity {
             Self::Strain => ("strain", "principal strain", "", ColourMap::Ember),
             Self::Stress => ("stress", "von Mises stress", "Pa", ColourMap::Ember),
             Self::Energy => ("energy", "energy density", "J/m³", ColourMap::Ember),
-            Self::Volume => ("volume", "volume ratio", "", ColourMap::Diverging),
+            Self::Volume => ("volume", "volume ratio J", "", ColourMap::Diverging),
             Self::Pressure => ("pressure", "contact pressure", "Pa", ColourMap::Ember),
             Self::Error => ("error", "error of the step", "m", ColourMap::Ember),
             Self::None => return None,
@@ -69,8 +70,9 @@ impl std::str::FromStr for Quantity {
         serde_json::from_value(text.into()).map_err(|_| RenderError::Option {
             option: "--color",
             found: text.into(),
-            remedy: "choose of displacement, strain, stress, energy, volume, pressure, error, none"
-                .into(),
+            remedy:
+                "choose of displacement, strain, stress, energy, volume (J), pressure, error, none"
+                    .into(),
         })
     }
 }

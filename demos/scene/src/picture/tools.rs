@@ -5,9 +5,9 @@ use glam::{DQuat, DVec3, Vec3};
 use sinew::touch::shape::Shape;
 use sinew::touch::tool::{Tool, ToolPose, ToolReport};
 use sinew_render::colour::{ColourMap, Rgb};
-use sinew_render::overlay::with_unit;
 use sinew_render::rigid::{Placed, Rigid};
-use sinew_render::scene::{ArrowKey, Field, Recording};
+use sinew_render::scale::with_unit;
+use sinew_render::scene::{ArrowKey, Field, Recording, Series};
 use sinew_render::skin::CREASE_ANGLE;
 use std::collections::HashMap;
 
@@ -47,8 +47,8 @@ pub(super) struct Tools {
     known: HashMap<(Entity, usize), u32>,
     /// Colour of forces.
     colour: Rgb,
-    /// Largest force of a tool so far (N).
-    largest: f32,
+    /// Largest force of a tool in any step so far (N).
+    largest: f64,
 }
 
 impl Tools {
@@ -56,6 +56,15 @@ impl Tools {
     pub(super) fn new(field: Option<&Field>) -> Self {
         let other = field.is_none_or(|f| f.map != ColourMap::Viridis);
         Self { colour: FORCE[usize::from(other)], ..Self::default() }
+    }
+
+    /// Adds the force of every tool after a step that ended at a time (s) to its series.
+    pub(super) fn forces(&mut self, world: &mut World, time: f64, series: &mut Vec<Series>) {
+        for (tool, report) in world.query::<(&Tool, &ToolReport)>().iter(world) {
+            let force = if tool.active(time) { report.force.length() } else { 0.0 };
+            self.largest = self.largest.max(force);
+            append(series, if tool.name.is_empty() { "tool" } else { &tool.name }, time, force);
+        }
     }
 
     /// Where the tools stand at a time (s), after a step or before the first, and the forces by which they act on bodies.
@@ -88,7 +97,6 @@ impl Tools {
             }
             let least = LEAST_SHARE * report.area * report.pressure;
             if stepped && report.force.length() > least {
-                self.largest = self.largest.max(report.force.length() as f32);
                 // that of pressure ends at the surface, what friction draws along begins there
                 let ends = report.normal.length() >= report.friction.length();
                 let (at, force) = (report.centre.as_vec3(), -report.force.as_vec3());
@@ -107,10 +115,18 @@ impl Tools {
             }
         }
         if self.largest > 0.0 {
-            let longest = with_unit(f64::from(self.largest), "N");
+            let longest = with_unit(self.largest, "N");
             let text = format!("force of tools on bodies, largest {longest}");
             recording.arrow_key = Some(ArrowKey { text, colour: self.colour });
         }
+    }
+}
+
+/// One more point of the series of this name.
+pub(super) fn append(series: &mut Vec<Series>, name: &str, time: f64, value: f64) {
+    match series.iter_mut().find(|s| s.name == name) {
+        Some(own) => own.points.push([time, value]),
+        None => series.push(Series { name: name.into(), points: vec![[time, value]] }),
     }
 }
 
