@@ -58,7 +58,8 @@ impl<S: Scalar> Step<'_, S> {
             let allowed = body.budget
                 + put_in
                 + body.past.body.excess
-                + noise::<S>() * (kinetic + potential.abs());
+                + noise::<S>() * (kinetic + potential.abs())
+                + body.rounding;
             // false for NaN
             let within = kinetic + potential <= allowed;
             if !within {

@@ -48,12 +48,11 @@ mod tr_bdf2;
 
 use crate::integrator::Integrator;
 use crate::settings::SolverSettings;
-use crate::state::{evaluate, position, read_rest, write_state};
+use crate::state::{evaluate, position, read_rest, vector, write_state};
 use crate::support::check_support;
 use bevy_ecs::prelude::*;
 pub use equilibrium::MAX_PARTINGS;
 pub use finish::BUDGET_DECAY;
-use glam::DVec3;
 pub use linearised_bdf2::WAIT;
 use sinew_contact::set::ContactSet;
 use sinew_engine::law::ElasticEnergy;
@@ -120,10 +119,7 @@ fn prepare<S: Scalar>(
     scratch: &ImplicitScratch<S>,
 ) -> Result<(), StepError> {
     let x = position(&scratch.rest, &scratch.node.u);
-    let v = |row: VertexRow| {
-        let v = &scratch.node.v[row.index()];
-        DVec3::new(v[0].to_f64(), v[1].to_f64(), v[2].to_f64())
-    };
+    let v = |row: VertexRow| vector(&scratch.node.v[row.index()]);
     contact.prepare(world, &scratch.rest, &x, &v, true)?;
     settings.integrator.check_contact(contact)
 }

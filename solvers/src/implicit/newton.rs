@@ -41,6 +41,11 @@ impl<S: Scalar> Step<'_, S> {
         let most = if newton { self.settings.max_newton_iterations } else { 1 };
         let (mut iterations, mut multiplier_rounds) = (0, 0);
         self.recall_predicted();
+        for index in 0..self.bodies.len() {
+            if !self.bodies[index].done {
+                self.set_dampers(index);
+            }
+        }
         while iterations < most {
             iterations += 1;
             let kind = self.linearise()?;
@@ -252,12 +257,15 @@ impl<S: Scalar> Step<'_, S> {
 
     /// The residual times the inverse diagonal blocks as the direction of a body.
     fn precondition_gradient(&mut self, index: usize) {
+        self.report.gradient_fallbacks += 1;
         let body = &self.bodies[index];
+        if body.touched {
+            return self.precondition_touched(index);
+        }
         let ImplicitScratch { node, residual, direction, damping, .. } = &mut *self.scratch;
         let system = system_matrix(self.world, &body.weights, node, damping);
         let rows = body.rows.clone();
         system.preconditioned(body.bodies.clone(), &residual[rows.clone()], &mut direction[rows]);
-        self.report.gradient_fallbacks += 1;
     }
 
     /// Ends the iteration of bodies whose Newton step is small enough. That is tested before the line

@@ -126,6 +126,8 @@ pub(super) struct BodyStep {
     pub elastic_before: f64,
     /// Kinetic plus potential energy (J) at the start, held vertices moved.
     pub budget: f64,
+    /// Energy (J) below which the last line search took changes for rounding.
+    pub rounding: f64,
     /// Part of the direction last found that was taken.
     pub taken: f64,
     pub done: bool,
@@ -296,6 +298,7 @@ impl BodyStep {
             elastic: 0.0,
             elastic_before: 0.0,
             budget: f64::INFINITY,
+            rounding: 0.0,
             taken: 0.0,
             done: false,
             converged: false,
