@@ -106,6 +106,7 @@ impl<S: Scalar> Step<'_, S> {
         for search in searches.iter().filter(|search| !search.accepted) {
             let body = &mut self.bodies[search.body];
             self.report.line_search_failures += 1;
+            body.searched[0] += 1;
             // rounding level: the gradient is as small as the energy can resolve
             let length = self.scratch.relative_step(body);
             (body.done, body.converged) = (true, length <= tolerance.max(noise::<S>()));

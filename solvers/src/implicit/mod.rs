@@ -28,7 +28,7 @@
 //! * **Linearised BDF2**: one Newton step of BDF2 from `x_n + h v_n`, which must pass tests
 //!   (`linearised_bdf2`); a body that fails them takes the safe step.
 //! * **Newton, BDF2, TR-BDF2, midpoint**: iterated to convergence, the last three from where the
-//!   velocities lead.
+//!   velocities lead. A body in contact for which that fails takes the safe step.
 //! * **Quasi-static**: the same without inertia; in parts if it does not converge in one go, or turns
 //!   elements inside out (`equilibrium`).
 
@@ -149,6 +149,7 @@ impl<S: Scalar> Step<'_, S> {
                 Err(StepError::InvalidSetting(format!("integrator = \"{name}\" is not implicit")))
             }
         }?;
+        self.step_safely_where_contact_is_missed()?;
         self.check_finite()?;
         self.find_local_stiffness();
         let end = follower_energies(self.world, &self.scratch.iterate);

@@ -132,7 +132,13 @@ pub(super) struct BodyStep {
     pub taken: f64,
     pub done: bool,
     pub converged: bool,
-    /// Why the linearised BDF2 step does not count.
+    /// The direction is a gradient, whose length says nothing of the distance to the minimum.
+    pub gradient: bool,
+    /// Newton's iteration did not converge in some stage.
+    pub missed: bool,
+    /// Line searches of Newton's iteration that found no decrease, and solves that gave way to a gradient.
+    pub searched: [u32; 2],
+    /// Why the step of second order, or the converged one, does not count.
     pub rejected: Option<Rejected>,
 }
 
@@ -147,13 +153,14 @@ pub(super) enum StepMode {
     Converge,
 }
 
-/// Why a linearised BDF2 step does not count.
+/// Why a linearised BDF2 step or a converged one does not count.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Rejected {
     Indefinite,
     Shortened,
     Energy,
     Inverted,
+    Unconverged,
 }
 
 /// Rows of a piece without held unknowns.
@@ -302,6 +309,9 @@ impl BodyStep {
             taken: 0.0,
             done: false,
             converged: false,
+            gradient: false,
+            missed: false,
+            searched: [0; 2],
             rejected: None,
         }
     }
@@ -326,7 +336,7 @@ impl BodyStep {
         self.mode == StepMode::Trial && self.rejected.is_none()
     }
 
-    /// Gives the linearised BDF2 step up.
+    /// Gives the step up.
     pub fn reject(&mut self, why: Rejected) {
         (self.done, self.rejected) = (true, Some(why));
     }

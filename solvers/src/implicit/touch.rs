@@ -302,7 +302,8 @@ impl<S: Scalar> Step<'_, S> {
             self.bodies[index].reject(Rejected::Shortened);
             return Ok(Some(true));
         }
-        contact.count(rounds, !converged);
+        // iterated steps go on: whether contact is found shows when they end
+        contact.count(rounds, !converged && !iterated);
         // of the whole step, with the last limits
         let [change, scale] = self.scratch.model(&body);
         self.scratch.try_direction(&body, S::ZERO);

@@ -211,21 +211,35 @@ fn begin<'a>(
 
 /// Part of the steps above which a run whose bodies were halted counts as failed, and how many there must be.
 const HALTED: (f64, u64) = (0.25, 5);
+/// Part of the steps above which a run with an integrator that converges counts as failed when contact made them steps of
+/// first order, and how many there must be: what was asked for was not computed.
+const FIRST_ORDER: (f64, u64) = HALTED;
 /// Energy from nowhere, over all that was put in, above which a run counts as failed.
 const GAIN: f64 = 0.1;
 
 /// Why a run that came to its end is not to be trusted, if so.
 fn untrue(built: &BuiltScene, totals: &Totals) -> Option<String> {
     let (steps, halted) = (totals.step_times.count() as f64, totals.solver.halted_steps);
-    if halted >= HALTED.1 && halted as f64 > HALTED.0 * steps {
+    let many =
+        |count: u64, (share, least): (f64, u64)| count >= least && count as f64 > share * steps;
+    if many(halted, HALTED) {
+        let cause = cause_of_halts(halted, totals.halted_by_contact);
         return Some(format!(
             "in {halted} of {steps} steps a body was halted because no state of lower energy was found, so it \
-             hardly moved; loads, motions or units are far beyond what the material holds: make them smaller, \
-             or use a smaller dt"
+             hardly moved; {cause}"
         ));
     }
-    if !built.plan.settings.integrator.facts().dynamic {
+    let integrator = built.plan.settings.integrator;
+    if !integrator.facts().dynamic {
         return None;
+    }
+    let unconverged = totals.unconverged_in_contact;
+    if many(unconverged, FIRST_ORDER) {
+        return Some(format!(
+            "in {unconverged} of {steps} steps Newton's iteration did not converge with bodies in contact, and they \
+             took steps of first order instead of those of {}; use integrator = \"auto\" or \"safe\", or a smaller dt",
+            integrator.name()
+        ));
     }
     let gain = -totals.dissipated();
     let put_in = totals.energy.put_in();
@@ -237,6 +251,17 @@ fn untrue(built: &BuiltScene, totals: &Totals) -> Option<String> {
              smaller dt or integrator = \"safe\""
         )
     })
+}
+
+/// What halted bodies in most of the `halted` steps, and what to do; in steps `by_contact` contact was not found, or bodies
+/// lay in each other.
+fn cause_of_halts(halted: u64, by_contact: u64) -> &'static str {
+    if 2 * by_contact > halted {
+        "contact was not found within its rounds there, or bodies lie in each other: let them start apart, move tools \
+         more slowly, or use a smaller dt or a smaller stiffness of tools and contacts"
+    } else {
+        "loads, motions or units are far beyond what the material holds: make them smaller, or use a smaller dt"
+    }
 }
 
 impl SceneRun<'_> {

@@ -29,6 +29,10 @@ pub(super) struct Totals {
     pub gpu: Option<GpuSummary>,
     /// Tools, pulls and contacts, in scenes that have some.
     pub touch: Option<TouchSummary>,
+    /// Steps in which Newton's iteration did not converge, with something in contact.
+    pub unconverged_in_contact: u64,
+    /// Steps in which a body was halted while contact was not found, or bodies lay in each other.
+    pub halted_by_contact: u64,
 }
 
 impl Totals {
@@ -63,7 +67,8 @@ impl Totals {
         if let Some(touch) = &mut self.touch {
             touch.add_step(built, self.step_times.count());
         }
-        self.add(simulation.report());
+        let converges = built.plan.settings.integrator.converges();
+        self.add(simulation.report(), converges);
         self.add_gpu(simulation);
         self.energy.activation_work = simulation.activation_work().total;
         let (volume, v) = (simulation.volume_report(), &mut self.volume);
@@ -80,12 +85,19 @@ impl Totals {
         }
     }
 
-    fn add(&mut self, report: &StepReport) {
+    /// Adds a step of an integrator that `converges`: a gradient is an iteration of many there, and halts nothing.
+    fn add(&mut self, report: &StepReport, converges: bool) {
         self.sums.add(report);
         let s = &mut self.solver;
         s.recovering_final = report.recovering;
-        s.halted_steps += u64::from(report.line_search_failures + report.gradient_fallbacks > 0);
+        let followed = !converges && report.gradient_fallbacks > 0;
+        let halted = report.line_search_failures > 0 || followed;
+        s.halted_steps += u64::from(halted);
         s.unconverged_steps += u64::from(report.unconverged);
+        let contact = &report.contact;
+        self.unconverged_in_contact += u64::from(report.unconverged && contact.points > 0);
+        let missed = contact.unconverged + contact.buried > 0;
+        self.halted_by_contact += u64::from(halted && missed);
         s.cg_iterations_max = s.cg_iterations_max.max(report.cg_iterations);
         s.newton_iterations_max = s.newton_iterations_max.max(report.newton_iterations);
         s.worst_residual = s.worst_residual.max(report.cg_residual);

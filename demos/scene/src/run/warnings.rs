@@ -1,6 +1,7 @@
 //! What happened during a run and deserves a word: a row of [`RULES`] for each.
 
 use super::facts::RunFacts;
+use super::totals::Totals;
 use crate::summary::TouchSummary;
 use crate::warning;
 use crate::warning::Level::{self, Note, Warning};
@@ -57,9 +58,17 @@ rules! {
             run.totals.solver.worst_residual;
         "raise solver.linear_tolerance, or use backend = \"cpu\"";
     Warning "run.newton.unconverged" "solver":
-        |run| if run.is_dynamic() { run.totals.solver.unconverged_steps } else { 0 };
+        |run| {
+            let Totals { solver, unconverged_in_contact, .. } = &run.totals;
+            if run.is_dynamic() { solver.unconverged_steps - unconverged_in_contact } else { 0 }
+        };
         |n| "Newton did not converge in {n} of {} steps", run.steps();
         "use a smaller dt, a smaller linear_tolerance or more max_newton_iterations";
+    Warning "run.newton.contact" "contact":
+        |run| if run.is_dynamic() { run.totals.unconverged_in_contact } else { 0 };
+        |n| "Newton did not converge in {n} of {} steps with something in contact; but for exact contact, what was touched \
+             took a safe step of first order then", run.steps();
+        "use integrator = \"auto\" or \"safe\", or a smaller dt";
     Warning "run.gradient" "solver": |run| run.totals.sums.gradient_fallbacks;
         |n| "{n} linear solves fell back to a gradient step";
         "elements are far out of shape: use a smaller dt, or precision = \"f64\" where the mesh has slivers";
