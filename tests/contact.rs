@@ -273,8 +273,9 @@ fn energy_never_rises_while_tools_rest() {
     }
 }
 
-/// Steps of 100 in which a block that lies on a slope was halted, or followed a gradient.
-fn halted(integrator: Integrator, young: f64, h: f64, friction: f64, degrees: f64) -> u32 {
+/// Steps of 100 in which a block that lies on a slope was halted or followed a gradient, and those in which Newton did not
+/// converge.
+fn halted(integrator: Integrator, young: f64, h: f64, friction: f64, degrees: f64) -> [u32; 2] {
     let mesh = box_tets(DVec3::new(0.1, 0.1, 0.04), [5, 5, 2]).unwrap();
     let mut simulation = Simulation::new(one_thread()).unwrap();
     let material = YoungPoisson { young_modulus: young, poisson_ratio: 0.3, density: 1000.0 };
@@ -285,11 +286,12 @@ fn halted(integrator: Integrator, young: f64, h: f64, friction: f64, degrees: f6
     simulation.add_tool(table).unwrap();
     simulation.set_solver(solver!(integrator));
     simulation.set_dt(h);
-    let mut halted = 0;
+    let mut halted = [0; 2];
     for _ in 0..100 {
         simulation.step().unwrap();
         let report = simulation.report();
-        halted += u32::from(report.line_search_failures + report.gradient_fallbacks > 0);
+        halted[0] += u32::from(report.line_search_failures + report.gradient_fallbacks > 0);
+        halted[1] += u32::from(report.unconverged);
     }
     halted
 }
@@ -301,9 +303,13 @@ fn a_stiff_body_at_rest_is_not_halted() {
         for young in [1e5, 1e6, 1e7] {
             for h in [0.001, 0.01] {
                 for (friction, degrees) in [(0.3, 0.0), (1.0, 8.0)] {
-                    let halted = halted(integrator, young, h, friction, degrees);
+                    let found = halted(integrator, young, h, friction, degrees);
                     let name = integrator.name();
-                    assert!(halted <= 1, "{name} {young} Pa, {h} s, {degrees} degrees: {halted}");
+                    // a run fails from a quarter of the steps on
+                    assert!(
+                        found[0] <= 1 && found[1] <= 5,
+                        "{name} {young} Pa, {h} s, {degrees} degrees: {found:?}"
+                    );
                 }
             }
         }

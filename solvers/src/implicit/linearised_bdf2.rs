@@ -19,6 +19,9 @@ use sinew_engine::step::StepError;
 /// Safe steps that follow one at which linearised BDF2 failed its tests.
 pub const WAIT: u32 = 2;
 
+/// Growth of energy over the energies of a body up to which a converged step stands: Newton ends before rounding does.
+const GAIN: f64 = 1e-6;
+
 impl<S: Scalar> Step<'_, S> {
     /// A trial step for every body whose past allows one, then safe steps for those that failed.
     pub fn linearised_bdf2(&mut self) -> Result<(), StepError> {
@@ -46,14 +49,15 @@ impl<S: Scalar> Step<'_, S> {
     fn test_energies(&mut self) {
         for index in 0..self.bodies.len() {
             let body = &self.bodies[index];
-            if body.is_open_trial() && self.gains_energy(index, body.past.body.excess) {
+            if body.is_open_trial() && self.gains_energy(index, body.past.body.excess, 0.0) {
                 self.bodies[index].reject(Rejected::Energy);
             }
         }
     }
 
-    /// Whether a body ends its step with more energy than its budget, `excess` (J), and what contact put in.
-    fn gains_energy(&mut self, index: usize, excess: f64) -> bool {
+    /// Whether a body ends its step with more energy than its budget, `excess` (J), and what contact put in, by more than a
+    /// `share` of its energies and rounding.
+    fn gains_energy(&mut self, index: usize, excess: f64, share: f64) -> bool {
         let put_in = self.contact_energy_at_start(index);
         let stored = self.contact_energy(index, At::Iterate, Limits::Keep);
         let (body, scratch) = (&self.bodies[index], &mut *self.scratch);
@@ -61,7 +65,8 @@ impl<S: Scalar> Step<'_, S> {
         let rows = body.rows.clone();
         let kinetic = scratch.node.kinetic_energy(rows.clone(), &scratch.velocity)[0];
         let potential = body.elastic + stored - scratch.node.load_potential(rows, &scratch.iterate);
-        let rounding = noise::<S>() * (kinetic + potential.abs()) + body.rounding;
+        let energies = kinetic + potential.abs();
+        let rounding = noise::<S>().max(share) * energies + body.rounding;
         // false for NaN
         let within = kinetic + potential <= body.budget + put_in + excess + rounding;
         !within
@@ -82,7 +87,7 @@ impl<S: Scalar> Step<'_, S> {
             if body.mode != StepMode::Converge || !body.touched {
                 continue;
             }
-            if body.missed || euler && self.gains_energy(index, 0.0) {
+            if body.missed || euler && self.gains_energy(index, 0.0, GAIN) {
                 let body = &mut self.bodies[index];
                 body.reject(Rejected::Unconverged);
                 // what the attempt met does not count
