@@ -4,11 +4,12 @@ use crate::common::{Shortcuts, sheet, solver, two_blocks};
 use bevy_ecs::entity::Entity;
 use glam::{DQuat, DVec3};
 use sinew::engine::mesh::Mesh;
-use sinew::engine::mesh::generate::box_tets;
+use sinew::engine::mesh::generate::{box_tets, sphere_tets};
 use sinew::engine::precision::Precision;
 use sinew::models::body::sheet::MembraneDescription;
 use sinew::models::resection::Region;
 use sinew::prelude::*;
+use sinew::touch::pull::PullReport;
 use sinew::touch::tool::{Hinge, Part, Points, ToolMotion, ToolReport};
 
 const SOFT: YoungPoisson = YoungPoisson { young_modulus: 1e4, poisson_ratio: 0.4, density: 1000.0 };
@@ -268,6 +269,49 @@ fn energy_never_rises_while_tools_rest() {
                 last = now;
             }
             assert!(touched);
+        }
+    }
+}
+
+/// Steps of 100 in which a block that lies on a slope was halted or followed a gradient, and those in which Newton did not
+/// converge.
+fn halted(integrator: Integrator, young: f64, h: f64, friction: f64, degrees: f64) -> [u32; 2] {
+    let mesh = box_tets(DVec3::new(0.1, 0.1, 0.04), [5, 5, 2]).unwrap();
+    let mut simulation = Simulation::new(one_thread()).unwrap();
+    let material = YoungPoisson { young_modulus: young, poisson_ratio: 0.3, density: 1000.0 };
+    simulation.add_body(&BodyDescription::new("block", &mesh, material)).unwrap();
+    let turn = DQuat::from_axis_angle(DVec3::Y, -degrees.to_radians());
+    simulation.set_gravity(turn * DVec3::new(0.0, 0.0, -9.81));
+    let table = Tool::ground("table", DVec3::ZERO, DVec3::Z).with_friction(friction);
+    simulation.add_tool(table).unwrap();
+    simulation.set_solver(solver!(integrator));
+    simulation.set_dt(h);
+    let mut halted = [0; 2];
+    for _ in 0..100 {
+        simulation.step().unwrap();
+        let report = simulation.report();
+        halted[0] += u32::from(report.line_search_failures + report.gradient_fallbacks > 0);
+        halted[1] += u32::from(report.unconverged);
+    }
+    halted
+}
+
+/// Contact of a stiff body at rest stores less energy than the rounding of places gives and takes.
+#[test]
+fn a_stiff_body_at_rest_is_not_halted() {
+    for integrator in [Integrator::Auto, Integrator::Safe, Integrator::Newton] {
+        for young in [1e5, 1e6, 1e7] {
+            for h in [0.001, 0.01] {
+                for (friction, degrees) in [(0.3, 0.0), (1.0, 8.0)] {
+                    let found = halted(integrator, young, h, friction, degrees);
+                    let name = integrator.name();
+                    // a run fails from a quarter of the steps on
+                    assert!(
+                        found[0] <= 1 && found[1] <= 5,
+                        "{name} {young} Pa, {h} s, {degrees} degrees: {found:?}"
+                    );
+                }
+            }
         }
     }
 }
@@ -560,6 +604,44 @@ fn two_bodies_rest_on_each_other() {
     assert!(simulation.report().contact.depth_over_edge < 0.05);
 }
 
+/// Converged steps of two bodies in contact need not converge; what they say of forces then is that of safe steps.
+#[test]
+fn converged_integrators_report_no_false_forces_between_bodies() {
+    for integrator in [Integrator::Newton, Integrator::Bdf2, Integrator::TrBdf2] {
+        for friction in [0.0, 0.3] {
+            let block = box_tets(DVec3::new(0.1, 0.1, 0.03), [6, 6, 2]).unwrap();
+            let ball = sphere_tets(0.02, 3).unwrap();
+            let ball = ball.transformed(1.0, DQuat::IDENTITY, DVec3::new(0.05, 0.05, 0.0502));
+            let material = YoungPoisson { young_modulus: 2e4, poisson_ratio: 0.4, density: 1000.0 };
+            let mut simulation = Simulation::new(one_thread()).unwrap();
+            let mut add = |name, mesh: &Mesh| {
+                simulation.add_body(&BodyDescription::new(name, mesh, material)).unwrap()
+            };
+            let below = add("block", &block);
+            add("ball", &ball);
+            let rows = simulation.group_rows(below, &block, "z0").unwrap();
+            simulation.add_constraint(Constraint::hold("floor", rows));
+            let pair = BodyContact::new("pair", [0, 1]).with_friction(friction);
+            let pair = simulation.add_body_contact(pair);
+            simulation.set_solver(solver!(integrator, max_newton_iterations = 20));
+            let mut peak = 0.0_f64;
+            for _ in 0..20 {
+                simulation.step().unwrap();
+                let report = simulation.report();
+                if integrator == Integrator::Newton {
+                    let in_all = report.elastic_energy + report.kinetic_energy;
+                    assert!(report.dissipation > -1e-9 * in_all, "{report:?}");
+                }
+                let force = simulation.body_contact_report(pair).unwrap().force;
+                peak = peak.max(force.length());
+            }
+            // the weight is 0.33 N, the ball falls by 0.2 mm; 13 to 20 N where steps did not converge
+            let name = integrator.name();
+            assert!((0.4..0.8).contains(&peak), "{name}, friction {friction}: {peak} N");
+        }
+    }
+}
+
 #[test]
 fn a_body_touches_itself_where_it_is_told_to() {
     // a bar bent onto itself: ends of a strip held on top of each other would pass without
@@ -619,6 +701,83 @@ fn pulls_draw_a_patch_where_the_hand_is() {
     assert!(block.remove_contact(pull));
     block.steps(200);
     assert!(block.report().contact.energy == 0.0);
+}
+
+/// A block whose top follows a hand that moves at 0.1 m/s for 0.2 s, on a damper of 1 kN s/m: height (m) of the top, and
+/// what the pull says.
+fn drag(integrator: Integrator, h: f64) -> (f64, PullReport) {
+    let mesh = box_tets(DVec3::new(0.1, 0.1, 0.05), [4, 4, 2]).unwrap();
+    let mut simulation = Simulation::new(one_thread()).unwrap();
+    let material = YoungPoisson { young_modulus: 1e4, poisson_ratio: 0.45, density: 1000.0 };
+    let body = simulation.add_body(&BodyDescription::new("block", &mesh, material)).unwrap();
+    simulation.set_gravity(DVec3::ZERO);
+    simulation.set_solver(solver!(integrator));
+    simulation.set_dt(h);
+    let rows = simulation.group_rows(body, &mesh, "z0").unwrap();
+    simulation.add_constraint(Constraint::hold("floor", rows));
+    let top = simulation.group_rows(body, &mesh, "z1").unwrap();
+    let pull = simulation.add_pull(Pull::new("hand", top, 1.0, 1000.0));
+    let steps = (0.2 / h).round() as u32;
+    for step in 1..=steps {
+        simulation.move_pull(pull, DVec3::Z * (0.02 * f64::from(step) / f64::from(steps)));
+        simulation.step().unwrap();
+    }
+    let u = simulation.displacements(body);
+    let of_top: Vec<f64> =
+        u.iter().zip(&mesh.points).filter(|(_, x)| x.z > 0.049).map(|(u, _)| u.z).collect();
+    let report = *simulation.pull_report(pull).unwrap();
+    (of_top.iter().sum::<f64>() / of_top.len() as f64, report)
+}
+
+#[test]
+fn dampers_of_pulls_mean_the_same_to_every_integrator() {
+    let (exact, force, work) = (12.05e-3, 69.0, 0.795);
+    for integrator in Integrator::ALL.iter().copied().filter(|i| i.facts().dynamic) {
+        for h in [0.01, 0.0025] {
+            let (height, report) = drag(integrator, h);
+            let found = [height / exact, report.force.length() / force, report.work / work];
+            // implicit Euler is of first order
+            for (what, found) in ["height", "force", "work"].iter().zip(found) {
+                assert!(
+                    (found - 1.0).abs() < 0.03,
+                    "{} {h} s: {what} {found} times",
+                    integrator.name()
+                );
+            }
+            assert!((height / exact - 1.0).abs() < 0.012, "{} {height}", integrator.name());
+        }
+    }
+}
+
+/// A fast tool cuts steps into parts, and the hand makes a part of its way in each.
+#[test]
+fn a_hand_goes_evenly_through_the_parts_of_a_step() {
+    let run = |h: f64, steps: u32, fast: bool| {
+        let mut block = Block::held(SLAB, CELLS, one_thread());
+        block.set_solver(tight(Integrator::Safe));
+        block.set_dt(h);
+        let rows = block.group_rows(block.body, &block.mesh, "z1").unwrap();
+        let pull = block.add_pull(Pull::new("hand", rows, 10.0, 50.0));
+        // to and fro beside the block, without touching it
+        let at = |step: u32| DVec3::new(0.067, if step % 2 == 0 { -0.1 } else { 0.16 }, 0.015);
+        let ball = block.ball(0.002, at(0), 0.0);
+        // a tool that appears cuts nothing
+        block.step();
+        let mut parts = 0;
+        for step in 1..=steps {
+            let part = f64::from(step) / f64::from(steps);
+            block.move_pull(pull, DVec3::Z * (0.01 * part));
+            if fast {
+                block.move_tool(ball, at(step)).unwrap();
+            }
+            block.step();
+            parts = block.report().contact.substeps;
+        }
+        (block.pull_report(pull).unwrap().work, parts)
+    };
+    let (cut, whole) = (run(0.01, 10, true), run(0.01 / 8.0, 80, false));
+    assert_eq!((cut.1, whole.1), (8, 0));
+    assert!((cut.0 / whole.0 - 1.0).abs() < 1e-6, "{cut:?} {whole:?}");
 }
 
 #[test]

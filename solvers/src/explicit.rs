@@ -23,8 +23,8 @@ use crate::settings::{Integrator, SolverSettings};
 use crate::simd::{VectorKernel, vectorised};
 use crate::stability::StabilityLimit;
 use crate::state::{
-    NodeState, Rows, book_momentum, dot3, evaluate, position, read_force, read_rest, viscous_rate,
-    write_state,
+    NodeState, Rows, book_momentum, dot3, evaluate, position, read_force, read_rest, vector,
+    viscous_rate, write_state,
 };
 use bevy_ecs::change_detection::Tick;
 use bevy_ecs::prelude::*;
@@ -459,7 +459,8 @@ impl<S: Scalar> ExplicitScratch<S> {
             books.dissipated += half * self.damp(&mut state, world);
         }
         self.stop_held(&mut state, world);
-        touch(contact, &self.rest, &self.node.u, (0.0, 0.0));
+        let v = |row: VertexRow| -vector(&self.node.v[row.index()]);
+        touch(contact, &self.rest, &self.node.u, 0.0, (1.0, &v));
         // the substeps
         for i in 1..=substeps {
             let part = f64::from(i) / f64::from(substeps);
@@ -485,7 +486,7 @@ impl<S: Scalar> ExplicitScratch<S> {
                     factors,
                 );
                 self.place_held(&mut books, u, v, h, i == substeps);
-                settle(contact, &self.rest, u, (1.0 / f64::from(substeps - i + 1), h));
+                settle(contact, &self.rest, u, 1.0 / f64::from(substeps - i + 1), h);
             }
             self.within.load_differences(part, &mut books.differences);
             let end = i == substeps;
@@ -578,6 +579,8 @@ impl<S: Scalar> ExplicitScratch<S> {
         if let Some(contact) = contact {
             let u = u.to_vec();
             let x = position(&self.rest, &u);
+            // bodies are where the next substep starts from: the offset alone gives their velocity
+            contact.set_dampers(&contact.bodies(), 1.0, &|row| -vector(&v[row.index()]));
             let figures = contact.finish(world, &RowPlaces { now: &x, start: &x }, dt);
             report.contact = ContactFigures { work: tool_work, ..figures };
         }
@@ -719,18 +722,20 @@ impl<S: Scalar> ExplicitScratch<S> {
     }
 }
 
-/// Forces of contact at displacements `u`, when the share `of_rest` of what is left of the step has passed; `h` (s) is
-/// the length of the substep. They are added by [`load`](ExplicitScratch::load).
+/// Forces of contact at displacements `u`, when the share `of_rest` of what is left of the step has passed. Dampers meet
+/// velocities as [`ContactSet::set_dampers`] has them. They are added by [`load`](ExplicitScratch::load).
 fn touch<S: Scalar>(
     contact: &mut Option<ContactSet>,
     rest: &[DVec3],
     u: &[[S; 4]],
-    (of_rest, h): (f64, f64),
+    of_rest: f64,
+    (span, offset): (f64, &dyn Fn(VertexRow) -> DVec3),
 ) {
     let Some(contact) = contact.as_mut().filter(|contact| !contact.is_idle()) else { return };
-    contact.set_part(of_rest, h);
+    contact.set_part(of_rest);
     let x = position(rest, u);
     let bodies = contact.bodies();
+    contact.set_dampers(&bodies, span, offset);
     contact.evaluate(&bodies, &RowPlaces { now: &x, start: &x }, Limits::Take);
 }
 
@@ -810,14 +815,15 @@ struct Bookkeeping {
     before: [f64; 3],
 }
 
-/// Forces of contact at the end of a substep, from where friction goes on.
+/// Forces of contact at the end of a substep of length `h` (s), from where friction goes on.
 fn settle<S: Scalar>(
     contact: &mut Option<ContactSet>,
     rest: &[DVec3],
     u: &[[S; 4]],
-    part: (f64, f64),
+    of_rest: f64,
+    h: f64,
 ) {
-    touch(contact, rest, u, part);
+    touch(contact, rest, u, of_rest, (h, &|_| DVec3::ZERO));
     if let Some(contact) = contact.as_mut().filter(|contact| !contact.is_idle()) {
         contact.settle(&position(rest, u));
     }
@@ -873,10 +879,6 @@ impl<S: Scalar> VectorKernel for Advance<'_, '_, S> {
             }
         }
     }
-}
-
-fn vector<S: Scalar>(x: &[S; 4]) -> DVec3 {
-    DVec3::new(x[0].to_f64(), x[1].to_f64(), x[2].to_f64())
 }
 
 #[cfg(test)]

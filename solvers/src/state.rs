@@ -119,6 +119,11 @@ pub fn dot3<S: Scalar>(a: &[S; 4], b: &[S; 4]) -> f64 {
     a[0].to_f64() * b[0].to_f64() + a[1].to_f64() * b[1].to_f64() + a[2].to_f64() * b[2].to_f64()
 }
 
+/// The first three entries of a row.
+pub fn vector<S: Scalar>(x: &[S; 4]) -> DVec3 {
+    DVec3::new(x[0].to_f64(), x[1].to_f64(), x[2].to_f64())
+}
+
 /// Positions (m) of vertex rows at displacements `u`.
 pub fn position<S: Scalar>(rest: &[DVec3], u: &[[S; 4]]) -> impl Fn(VertexRow) -> DVec3 {
     move |row| {

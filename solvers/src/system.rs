@@ -7,7 +7,7 @@
 //! across once per block row, `A_ij^T x_i` adds multiples of the rows of `A_ij`. The code is plain
 //! loops over four numbers without fused operations, so that every instruction set gives the same bits.
 
-use crate::state::Rows;
+use crate::state::{Rows, vector};
 use glam::{DMat3, DVec3};
 use serde::{Deserialize, Serialize};
 use sinew_contact::set::{ContactBlocks, Coupling};
@@ -494,7 +494,6 @@ impl<S: Scalar> ShiftedTangent<'_, S> {
                 y[row - offset][k] += S::from_f64(factor * own[k]);
             }
         };
-        let vector = |x: &[S; 4]| DVec3::new(x[0].to_f64(), x[1].to_f64(), x[2].to_f64());
         for (row, block) in &contact.diagonal {
             let row = *row as usize;
             add(row, *block * vector(&x[row - offset]));

@@ -79,9 +79,14 @@ rules! {
             run.totals.solver.worst_residual;
         "raise solver.linear_tolerance, or use backend = \"cpu\"";
     Warning "run.newton.unconverged" "solver":
-        |run| run.totals.solver.unconverged_steps;
+        |run| run.totals.solver.unconverged_steps - run.totals.solver.unconverged_in_contact;
         |n| "Newton did not converge in {n} of {} steps", run.steps();
         "use a smaller dt, a smaller linear_tolerance or more max_newton_iterations";
+    Warning "run.newton.contact" "contact":
+        |run| run.totals.solver.unconverged_in_contact;
+        |n| "Newton did not converge in {n} of {} steps with something in contact; but for exact contact, what was touched \
+             took a safe step of first order then", run.steps();
+        "use integrator = \"auto\" or \"safe\", or a smaller dt";
     Warning "run.gradient" "solver": |run| run.totals.sums.gradient_fallbacks;
         |n| "{n} linear solves fell back to a gradient step";
         "elements are far out of shape: use a smaller dt, or precision = \"f64\" where the mesh has slivers";

@@ -7,7 +7,7 @@ use sinew_engine::report::{ContactFigures, StepReport, StepTotals, VolumeReport}
 use sinew_engine::step::{StepClock, StepError, run_step};
 use sinew_models::axes::muscle::ActivationWork;
 use sinew_models::resection::{RemovalLog, RemovalReport};
-use sinew_solvers::settings::SolverSettings;
+use sinew_solvers::settings::{Integrator, SolverSettings};
 
 /// Sums and extremes over the steps that led to the present state, as a resource of the world. Snapshots hold it, so
 /// restoring one takes it back to what it was then.
@@ -44,11 +44,13 @@ impl RunTotals {
         let report = world.resource::<StepReport>();
         self.steps += 1;
         self.sums.add(report);
-        self.solver.add_step(report, self.steps);
+        let settings = world.get_resource::<SolverSettings>();
+        let integrator = settings.map_or_else(Integrator::default, |own| own.integrator);
+        self.solver.add_step(report, self.steps, integrator);
         self.contact.add_step(&report.contact, self.steps);
         let removals = world.get_resource::<RemovalLog>().into_iter().flat_map(|log| &log.0);
         removals.flat_map(|(_, result)| result).for_each(|report| self.add_removal(report));
-        self.add_energy(world, report);
+        self.add_energy(world, report, integrator);
         self.volume.add_step(world.resource(), world.resource::<StepClock>().time);
         #[cfg(feature = "gpu")]
         if let Some(own) = world.get_resource::<sinew_gpu::GpuReport>() {
@@ -61,7 +63,7 @@ impl RunTotals {
         self.energy.removed += report.elastic_energy + report.kinetic_energy;
     }
 
-    fn add_energy(&mut self, world: &World, report: &StepReport) {
+    fn add_energy(&mut self, world: &World, report: &StepReport, integrator: Integrator) {
         let e = &mut self.energy;
         let activation = world.get_resource::<ActivationWork>().copied().unwrap_or_default();
         let before = e.contact.unwrap_or_default();
@@ -89,7 +91,7 @@ impl RunTotals {
         e.kinetic = report.kinetic_energy;
         e.elastic_max = e.elastic_max.max(e.elastic);
         e.kinetic_max = e.kinetic_max.max(e.kinetic);
-        if world.get_resource::<SolverSettings>().is_some_and(|s| s.integrator.facts().dynamic) {
+        if integrator.facts().dynamic {
             e.dissipated = Some(e.dissipated.unwrap_or(0.0) + report.dissipation);
         }
     }
@@ -123,17 +125,28 @@ pub struct SolverFigures {
     pub fallbacks: [u64; 6],
     /// Bodies in recovery at the end.
     pub recovering_final: u32,
+    /// Those of them with something in contact, in dynamic runs.
+    pub unconverged_in_contact: u64,
     /// Steps in which a body was halted or fell back to a gradient.
     pub halted_steps: u64,
+    /// Those of them in which contact was not found, or bodies lay in each other.
+    pub halted_by_contact: u64,
     /// Smallest stable explicit step (s), `None` when not estimated.
     pub stable_step: Option<f64>,
 }
 
 impl SolverFigures {
-    fn add_step(&mut self, report: &StepReport, steps: u64) {
+    fn add_step(&mut self, report: &StepReport, steps: u64, integrator: Integrator) {
         self.recovering_final = report.recovering;
-        self.halted_steps += u64::from(report.line_search_failures + report.gradient_fallbacks > 0);
+        // a gradient is one iteration of many where the integrator converges, and halts nothing
+        let followed = !integrator.converges() && report.gradient_fallbacks > 0;
+        let halted = report.line_search_failures > 0 || followed;
+        let contact = &report.contact;
+        self.halted_steps += u64::from(halted);
+        self.halted_by_contact += u64::from(halted && contact.unconverged + contact.buried > 0);
         self.unconverged_steps += u64::from(report.unconverged);
+        let touched = contact.points > 0 && integrator.facts().dynamic;
+        self.unconverged_in_contact += u64::from(report.unconverged && touched);
         self.cg_iterations_max = self.cg_iterations_max.max(report.cg_iterations);
         self.newton_iterations_max = self.newton_iterations_max.max(report.newton_iterations);
         self.worst_residual = self.worst_residual.max(report.cg_residual);

@@ -14,12 +14,19 @@ use sinew_solvers::settings::{Integrator, SolverSettings};
 pub enum Untrusted {
     /// Bodies were halted in too many steps.
     #[error(
-        "in {halted} of {steps} steps a body was halted because no state of lower energy was found, so it hardly moved; \
-         loads, motions or units are far beyond what the material holds: make them smaller, or use a smaller dt"
+        "in {halted} of {steps} steps a body was halted because no state of lower energy was found, so it hardly moved; {}",
+        if *.by_contact {
+            "contact was not found within its rounds there, or bodies lie in each other: let them start apart, move tools more \
+             slowly, or use a smaller dt or a smaller stiffness of tools and contacts"
+        } else {
+            "loads, motions or units are far beyond what the material holds: make them smaller, or use a smaller dt"
+        }
     )]
     Halted {
         /// Steps in which a body was halted.
         halted: u64,
+        /// Whether in most of them contact was not found, or bodies lay in each other.
+        by_contact: bool,
         /// Steps carried out.
         steps: u64,
     },
@@ -38,14 +45,16 @@ pub enum Untrusted {
     },
     /// An iteration that is to converge did not in too many steps.
     #[error(
-        "integrator {} did not converge in {unconverged} of {steps} steps; use a smaller dt, or integrator = \"safe\"",
-        .integrator.name()
+        "integrator {} did not converge in {unconverged} of {steps} steps, in {in_contact} of them with something in contact; \
+         use integrator = \"auto\" or \"safe\", or a smaller dt", .integrator.name()
     )]
     NotConverged {
         /// The integrator.
         integrator: Integrator,
         /// Steps in which it did not.
         unconverged: u64,
+        /// Those of them with something in contact: it took steps of first order then.
+        in_contact: u64,
         /// Steps carried out.
         steps: u64,
     },
@@ -110,7 +119,8 @@ pub fn verdict(world: &World) -> Result<(), Untrusted> {
     let often = |count: u64| count >= OFTEN.1 && count as f64 > OFTEN.0 * steps as f64;
     let (halted, unconverged) = (solver.halted_steps, solver.unconverged_steps);
     if often(halted) {
-        return Err(Untrusted::Halted { halted, steps });
+        let by_contact = 2 * solver.halted_by_contact > halted;
+        return Err(Untrusted::Halted { halted, by_contact, steps });
     }
     let settings = world.get_resource::<SolverSettings>();
     let integrator = settings.map_or_else(Integrator::default, |own| own.integrator);
@@ -119,7 +129,8 @@ pub fn verdict(world: &World) -> Result<(), Untrusted> {
         return Err(Untrusted::NoEquilibrium { unconverged, steps, newton_step });
     }
     if integrator.converges() && often(unconverged) {
-        return Err(Untrusted::NotConverged { integrator, unconverged, steps });
+        let in_contact = solver.unconverged_in_contact;
+        return Err(Untrusted::NotConverged { integrator, unconverged, in_contact, steps });
     }
     let report = world.get_resource::<VolumeReport>();
     let elements = report.map_or(0, |report| report.elements_by_body.iter().sum::<u64>());

@@ -51,6 +51,43 @@ fn a_run_that_fails_on_the_way_reports_and_returns_one() {
     check(&["run", &path], 1, "FAILED after 0 of 300 steps", "substeps");
 }
 
+/// Forces of first order are none of those that were asked for.
+#[test]
+fn a_run_whose_contact_did_not_converge_fails_and_says_so() {
+    let text = r#"
+        name = "laid"
+        dt = 0.01
+        duration = 0.2
+        [solver]
+        integrator = "newton"
+        max_newton_iterations = 3
+        [[body]]
+        name = "block"
+        generate = { box = { size = [0.1, 0.1, 0.03], cells = [6, 6, 2] } }
+        material = { young_modulus = 2e4, poisson_ratio = 0.4, density = 1000.0 }
+        [[body]]
+        name = "ball"
+        generate = { sphere = { radius = 0.02, shells = 3 } }
+        translate = [0.05, 0.05, 0.0502]
+        material = { young_modulus = 2e4, poisson_ratio = 0.4, density = 1000.0 }
+        [[constraint]]
+        name = "floor"
+        body = "block"
+        select = { group = "z0" }
+        [[contact]]
+        name = "pair"
+        bodies = ["block", "ball"]
+        friction = 0.3
+    "#;
+    let path = file("laid.toml");
+    std::fs::write(&path, text).unwrap();
+    let path = path.display().to_string();
+    let out = check(&["run", &path], 1, "FAILED", "of them with something in contact");
+    let remedy = "use integrator = \"auto\" or \"safe\", or a smaller dt";
+    assert!(out.contains("run.newton.contact") || out.contains(remedy), "{out}");
+    check(&["run", &path, "--integrator", "safe"], 0, "", "");
+}
+
 #[test]
 fn checks_and_meshes() {
     check(&["check", &shipped("crush")], 0, "can be simulated", "");

@@ -94,9 +94,26 @@ pub(crate) enum Against {
     Part(usize),
     /// Faces of a body: range of the list of faces.
     Faces(std::ops::Range<usize>),
-    /// A hand that draws it: place (m) drawn to at the end and at the start of the step (now it is `carried`),
-    /// damping (N s/m), and that over the time since the start of the step (N/m).
-    Hand { to: DVec3, from: DVec3, damping: f64, rate: f64 },
+    /// A hand that draws it.
+    Hand(Hand),
+}
+
+/// A hand that draws a point, in this step.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Hand {
+    /// Index into the pulls of the step.
+    pub pull: usize,
+    /// Place (m) drawn to at the start of the step, in substeps of what is left of it, and at its end; now it is
+    /// `carried`.
+    pub from: DVec3,
+    pub to: DVec3,
+    /// Velocity (m/s) of that place.
+    pub velocity: DVec3,
+    /// Damping (N s/m).
+    pub damping: f64,
+    /// Damping (N/m) by ways from the start of the step, and the way (m) for which it is silent.
+    pub rate: f64,
+    pub silent: DVec3,
 }
 
 /// A point that something may touch in this step.
@@ -117,7 +134,7 @@ pub(crate) struct ContactPoint {
     /// Place (m) at the start of the step.
     pub start: DVec3,
     /// Slip kept, turned with the tool, and the place (m) that the point would have if it went with the tool. Of
-    /// pulls: places (m) drawn to at the start of the step and now.
+    /// pulls, the second is the place (m) drawn to now.
     pub slip: DVec3,
     pub carried: DVec3,
     /// Limit (Pa) of friction and normal of the last iterate.
@@ -275,10 +292,9 @@ impl ContactPoint {
         // signed distance and its gradient
         let gradient;
         match &self.against {
-            Against::Hand { rate, .. } => {
-                let (stretch, way) =
-                    (at - self.carried, (at - self.start) - (self.carried - self.slip));
-                let (k, c) = (self.area * self.k, self.area * rate);
+            Against::Hand(hand) => {
+                let (stretch, way) = (at - self.carried, (at - self.start) - hand.silent);
+                let (k, c) = (self.area * self.k, self.area * hand.rate);
                 active.on = true;
                 active.push = -k * stretch;
                 active.rub = -c * way;

@@ -9,8 +9,8 @@ use sinew_engine::order::Order;
 use sinew_engine::row::VertexRow;
 
 /// Draws every vertex of a patch to the place to which a moving pose carries it. The pose starts when the pull takes
-/// hold. The energy is `sum_a w_a (k |x_a - T(X_a)|^2 + c |v_a - v_T|^2 h) / 2`, solved implicitly with everything
-/// else.
+/// hold. The energy is `sum_a w_a (k |x_a - T(X_a)|^2 + c |v_a - v_T|^2 H) / 2`, solved implicitly with everything
+/// else; `H` is the length of the stage of the integrator (s). `v_T` is the mean velocity of the pose in the step.
 #[derive(Component, Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[require(PullReport, Order)]
 pub struct Pull {
@@ -103,7 +103,7 @@ pub struct PullReport {
     pub torque: DVec3,
     /// Weighted mean distance (m) of the patch from the place that it is drawn to.
     pub distance: f64,
-    /// Work (J) done by the hand since it took hold, by the force at the end of every step.
+    /// Work (J) done by the hand since it took hold, by the force at the end of every step or explicit substep.
     pub work: f64,
 }
 

@@ -5,7 +5,8 @@ use crate::beside::beside;
 use crate::limits::Limits;
 use crate::pair::{BodyContact, BodyContactReport};
 use crate::point::{
-    Active, Against, ContactPoint, NO_ROW, PartNow, PointKey, PointMemory, RigidPose, Side, outer,
+    Active, Against, ContactPoint, Hand, NO_ROW, PartNow, PointKey, PointMemory, RigidPose, Side,
+    outer,
 };
 use crate::pull::{Pull, PullReport};
 use crate::skin::{ContactSkin, EMPTY, face_points, grown, overlap};
@@ -39,6 +40,8 @@ const INSIDE: f64 = 0.25;
 const GROWTH: f64 = 0.1;
 /// Depth over the mean edge beyond which a point that did not touch is taken to be behind a body, not inside of it.
 const DEEP: f64 = 0.35;
+/// Roundings of a place on its way to a distance.
+const ROUNDINGS: f64 = 4.0;
 /// Thickness of a tool over the mean edge from which vertices are dense enough.
 const DENSE: f64 = 2.0;
 
@@ -80,7 +83,7 @@ struct ToolState {
     dissipation: f64,
 }
 
-/// Work (J) and dissipation (J) of a tool in the substeps of a step.
+/// Work (J) and dissipation (J) of a tool or hand in the substeps of a step.
 #[derive(Clone, Copy, Debug, Default)]
 struct Settled {
     work: f64,
@@ -165,7 +168,7 @@ pub struct ContactSet {
     figures: ContactFigures,
     /// Local stiffnesses (N/m) found in this step, by tool.
     local: Vec<(usize, DMat3)>,
-    /// Work and dissipation in the substeps of the step: of each tool, and last of all hands together.
+    /// Work and dissipation in the substeps of the step: of each tool, then of each pull.
     settled: Vec<Settled>,
     /// The kept state before the first part of a step in parts, and the number of that step.
     before_parts: Option<(u64, Box<ContactMemory>)>,
@@ -216,7 +219,7 @@ impl ContactSet {
             self.find_pair_points(rest);
         }
         self.find_pull_points(world, x);
-        self.settled = vec![Settled::default(); self.tools.len() + 1];
+        self.settled = vec![Settled::default(); self.tools.len() + self.pulls.len()];
         self.points.sort_unstable_by_key(|point| point.key);
         let bodies = world.resource::<Topology>().bodies.len();
         self.first.clear();
@@ -228,7 +231,7 @@ impl ContactSet {
         for point in &mut self.points {
             point.start = point.at(x);
         }
-        self.set_part(1.0, clock.dt);
+        self.set_part(1.0);
         Ok(())
     }
 
@@ -243,7 +246,7 @@ impl ContactSet {
         let mut rows: Vec<(VertexRow, f64, f64)> = Vec::new();
         for point in &self.points {
             let damping = match point.against {
-                Against::Hand { damping, .. } => damping * point.area,
+                Against::Hand(hand) => hand.damping * point.area,
                 _ => 0.0,
             };
             // vertices of the face on the other side bear at most as much
@@ -279,8 +282,8 @@ impl ContactSet {
         self.points.is_empty()
     }
 
-    /// Puts all tools and hands where they are when `part` of the step has passed, `span` (s) after its start.
-    pub fn set_part(&mut self, part: f64, span: f64) {
+    /// Puts all tools and hands where they are when `part` of the step has passed.
+    pub fn set_part(&mut self, part: f64) {
         for own in &mut self.parts {
             own.now = own.start.towards(&own.end, part);
         }
@@ -296,11 +299,32 @@ impl ContactSet {
                     point.side.normal = if keeps { normal } else { DVec3::ZERO };
                     point.choose_side(own);
                 }
-                Against::Hand { to, from, damping, rate } => {
-                    point.carried = *from + (*to - *from) * part;
-                    *rate = if span > 0.0 { *damping / span } else { 0.0 };
+                Against::Hand(hand) => {
+                    point.carried = match part {
+                        1.0 => hand.to,
+                        _ => hand.from + (hand.to - hand.from) * part,
+                    }
                 }
                 Against::Faces(_) => {}
+            }
+        }
+    }
+
+    /// Says which velocities the dampers of pulls on some bodies meet: `(d - offset) / span` (m/s) where a row has moved
+    /// by `d` (m) since the start of the step. A `span` (s) without end leaves them silent.
+    pub fn set_dampers(
+        &mut self,
+        bodies: &Range<usize>,
+        span: f64,
+        offset: &dyn Fn(VertexRow) -> DVec3,
+    ) {
+        let range = self.range(bodies);
+        for point in &mut self.points[range] {
+            let Against::Hand(hand) = &mut point.against else { continue };
+            (hand.rate, hand.silent) = (hand.damping / span, DVec3::ZERO);
+            if hand.rate > 0.0 {
+                let offsets = point.rows.iter().zip(point.weights).map(|(&row, w)| w * offset(row));
+                hand.silent = offsets.sum::<DVec3>() + span * hand.velocity;
             }
         }
     }
@@ -549,6 +573,24 @@ impl ContactSet {
         self.active[self.range(bodies)].iter().filter(|a| a.on).map(of).sum()
     }
 
+    /// What the forces of the contacts of some bodies do (J) along the rounding of places, at the last evaluation:
+    /// changes of energy below it mean nothing. `of_row` is the rounding (m) of the place of a vertex row.
+    pub fn rounding(&self, bodies: &Range<usize>, of_row: &dyn Fn(VertexRow) -> f64) -> f64 {
+        let range = self.range(bodies);
+        let of = |(point, active): (&ContactPoint, &Active)| {
+            let shares = active.rows.iter().zip(active.weights);
+            let own = shares.map(|(&row, w)| if w == 0.0 { 0.0 } else { w.abs() * of_row(row) });
+            let centre = match point.against {
+                Against::Part(part) => self.parts[part].now.centre.abs().max_element(),
+                _ => 0.0,
+            };
+            let force = (active.push.abs() + active.rub.abs()).element_sum();
+            ROUNDINGS * force * (own.sum::<f64>() + f64::EPSILON * centre)
+        };
+        let touching = self.points[range.clone()].iter().zip(&self.active[range]);
+        touching.filter(|(_, active)| active.on).map(of).sum()
+    }
+
     /// Ends a substep: contacts go on from positions `x`, those of the last evaluation.
     pub fn settle(&mut self, x: &dyn Fn(VertexRow) -> DVec3) {
         for (point, active) in self.points.iter().zip(&self.active).filter(|(_, a)| a.on) {
@@ -558,7 +600,7 @@ impl ContactSet {
                     let own = &self.parts[part];
                     (own.tool, active.at - own.now.carry(active.at, &own.start))
                 }
-                Against::Hand { .. } => (self.tools.len(), point.carried - point.slip),
+                Against::Hand(hand) => (self.tools.len() + hand.pull, point.carried - hand.from),
                 Against::Faces(_) => continue,
             };
             let own = &mut self.settled[tool];
@@ -571,8 +613,8 @@ impl ContactSet {
         for (point, active) in self.points.iter_mut().zip(&self.active) {
             point.memory = remember(point, active);
             point.start = point.at(x);
-            if let Against::Hand { .. } = point.against {
-                point.slip = point.carried;
+            if let Against::Hand(hand) = &mut point.against {
+                hand.from = point.carried;
             }
         }
     }
@@ -580,7 +622,7 @@ impl ContactSet {
     /// Ends the step at positions `x`: writes the kept state and the reports. `dt` is the length of the step (s).
     pub fn finish(&mut self, world: &mut World, x: &RowPlaces, dt: f64) -> ContactFigures {
         let bodies = 0..self.first.len().saturating_sub(1);
-        self.set_part(1.0, dt);
+        self.set_part(1.0);
         self.evaluate(&bodies, x, Limits::Keep);
         self.kept.points.clear();
         for (point, active) in self.points.iter().zip(&self.active) {
@@ -596,7 +638,7 @@ impl ContactSet {
         self.keep_forces();
         let mut edge_depth = 0.0_f64;
         for (point, active) in self.points.iter().zip(&self.active).filter(|(_, a)| a.on) {
-            if matches!(point.against, Against::Hand { .. }) {
+            if matches!(point.against, Against::Hand(_)) {
                 continue;
             }
             self.figures.points += 1;
@@ -651,7 +693,7 @@ fn stored(point: &ContactPoint, active: &Active) -> f64 {
     if !active.on {
         return 0.0;
     }
-    if let Against::Hand { .. } = point.against {
+    if let Against::Hand(_) = point.against {
         return 0.5 * point.area * point.k * active.gap * active.gap;
     }
     let slip = point.kept_slip(active).length_squared();

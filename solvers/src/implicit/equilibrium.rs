@@ -39,9 +39,7 @@ impl<S: Scalar> Step<'_, S> {
                 uncovered = self.residual_at_start();
             }
             self.scratch.use_part(part, &uncovered);
-            if let Some(contact) = &mut self.contact {
-                contact.set_part(part, 0.0);
-            }
+            self.tools_at(part);
             self.scratch.begin();
             self.start_at(&last_equilibrium);
             self.bodies.iter_mut().for_each(BodyStep::reopen);

@@ -119,7 +119,7 @@ impl<S: Scalar> Step<'_, S> {
 impl BodyStep {
     /// Whether kinetic and potential energy (J) are above the budget by more than rounding.
     fn exceeds_budget<S: Scalar>(&self, kinetic: f64, potential: f64) -> bool {
-        let rounding = noise::<S>() * (kinetic + potential.abs());
+        let rounding = noise::<S>() * (kinetic + potential.abs()) + self.rounding;
         kinetic > 0.0 && kinetic + potential > self.budget + rounding
     }
 

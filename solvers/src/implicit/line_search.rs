@@ -82,6 +82,7 @@ impl<S: Scalar> Step<'_, S> {
             .collect();
         for search in &mut searches {
             self.add_contact(search);
+            self.bodies[search.body].rounding = search.rounding;
         }
         if searches.is_empty() {
             return;
@@ -105,6 +106,7 @@ impl<S: Scalar> Step<'_, S> {
         for search in searches.iter().filter(|search| !search.accepted) {
             let body = &mut self.bodies[search.body];
             self.report.line_search_failures += 1;
+            body.searched[0] += 1;
             // rounding level: the gradient is as small as the energy can resolve
             let length = self.scratch.relative_step(body);
             (body.done, body.converged) = (true, length <= tolerance.max(noise::<S>()));
@@ -190,7 +192,7 @@ impl<S: Scalar> Step<'_, S> {
             return;
         }
         search.contact = self.contact_energy(search.body, At::Iterate, Limits::Keep);
-        search.rounding += noise::<S>() * search.contact;
+        search.rounding += noise::<S>() * search.contact + self.contact_rounding(search.body);
         let (scratch, body) = (&*self.scratch, &self.bodies[search.body]);
         if let Some(contact) = &self.contact {
             contact.for_forces(&body.bodies, |row, f| {
@@ -314,7 +316,8 @@ impl<S: Scalar> ImplicitScratch<S> {
     fn line_search(&self, index: usize, body: &BodyStep) -> LineSearch {
         let weights = &body.weights;
         let (mut linear, mut quadratic, mut slope) = (0.0, 0.0, 0.0);
-        let mut scale = body.elastic.abs();
+        // what the elastic forces do along the rounding of displacements, which their energy need not show
+        let (mut scale, mut blur) = (body.elastic.abs(), 0.0);
         for row in body.rows.clone() {
             let m = self.node.mass[row].to_f64();
             let direction = &self.direction[row];
@@ -329,6 +332,7 @@ impl<S: Scalar> ImplicitScratch<S> {
                     quadratic += m * d * d * (weights.inertia + weights.mass_damping);
                     scale += 0.5 * m * weights.inertia * past_inertial * past_inertial;
                 }
+                blur += (self.force[row][k] * self.iterate[row][k]).to_f64().abs();
                 linear -= self.load[row][k].to_f64() * d;
                 linear += weights.rate * self.damped[row][k].to_f64() * d;
             }
@@ -340,7 +344,7 @@ impl<S: Scalar> ImplicitScratch<S> {
         // step always tests, its bound rests on it.
         let least = noise::<S>().max(UNRESOLVED) * scale;
         let resolved = body.mode != StepMode::Converge || -slope > least;
-        let rounding = noise::<S>() * scale;
+        let rounding = noise::<S>() * scale + S::EPSILON.to_f64() * blur;
         LineSearch {
             body: index,
             linear,

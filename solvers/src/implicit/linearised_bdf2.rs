@@ -7,8 +7,10 @@
 
 use super::step::{Rejected, Step, StepMode, Weights, noise};
 use super::touch::At;
+use crate::integrator::Integrator;
 use crate::state::write_displacement;
 use sinew_contact::limits::Limits;
+use sinew_contact::set::ContactSet;
 use sinew_engine::ratios::measure_volume_ratios;
 use sinew_engine::report::VolumeReport;
 use sinew_engine::scalar::Scalar;
@@ -16,6 +18,9 @@ use sinew_engine::step::StepError;
 
 /// Safe steps that follow one at which linearised BDF2 failed its tests.
 pub const WAIT: u32 = 2;
+
+/// Growth of energy over the energies of a body up to which a converged step stands: Newton ends before rounding does.
+const GAIN: f64 = 1e-6;
 
 impl<S: Scalar> Step<'_, S> {
     /// A trial step for every body whose past allows one, then safe steps for those that failed.
@@ -43,28 +48,60 @@ impl<S: Scalar> Step<'_, S> {
     /// Rejects trial steps that end above the energy budget.
     fn test_energies(&mut self) {
         for index in 0..self.bodies.len() {
-            if !self.bodies[index].is_open_trial() {
-                continue;
-            }
-            let put_in = self.contact_energy_at_start(index);
-            let stored = self.contact_energy(index, At::Iterate, Limits::Keep);
-            let scratch = &mut *self.scratch;
-            let body = &mut self.bodies[index];
-            scratch.find_velocities(body);
-            let rows = body.rows.clone();
-            let kinetic = scratch.node.kinetic_energy(rows.clone(), &scratch.velocity)[0];
-            let potential =
-                body.elastic + stored - scratch.node.load_potential(rows, &scratch.iterate);
-            let allowed = body.budget
-                + put_in
-                + body.past.body.excess
-                + noise::<S>() * (kinetic + potential.abs());
-            // false for NaN
-            let within = kinetic + potential <= allowed;
-            if !within {
-                body.reject(Rejected::Energy);
+            let body = &self.bodies[index];
+            if body.is_open_trial() && self.gains_energy(index, body.past.body.excess, 0.0) {
+                self.bodies[index].reject(Rejected::Energy);
             }
         }
+    }
+
+    /// Whether a body ends its step with more energy than its budget, `excess` (J), and what contact put in, by more than a
+    /// `share` of its energies and rounding.
+    fn gains_energy(&mut self, index: usize, excess: f64, share: f64) -> bool {
+        let put_in = self.contact_energy_at_start(index);
+        let stored = self.contact_energy(index, At::Iterate, Limits::Keep);
+        let (body, scratch) = (&self.bodies[index], &mut *self.scratch);
+        scratch.find_velocities(body);
+        let rows = body.rows.clone();
+        let kinetic = scratch.node.kinetic_energy(rows.clone(), &scratch.velocity)[0];
+        let potential = body.elastic + stored - scratch.node.load_potential(rows, &scratch.iterate);
+        let energies = kinetic + potential.abs();
+        let rounding = noise::<S>().max(share) * energies + body.rounding;
+        // false for NaN
+        let within = kinetic + potential <= body.budget + put_in + excess + rounding;
+        !within
+    }
+
+    /// The safe step for bodies in contact for which Newton's iteration did not converge in some stage, or found a state
+    /// of implicit Euler with more energy than the step began with: forces of such states are arbitrary.
+    pub fn step_safely_where_contact_is_missed(&mut self) -> Result<(), StepError> {
+        // multipliers move the energy, and have no safe step
+        let exact = self.contact.as_ref().is_none_or(ContactSet::is_exact);
+        if exact || !self.is_dynamic() {
+            return Ok(());
+        }
+        let euler = self.settings.integrator.resolve() == Integrator::Newton;
+        let mut unconverged = self.report.unconverged;
+        for index in 0..self.bodies.len() {
+            let body = &self.bodies[index];
+            if body.mode != StepMode::Converge || !body.touched {
+                continue;
+            }
+            if body.missed || euler && self.gains_energy(index, 0.0, GAIN) {
+                let body = &mut self.bodies[index];
+                body.reject(Rejected::Unconverged);
+                // what the attempt met does not count
+                self.report.line_search_failures -= body.searched[0];
+                self.report.gradient_fallbacks -= body.searched[1];
+                unconverged = true;
+            }
+        }
+        if self.bodies.iter().any(|body| body.rejected == Some(Rejected::Unconverged)) {
+            self.scratch.use_end_of_step();
+            self.step_safely_where_rejected()?;
+            self.report.unconverged = unconverged;
+        }
+        Ok(())
     }
 
     /// Rejects trial steps that end with inverted elements; they begin without.
@@ -98,6 +135,7 @@ impl<S: Scalar> Step<'_, S> {
                 Some(Rejected::Shortened) => fallbacks.shortened += 1,
                 Some(Rejected::Energy) => fallbacks.energy += 1,
                 Some(Rejected::Inverted) => fallbacks.inverted += 1,
+                Some(Rejected::Unconverged) => {}
             }
         }
     }

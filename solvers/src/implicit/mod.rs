@@ -28,7 +28,7 @@
 //! * **Linearised BDF2**: one Newton step of BDF2 from `x_n + h v_n`, which must pass tests
 //!   (`linearised_bdf2`); a body that fails them takes the safe step.
 //! * **Newton, BDF2, TR-BDF2, midpoint**: iterated to convergence, the last three from where the
-//!   velocities lead.
+//!   velocities lead. A body in contact for which that fails takes the safe step.
 //! * **Quasi-static**: the same without inertia; in parts if it does not converge in one go, or turns
 //!   elements inside out (`equilibrium`).
 
@@ -48,12 +48,11 @@ mod tr_bdf2;
 
 use crate::integrator::Integrator;
 use crate::settings::SolverSettings;
-use crate::state::{evaluate, position, read_rest, write_state};
+use crate::state::{evaluate, position, read_rest, vector, write_state};
 use crate::support::check_support;
 use bevy_ecs::prelude::*;
 pub use equilibrium::MAX_PARTINGS;
 pub use finish::BUDGET_DECAY;
-use glam::DVec3;
 pub use linearised_bdf2::WAIT;
 use sinew_contact::set::ContactSet;
 use sinew_engine::law::ElasticEnergy;
@@ -120,10 +119,7 @@ fn prepare<S: Scalar>(
     scratch: &ImplicitScratch<S>,
 ) -> Result<(), StepError> {
     let x = position(&scratch.rest, &scratch.node.u);
-    let v = |row: VertexRow| {
-        let v = &scratch.node.v[row.index()];
-        DVec3::new(v[0].to_f64(), v[1].to_f64(), v[2].to_f64())
-    };
+    let v = |row: VertexRow| vector(&scratch.node.v[row.index()]);
     contact.prepare(world, &scratch.rest, &x, &v, true)?;
     settings.integrator.check_contact(contact)
 }
@@ -153,6 +149,7 @@ impl<S: Scalar> Step<'_, S> {
                 Err(StepError::InvalidSetting(format!("integrator = \"{name}\" is not implicit")))
             }
         }?;
+        self.step_safely_where_contact_is_missed()?;
         self.check_finite()?;
         self.find_local_stiffness();
         let end = follower_energies(self.world, &self.scratch.iterate);

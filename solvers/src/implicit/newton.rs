@@ -36,11 +36,16 @@ impl<S: Scalar> Step<'_, S> {
     }
 
     fn newton(&mut self, at_first_iterate: impl FnOnce(&mut Self)) -> Result<(), StepError> {
-        let newton = self.bodies.iter().any(|b| b.mode == StepMode::Converge);
+        let newton = self.bodies.iter().any(|b| b.mode == StepMode::Converge && !b.done);
         let mut at_first_iterate = Some(at_first_iterate);
         let most = if newton { self.settings.max_newton_iterations } else { 1 };
         let (mut iterations, mut multiplier_rounds) = (0, 0);
         self.recall_predicted();
+        for index in 0..self.bodies.len() {
+            if !self.bodies[index].done {
+                self.set_dampers(index);
+            }
+        }
         while iterations < most {
             iterations += 1;
             let kind = self.linearise()?;
@@ -65,6 +70,9 @@ impl<S: Scalar> Step<'_, S> {
         self.world.resource_mut::<PredictedValues>().0.clear();
         let unconverged = |b: &BodyStep| b.mode == StepMode::Converge && !b.converged;
         self.report.unconverged = self.bodies.iter().any(unconverged);
+        for body in &mut self.bodies {
+            body.missed |= unconverged(body);
+        }
         Ok(())
     }
 
@@ -252,23 +260,30 @@ impl<S: Scalar> Step<'_, S> {
 
     /// The residual times the inverse diagonal blocks as the direction of a body.
     fn precondition_gradient(&mut self, index: usize) {
+        self.report.gradient_fallbacks += 1;
+        self.bodies[index].searched[1] += 1;
+        self.bodies[index].gradient = true;
         let body = &self.bodies[index];
+        if body.touched {
+            return self.precondition_touched(index);
+        }
         let ImplicitScratch { node, residual, direction, damping, .. } = &mut *self.scratch;
         let system = system_matrix(self.world, &body.weights, node, damping);
         let rows = body.rows.clone();
         system.preconditioned(body.bodies.clone(), &residual[rows.clone()], &mut direction[rows]);
-        self.report.gradient_fallbacks += 1;
     }
 
     /// Ends the iteration of bodies whose Newton step is small enough. That is tested before the line
     /// search, which drowns in rounding near the minimum.
     fn take_converged_steps(&mut self) {
-        let tolerance = self.newton_tolerance();
+        let (tolerance, dynamic) = (self.newton_tolerance(), self.is_dynamic());
         self.report.newton_step = 0.0;
         for body in self.bodies.iter_mut().filter(|b| !b.done) {
             let length = self.scratch.relative_step(body);
             self.report.newton_step = self.report.newton_step.max(length);
-            if body.mode == StepMode::Converge && length <= tolerance {
+            // what is touched has a safe step to turn to
+            let unknown = std::mem::take(&mut body.gradient) && body.touched && dynamic;
+            if body.mode == StepMode::Converge && length <= tolerance && !unknown {
                 self.scratch.advance(body.rows.clone(), S::ONE);
                 body.taken = 1.0;
                 (body.done, body.converged) = (true, true);

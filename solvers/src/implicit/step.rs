@@ -126,11 +126,19 @@ pub(super) struct BodyStep {
     pub elastic_before: f64,
     /// Kinetic plus potential energy (J) at the start, held vertices moved.
     pub budget: f64,
+    /// Energy (J) below which the last line search took changes for rounding.
+    pub rounding: f64,
     /// Part of the direction last found that was taken.
     pub taken: f64,
     pub done: bool,
     pub converged: bool,
-    /// Why the linearised BDF2 step does not count.
+    /// The direction is a gradient, whose length says nothing of the distance to the minimum.
+    pub gradient: bool,
+    /// Newton's iteration did not converge in some stage.
+    pub missed: bool,
+    /// Line searches of Newton's iteration that found no decrease, and solves that gave way to a gradient.
+    pub searched: [u32; 2],
+    /// Why the step of second order, or the converged one, does not count.
     pub rejected: Option<Rejected>,
 }
 
@@ -145,13 +153,14 @@ pub(super) enum StepMode {
     Converge,
 }
 
-/// Why a linearised BDF2 step does not count.
+/// Why a linearised BDF2 step or a converged one does not count.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Rejected {
     Indefinite,
     Shortened,
     Energy,
     Inverted,
+    Unconverged,
 }
 
 /// Rows of a piece without held unknowns.
@@ -296,9 +305,13 @@ impl BodyStep {
             elastic: 0.0,
             elastic_before: 0.0,
             budget: f64::INFINITY,
+            rounding: 0.0,
             taken: 0.0,
             done: false,
             converged: false,
+            gradient: false,
+            missed: false,
+            searched: [0; 2],
             rejected: None,
         }
     }
@@ -323,7 +336,7 @@ impl BodyStep {
         self.mode == StepMode::Trial && self.rejected.is_none()
     }
 
-    /// Gives the linearised BDF2 step up.
+    /// Gives the step up.
     pub fn reject(&mut self, why: Rejected) {
         (self.done, self.rejected) = (true, Some(why));
     }

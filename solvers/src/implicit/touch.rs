@@ -15,7 +15,7 @@ use super::step::{
     BodyStep, FreePiece, ImplicitScratch, Rejected, Step, StepMode, TouchScratch, noise,
 };
 use crate::cg::CgStatus;
-use crate::state::{Rows, dot3, position};
+use crate::state::{Rows, dot3, position, vector};
 use glam::{DMat3, DVec3};
 use sinew_contact::limits::Limits;
 use sinew_contact::set::{ContactSet, RowPlaces};
@@ -72,6 +72,11 @@ impl<S: Scalar> Step<'_, S> {
             return 0.0;
         }
         self.try_at(index, S::ZERO);
+        // energies and reports of dampers go by the mean velocities of the whole step, whatever its stages
+        let bodies = self.bodies[index].bodies.clone();
+        if let Some(contact) = &mut self.contact {
+            contact.set_dampers(&bodies, self.dt, &|_| DVec3::ZERO);
+        }
         self.contact_energy(index, At::Trial, Limits::Keep)
     }
 
@@ -104,12 +109,25 @@ impl<S: Scalar> Step<'_, S> {
     /// Puts tools where they are when `part` of the step has passed.
     pub fn tools_at(&mut self, part: f64) {
         if let Some(contact) = &mut self.contact {
-            contact.set_part(part, part * self.dt);
+            contact.set_part(part);
         }
     }
 
-    /// Adds contact forces at the trial displacements to a field.
+    /// Dampers of pulls on a body meet the velocities of its stage, `(d - o) / H`.
+    pub fn set_dampers(&mut self, index: usize) {
+        let (body, offset) = (&self.bodies[index], &self.scratch.offset);
+        if let Some(contact) = self.contact.as_mut().filter(|_| body.touched) {
+            let offset = |row: VertexRow| vector(&offset[row.index()]);
+            contact.set_dampers(&body.bodies, 1.0 / body.weights.rate, &offset);
+        }
+    }
+
+    /// Adds contact forces at the start of the step, tools and hands being there, to a field.
     pub fn add_contact_forces(&mut self, index: usize, force: &mut Rows<S>) {
+        let (body, v) = (&self.bodies[index], &self.scratch.node.v);
+        if let Some(contact) = self.contact.as_mut().filter(|_| body.touched) {
+            contact.set_dampers(&body.bodies, 1.0, &|row| -vector(&v[row.index()]));
+        }
         self.contact_energy(index, At::Trial, Limits::Take);
         if let Some(contact) = self.contact.as_ref().filter(|_| self.bodies[index].touched) {
             contact.for_forces(&self.bodies[index].bodies, |row, f| add(&mut force[row], f));
@@ -151,6 +169,33 @@ impl<S: Scalar> Step<'_, S> {
         }
         self.contact = Some(contact);
         Ok(outcome?.unwrap_or(false))
+    }
+
+    /// The forces out of balance with those of contact, by the inverse diagonal blocks, as the direction of a body.
+    pub fn precondition_touched(&mut self, index: usize) {
+        let Some(contact) = &mut self.contact else { return };
+        let (body, scratch) = (&self.bodies[index], &mut *self.scratch);
+        let (rows, bodies) = (body.rows.clone(), &body.bodies);
+        evaluate(contact, bodies, scratch, &scratch.iterate, Limits::Keep);
+        let blocks = contact.blocks(bodies);
+        let ImplicitScratch { touch, residual, node, damping, direction, .. } = scratch;
+        touch.left[rows.clone()].copy_from_slice(&residual[rows.clone()]);
+        contact.for_forces(bodies, |row, f| {
+            for k in node.free_axes(row) {
+                touch.left[row][k] += S::from_f64(f[k]);
+            }
+        });
+        let mut system = system_matrix(self.world, &body.weights, node, damping);
+        system.contact = Some(&blocks);
+        let left = &touch.left[rows.clone()];
+        system.preconditioned(bodies.clone(), left, &mut direction[rows]);
+    }
+
+    /// Energy (J) below which changes of that of the contacts of a body are rounding, at the last evaluation.
+    pub fn contact_rounding(&self, index: usize) -> f64 {
+        let body = &self.bodies[index];
+        let contact = self.contact.as_ref().filter(|_| body.touched);
+        contact.map_or(0.0, |contact| rounding(contact, &body.bodies, self.scratch))
     }
 
     /// Rounds of the inner loop; whether model plus contact energy decrease, up to rounding; `None` when the matrix is
@@ -257,15 +302,17 @@ impl<S: Scalar> Step<'_, S> {
             self.bodies[index].reject(Rejected::Shortened);
             return Ok(Some(true));
         }
-        contact.count(rounds, !converged);
+        // iterated steps go on: whether contact is found shows when they end
+        contact.count(rounds, !converged && !iterated);
         // of the whole step, with the last limits
         let [change, scale] = self.scratch.model(&body);
         self.scratch.try_direction(&body, S::ZERO);
         // limits of the end, also where the last round was cut off: friction then is that of the pressure
         let limits = if iterated { Limits::Keep } else { Limits::Take };
         let energy = evaluate(contact, &bodies, self.scratch, &self.scratch.trial, limits);
+        let blur = rounding(contact, &bodies, self.scratch);
         let start = evaluate(contact, &bodies, self.scratch, &self.scratch.iterate, Limits::Keep);
-        let rounding = noise::<S>() * (scale + energy + start);
+        let rounding = noise::<S>() * (scale + energy + start) + blur;
         Ok(Some(change + energy - start <= rounding))
     }
 
@@ -374,6 +421,7 @@ impl<S: Scalar> ImplicitScratch<S> {
     /// `None` where none does.
     fn shorten(&mut self, contact: &mut ContactSet, body: &BodyStep, energy: f64) -> Option<f64> {
         let (mut linear, mut quadratic) = (0.0, 0.0);
+        let blur = rounding(contact, &body.bodies, self);
         for row in body.rows.clone() {
             let (d, ad) = (&self.touch.round[row], &self.touch.round_product[row]);
             linear += dot3(d, &self.touch.product[row]) - dot3(d, &self.residual[row]);
@@ -384,7 +432,7 @@ impl<S: Scalar> ImplicitScratch<S> {
             self.try_direction(body, S::from_f64(t));
             let now = evaluate(contact, &body.bodies, self, &self.trial, Limits::Keep);
             let change = t * linear + 0.5 * t * t * quadratic + (now - energy);
-            let rounding = 1e-12 * (energy.abs() + now.abs()) + 1e-12 * (t * linear).abs();
+            let rounding = 1e-12 * (energy.abs() + now.abs() + (t * linear).abs()) + blur;
             if change <= rounding {
                 return Some(t);
             }
@@ -417,6 +465,20 @@ fn evaluate<S: Scalar>(
     let now = position(&scratch.rest, u);
     let start = position(&scratch.rest, &scratch.node.u);
     contact.evaluate(bodies, &RowPlaces { now: &now, start: &start }, limits)
+}
+
+/// Energy (J) that rounding of places gives and takes from contacts at the last evaluation: what their forces do along
+/// it. Contact energies of stiff bodies are too small to tell it by.
+fn rounding<S: Scalar>(
+    contact: &ContactSet,
+    bodies: &Range<usize>,
+    scratch: &ImplicitScratch<S>,
+) -> f64 {
+    let ImplicitScratch { rest, node, .. } = scratch;
+    contact.rounding(bodies, &|row| {
+        let (rest, u) = (rest[row.index()], vector(&node.u[row.index()]));
+        f64::EPSILON * rest.abs().max_element() + S::EPSILON.to_f64() * u.abs().max_element()
+    })
 }
 
 fn add<S: Scalar>(row: &mut [S; 4], f: DVec3) {

@@ -268,8 +268,14 @@ impl ContactSet {
     /// Points of patches that hands pull on.
     pub(super) fn find_pull_points(&mut self, world: &World, x: &dyn Fn(VertexRow) -> DVec3) {
         let bodies = &world.resource::<Topology>().bodies;
-        for now in &mut self.pulls {
+        let dt = world.resource::<StepClock>().dt;
+        let part = world.get_resource::<StepPart>().copied().unwrap_or_default();
+        for (index, now) in self.pulls.iter_mut().enumerate() {
             let pull = &mut now.of;
+            let (start, end) = (pull.last, pull.target);
+            if part.index + 1 == part.count {
+                pull.last = end;
+            }
             if pull.anchors.len() != pull.rows.len() {
                 pull.anchors = pull.rows.iter().map(|&row| x(row)).collect();
             }
@@ -277,13 +283,26 @@ impl ContactSet {
             let patch = pull.rows.iter().zip(&pull.weights).zip(&pull.anchors);
             for (number, ((&row, weight), anchor)) in (0..).zip(patch) {
                 let carried = |pose: &sinew_engine::load::Pose| *anchor + pose.way(*anchor);
-                let (to, from) = (carried(&pull.target), carried(&pull.last));
-                let against = Against::Hand { to, from, damping: pull.damping, rate: 0.0 };
+                // a part of a step makes its part of the way
+                let (start, end) = (carried(&start), carried(&end));
+                let at =
+                    |parts: u32| start + (end - start) * (f64::from(parts) / f64::from(part.count));
+                let from = at(part.index);
+                let to = if part.index + 1 < part.count { at(part.index + 1) } else { end };
+                let velocity = (to - from) / dt;
+                let (damping, rate, silent) = (pull.damping, 0.0, DVec3::ZERO);
+                let hand = Hand { pull: index, from, to, velocity, damping, rate, silent };
                 let body = bodies.partition_point(|body| body.vertices.end <= row.0) as u32;
                 let key = PointKey::of_vertex(body, now.id, number, row);
                 let own = ([row; 3], [1.0, 0.0, 0.0]);
-                let point = ContactPoint::new(key, against, own, weight / sum, pull.stiffness);
-                self.points.push(ContactPoint { slip: from, ..point });
+                let against = Against::Hand(hand);
+                self.points.push(ContactPoint::new(
+                    key,
+                    against,
+                    own,
+                    weight / sum,
+                    pull.stiffness,
+                ));
             }
         }
     }

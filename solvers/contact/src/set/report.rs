@@ -39,7 +39,7 @@ impl ContactSet {
             for (&row, weight) in active.rows.iter().zip(active.weights).filter(|(_, w)| *w != 0.0)
             {
                 forces.push((row, weight * force));
-                if active.pressure > 0.0 && !matches!(point.against, Against::Hand { .. }) {
+                if active.pressure > 0.0 && !matches!(point.against, Against::Hand(_)) {
                     let area = self.vertex_area(row);
                     if area > 0.0 {
                         let share = weight.abs() * point.area * active.pressure / area;
@@ -237,27 +237,28 @@ impl ContactSet {
     }
 
     pub(super) fn report_pulls(&mut self, world: &mut World) {
-        for now in &mut self.pulls {
+        for (index, now) in self.pulls.iter_mut().enumerate() {
             let Ok(mut entity) = world.get_entity_mut(now.entity) else { continue };
             let mut report = entity.get::<PullReport>().copied().unwrap_or_default();
             (report.force, report.torque, report.distance) = (DVec3::ZERO, DVec3::ZERO, 0.0);
             let pose = now.of.target;
             let centre = pose.centre + pose.translation;
             for (point, active) in self.points.iter().zip(&self.active) {
-                let Against::Hand { to, from, .. } = point.against else { continue };
-                if point.key.owner != now.id {
+                let Against::Hand(hand) = point.against else { continue };
+                if hand.pull != index {
                     continue;
                 }
                 let force = -(active.push + active.rub);
                 report.force += force;
-                report.torque += (to - centre).cross(force);
+                report.torque += (hand.to - centre).cross(force);
                 report.distance += point.area * active.gap;
-                report.work -= force.dot(to - from);
+                // what is left of the way after substeps
+                report.work -= force.dot(hand.to - hand.from);
             }
-            now.of.last = pose;
+            report.work += self.settled[self.tools.len() + index].work;
             entity.insert(report);
             if let Some(mut pull) = entity.get_mut::<Pull>() {
-                pull.last = pose;
+                pull.last = now.of.last;
                 pull.anchors.clone_from(&now.of.anchors);
             }
         }
