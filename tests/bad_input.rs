@@ -377,7 +377,7 @@ fn constraints_and_loads_that_cannot_be_applied() {
             world.despawn(entity);
         }
     };
-    let words = ["`made up`", "row that does not exist", "correct it or despawn"];
+    let words = ["`made up`", "row that does not exist", "correct it or take it away"];
     refuses_step(spoil_constraint, mend, &words);
     refuses_step(spoil_load, mend, &words);
 

@@ -4,7 +4,7 @@ use crate::common::{Shortcuts, sheet, solver, two_blocks};
 use bevy_ecs::entity::Entity;
 use glam::{DQuat, DVec3};
 use sinew::engine::mesh::Mesh;
-use sinew::engine::mesh::generate::{box_tets, sphere_tets};
+use sinew::engine::mesh::generate::{box_hexahedra, box_tets, sphere_tets};
 use sinew::engine::precision::Precision;
 use sinew::models::body::sheet::MembraneDescription;
 use sinew::models::resection::Region;
@@ -1011,4 +1011,153 @@ fn a_strap_over_a_drum_holds_as_the_capstan_equation_says() {
         right / left
     );
     assert!(angle > 0.5, "{angle}");
+}
+
+/// A block on another, pushed off: explicit integrators slow it down as Coulomb says and book what friction takes.
+#[test]
+fn friction_between_bodies_acts_in_explicit_integrators() {
+    let lost = |integrator, friction: f64| {
+        let mut simulation = Simulation::new(one_thread()).unwrap();
+        simulation.set_solver(solver!(integrator));
+        simulation.set_dt(0.005);
+        let size = DVec3::new(0.08, 0.06, 0.02);
+        let table = box_tets(size, [4, 3, 1]).unwrap();
+        let block = box_tets(DVec3::new(0.02, 0.02, 0.01), [2, 2, 1]).unwrap();
+        let block = block.transformed(1.0, DQuat::IDENTITY, DVec3::new(0.013, 0.017, 0.02));
+        let lower = simulation.add_body(&BodyDescription::new("table", &table, SOFT)).unwrap();
+        let upper = simulation.add_body(&BodyDescription::new("block", &block, SOFT)).unwrap();
+        let floor = simulation.group_rows(lower, &table, "z0").unwrap();
+        simulation.add_constraint(Constraint::hold("floor", floor));
+        let pair = BodyContact::new("pair", [0, 1]).with_friction(friction);
+        let pair = simulation.add_body_contact(pair);
+        let n = block.points.len();
+        simulation.set_state(upper, &vec![DVec3::ZERO; n], &vec![DVec3::X * 0.4; n]).unwrap();
+        simulation.steps(10);
+        let (v, m) = (simulation.velocities(upper), simulation.masses(upper));
+        let mass: f64 = m.iter().sum();
+        let momentum: DVec3 = v.iter().zip(&m).map(|(v, m)| *m * *v).sum();
+        let report = simulation.body_contact_report(pair).unwrap();
+        let taken = report.dissipation / mass;
+        let way: DVec3 = simulation.displacements(upper).iter().zip(&m).map(|(u, m)| *m * *u).sum();
+        [0.4 - momentum.x / mass, way.x / mass, taken]
+    };
+    for integrator in [Integrator::SymplecticEuler, Integrator::StormerVerlet] {
+        // blocks ring from their first fall, also without friction
+        let [none, _, taken] = lost(integrator, 0.0);
+        assert_eq!(taken, 0.0);
+        let [speed, way, energy] = lost(integrator, 0.4);
+        let expected = 0.4 * 9.81 * 0.05;
+        let name = integrator.name();
+        assert!(((speed - none) / expected - 1.0).abs() < 0.1, "{name}: {none} {speed}");
+        assert!((energy / (0.4 * 9.81 * way) - 1.0).abs() < 0.15, "{name}: {energy} {way}");
+    }
+}
+
+#[test]
+fn a_contact_falls_silent_with_the_last_face_of_a_body() {
+    for alone in [false, true] {
+        let (mut simulation, [_, pair]) = two_blocks(one_thread());
+        if alone {
+            simulation.add_body_contact(BodyContact::new("self", [1, 1]));
+        }
+        simulation.steps(5);
+        assert!(simulation.body_contact_report(pair).unwrap().force.length() > 0.0);
+        let everything = Region::Sphere { centre: DVec3::ZERO, radius: 1.0 };
+        simulation.remove(BodyHandle(1), everything);
+        simulation.steps(5);
+        assert_eq!(simulation.body_contact_report(pair).unwrap().force, DVec3::ZERO);
+    }
+}
+
+/// Largest difference of vertices that mirrors map onto each other, over the largest displacement, of a block of
+/// hexahedra under a ball in its middle.
+fn asymmetry(points: Points) -> f64 {
+    let mesh = box_hexahedra(SLAB, CELLS).unwrap();
+    let mut simulation = Simulation::new(one_thread()).unwrap();
+    simulation.set_gravity(DVec3::ZERO);
+    simulation.set_solver(solver!(Integrator::Safe, linear_tolerance = 1e-10, mass_damping = 50.0));
+    let body = simulation.add_body(&BodyDescription::new("block", &mesh, SOFT)).unwrap();
+    let floor = simulation.group_rows(body, &mesh, "z0").unwrap();
+    simulation.add_constraint(Constraint::hold("floor", floor));
+    let ball = Tool::new("ball", Shape::Sphere { radius: 0.012 }, ABOVE - DVec3::Z * 0.008);
+    let ball = simulation.add_tool(ball.with_points(points)).unwrap();
+    for step in 1..=60_u32 {
+        let down = DVec3::Z * (0.008 + 0.0003 * f64::from(step.min(10)));
+        simulation.move_tool(ball, ABOVE - down).unwrap();
+        simulation.step().unwrap();
+    }
+    assert!(simulation.tool_report(ball).unwrap().force.z > 0.05);
+    asymmetry_of(&mesh.points, &simulation.displacements(body), SLAB)
+}
+
+/// Largest difference of vertices of a field that mirrors map onto each other, over the largest value.
+fn asymmetry_of(points: &[DVec3], u: &[DVec3], size: DVec3) -> f64 {
+    let mut worst = 0.0_f64;
+    for (x, here) in points.iter().zip(u) {
+        for axis in [DVec3::X, DVec3::Y] {
+            let image = *x - axis * (2.0 * x.dot(axis) - size.dot(axis));
+            let there = points.iter().position(|p| p.distance(image) < 1e-9).unwrap();
+            let mirrored = u[there] - 2.0 * axis * u[there].dot(axis);
+            worst = worst.max(here.distance(mirrored));
+        }
+    }
+    worst / u.iter().map(|u| u.length()).fold(0.0, f64::max)
+}
+
+#[test]
+fn symmetric_blocks_of_hexahedra_stay_symmetric() {
+    for points in [Points::Vertex, Points::Faces(2), Points::Faces(4)] {
+        let off = asymmetry(points);
+        assert!(off < 1e-6, "{points:?}: {off:e}");
+    }
+}
+
+/// Points on faces of hexahedra come to the force of a finer mesh, and as near to it as those of tetrahedra.
+#[test]
+fn points_on_faces_of_hexahedra_find_the_force_of_finer_ones() {
+    let force = |cells| {
+        let mesh = box_hexahedra(SLAB, cells).unwrap();
+        let mut simulation = Simulation::new(one_thread()).unwrap();
+        simulation.set_gravity(DVec3::ZERO);
+        simulation.set_solver(solver!(Integrator::QuasiStatic));
+        let body = simulation.add_body(&BodyDescription::new("block", &mesh, SOFT)).unwrap();
+        let floor = simulation.group_rows(body, &mesh, "z0").unwrap();
+        simulation.add_constraint(Constraint::hold("floor", floor));
+        let ball = Shape::Sphere { radius: 0.02 };
+        let ball = Tool::new("ball", ball, ABOVE).with_points(Points::Faces(2));
+        let ball = simulation.add_tool(ball).unwrap();
+        for step in 1..=4 {
+            simulation.move_tool(ball, ABOVE - DVec3::Z * 0.001 * f64::from(step)).unwrap();
+            simulation.step().unwrap();
+        }
+        simulation.tool_report(ball).unwrap().force.z
+    };
+    let (coarse, fine) = (force(CELLS), force([12, 12, 6]));
+    assert!((coarse / fine - 1.0).abs() < 0.25, "{coarse} {fine}");
+}
+
+#[test]
+fn a_tool_wholly_inside_of_a_body_is_counted() {
+    for mesh in [box_tets(SLAB, CELLS).unwrap(), box_hexahedra(SLAB, CELLS).unwrap()] {
+        let mut simulation = Simulation::new(one_thread()).unwrap();
+        simulation.set_gravity(DVec3::ZERO);
+        simulation.add_body(&BodyDescription::new("block", &mesh, SOFT)).unwrap();
+        let inside = ABOVE - DVec3::Z * 0.035;
+        let ball = Tool::new("ball", Shape::Sphere { radius: 0.004 }, inside);
+        let ball = simulation.add_tool(ball).unwrap();
+        for _ in 0..3 {
+            simulation.step().unwrap();
+            let contact = simulation.report().contact;
+            assert_eq!((contact.buried, contact.points), (1, 0));
+        }
+        simulation.place_tool(ball, ABOVE).unwrap();
+        simulation.step().unwrap();
+        assert_eq!(simulation.report().contact.buried, 0);
+        // beside it, and in touch with it
+        for at in [DVec3::new(-0.01, 0.03, 0.015), DVec3::new(0.03, 0.03, 0.032)] {
+            simulation.place_tool(ball, at).unwrap();
+            simulation.steps(2);
+            assert_eq!(simulation.report().contact.buried, 0);
+        }
+    }
 }

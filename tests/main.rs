@@ -20,6 +20,7 @@ mod pressure;
 mod recovery;
 mod reference;
 mod resection;
+mod resting;
 mod schedule;
 mod second_order;
 mod snapshot;

@@ -90,7 +90,7 @@ namespace Sinew
         LocalStiffness = 4,
         /// <summary>Points inside leave through the nearest side, not through that by which they came.</summary>
         NearestSide = 8,
-        /// <summary>Also finds the force that points of the other kind give, as an error bar.</summary>
+        /// <summary>Also finds the force that points of the other kind give. It is no bound on the error.</summary>
         ErrorBar = 16,
     }
 
@@ -377,11 +377,12 @@ namespace Sinew
         /// <summary>Distance (m) to its target, where its way was longer than the substeps of a step can
         /// follow.</summary>
         public double Lag;
-        /// <summary>How far (m) the surfaces of its shapes are drawn in, because it appeared inside of a
-        /// body.</summary>
+        /// <summary>How far (m) the surfaces of its shapes are drawn in, because it appeared partly inside of a body. A
+        /// tool wholly inside touches nothing, and is counted as buried.</summary>
         public double DrawnIn;
-        /// <summary>Force (N) by points of the other kind at the same state, if `SINEW_ERROR_BAR` asks for it. Its
-        /// difference from `force` estimates the error that the mesh makes in the contact. All 0 without.</summary>
+        /// <summary>Force (N) by points of the other kind at the same state, if `SINEW_ERROR_BAR` asks for it. It is no
+        /// estimate of the error: these points have not pushed the tissue away, so it may be several times what they
+        /// give in a run of their own. All 0 without.</summary>
         public Vec3 OtherPoints;
         /// <summary>Change of its force (N) per motion (m) of its pose at the end of the step, with the tissue moving
         /// along within the step, if `SINEW_LOCAL_STIFFNESS` asks for it of an implicit integrator: the force is about

@@ -60,7 +60,7 @@ static class Program
             Demand(felt.Depth >= 0.0 && felt.Energy >= 0.0 && felt.DrawnIn >= 0.0, "what the ball feels");
             // 1 mm in a step of 10 ms
             Demand(Math.Abs(felt.Velocity.Z + 0.1) < 1e-9 && felt.AngularVelocity.Length == 0.0, "the velocity of the ball");
-            Demand(felt.Force.Length == 0.0 || felt.OtherPoints.Length > 0.0, "the error bar");
+            Demand(felt.Force.Length == 0.0 || felt.OtherPoints.Length > 0.0, "the force by other points");
             // back by bytes and before a cut, and the same cut again
             var before = simulation.SurfaceRevision(liver);
             using (var start = simulation.Snapshot())

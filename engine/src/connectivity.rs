@@ -235,9 +235,9 @@ impl Connectivity {
         (0..).zip(&self.present[kind]).filter(|(_, present)| **present).map(|(e, _)| e)
     }
 
-    /// Triangles of the surface of the solid, outward, each with the element behind it; in no particular
-    /// order, but the same one for the same removals. Faces of hexahedra are cut along the diagonal from
-    /// their lowest vertex row, those of ten-node tetrahedra into [four](crate::isoparametric::TETRAHEDRON10_FACES).
+    /// Triangles of the surface of the solid, outward, each with the element behind it; those of tetrahedra first,
+    /// else in no particular order, but the same one for the same removals. Faces of hexahedra are cut along the
+    /// diagonal from their lowest vertex row, into two triangles that follow each other, those of ten-node tetrahedra into [four](crate::isoparametric::TETRAHEDRON10_FACES).
     pub fn surface(&self) -> impl Iterator<Item = ([u32; 3], ElementKind, u32)> + '_ {
         let triangles = self.surface.items.iter().map(|&triangle| {
             let round = self.round_triangle.of(triangle);

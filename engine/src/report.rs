@@ -215,7 +215,7 @@ figures! {
         pub lag: f64 => own,
         /// Parts of tools that appeared inside of bodies and are drawn in until the bodies have made way.
         pub drawn_in: u32 => sum,
-        /// Points too deep inside of another body to tell its sides, which are left out.
+        /// Points too deep inside of another body to tell its sides, which are left out, and tools wholly inside of a body.
         pub buried: u32 => own,
         /// Bodies that took the safe step because of an impact.
         pub impacts: u32 => sum,

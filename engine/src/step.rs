@@ -62,7 +62,7 @@ pub enum StepError {
         remedy: &'static str,
     },
     /// A constraint or load cannot be applied.
-    #[error("constraint or load `{name}`: {problem}; correct it or despawn its entity")]
+    #[error("constraint or load `{name}`: {problem}; correct it or take it away")]
     InvalidConstraint {
         /// Its name.
         name: String,
@@ -70,7 +70,7 @@ pub enum StepError {
         problem: &'static str,
     },
     /// A tool, contact or pull cannot be used.
-    #[error("tool or contact `{name}`: {problem}; correct it or despawn its entity")]
+    #[error("tool or contact `{name}`: {problem}; correct it or take it away")]
     InvalidContact {
         /// Its name.
         name: String,

@@ -9,8 +9,12 @@ use glam::DVec3;
 pub struct BodySurface {
     /// Outside triangles of the solid, outward.
     pub triangles: Vec<[u32; 3]>,
-    /// Triangles of membranes; quadrilaterals are cut along a diagonal.
+    /// Triangles from here on are two and two the halves `[a, b, c]`, `[a, c, d]` of faces with four corners.
+    pub halves: usize,
+    /// Triangles of membranes.
     pub sheets: Vec<[u32; 3]>,
+    /// Triangles of membranes from here on are halves of quadrilaterals, as those of the solid are.
+    pub sheet_halves: usize,
     /// Young's modulus (Pa) round every vertex: mean of its solid elements; in a membrane the modulus times the
     /// thickness over the mean edge, which resists pressure alike.
     pub young_modulus: Vec<f64>,

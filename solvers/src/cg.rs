@@ -103,7 +103,7 @@ pub struct ConjugateGradients<T: Scalar> {
     laid_out_for: Vec<u32>,
     shared: SharedValues<T>,
     /// Pieces, and rows in them, of the couplings of the matrix.
-    coupled: Vec<[(usize, usize); 4]>,
+    coupled: Vec<[(usize, usize); 5]>,
 }
 
 /// The matrix that the kept values of the preconditioner were computed for, and the iterations since.

@@ -76,6 +76,8 @@ pub struct ExplicitScratch<S: Scalar> {
     swept: SweptVolumes,
     /// Rest positions (m), read once per topology.
     rest: Vec<DVec3>,
+    /// Displacements (m) at the start of the substep, where something may touch.
+    before: Rows<S>,
     revision: Option<u64>,
 }
 
@@ -460,7 +462,7 @@ impl<S: Scalar> ExplicitScratch<S> {
         }
         self.stop_held(&mut state, world);
         let v = |row: VertexRow| -vector(&self.node.v[row.index()]);
-        touch(contact, &self.rest, &self.node.u, 0.0, (1.0, &v));
+        touch(contact, &self.rest, [&self.node.u; 2], 0.0, (1.0, &v));
         // the substeps
         for i in 1..=substeps {
             let part = f64::from(i) / f64::from(substeps);
@@ -480,13 +482,18 @@ impl<S: Scalar> ExplicitScratch<S> {
                 let force = if start { &self.force[..] } else { ElasticForce::peel_slice(f) };
                 self.open_books(&mut books, u, force);
                 let factors = if start { first } else { middle };
+                self.before.clear();
+                if contact.as_ref().is_some_and(|contact| !contact.is_idle()) {
+                    self.before.extend_from_slice(u);
+                }
                 advance(
                     &workers,
                     pieces(u, v, &mut self.low, [force, &self.external, &self.weight]),
                     factors,
                 );
                 self.place_held(&mut books, u, v, h, i == substeps);
-                settle(contact, &self.rest, u, 1.0 / f64::from(substeps - i + 1), h);
+                let of_rest = 1.0 / f64::from(substeps - i + 1);
+                settle(contact, &self.rest, [u, &self.before], of_rest, h);
             }
             self.within.load_differences(part, &mut books.differences);
             let end = i == substeps;
@@ -722,21 +729,22 @@ impl<S: Scalar> ExplicitScratch<S> {
     }
 }
 
-/// Forces of contact at displacements `u`, when the share `of_rest` of what is left of the step has passed. Dampers meet
-/// velocities as [`ContactSet::set_dampers`] has them. They are added by [`load`](ExplicitScratch::load).
+/// Forces of contact at displacements `u`, those at the start of the substep being `before`, when the share `of_rest` of
+/// what is left of the step has passed. Dampers meet velocities as [`ContactSet::set_dampers`] has them. They are added by
+/// [`load`](ExplicitScratch::load).
 fn touch<S: Scalar>(
     contact: &mut Option<ContactSet>,
     rest: &[DVec3],
-    u: &[[S; 4]],
+    [u, before]: [&[[S; 4]]; 2],
     of_rest: f64,
     (span, offset): (f64, &dyn Fn(VertexRow) -> DVec3),
 ) {
     let Some(contact) = contact.as_mut().filter(|contact| !contact.is_idle()) else { return };
     contact.set_part(of_rest);
-    let x = position(rest, u);
+    let (now, start) = (position(rest, u), position(rest, before));
     let bodies = contact.bodies();
     contact.set_dampers(&bodies, span, offset);
-    contact.evaluate(&bodies, &RowPlaces { now: &x, start: &x }, Limits::Take);
+    contact.evaluate(&bodies, &RowPlaces { now: &now, start: &start }, Limits::Take);
 }
 
 /// The columns that a substep works on.
@@ -819,11 +827,11 @@ struct Bookkeeping {
 fn settle<S: Scalar>(
     contact: &mut Option<ContactSet>,
     rest: &[DVec3],
-    u: &[[S; 4]],
+    [u, before]: [&[[S; 4]]; 2],
     of_rest: f64,
     h: f64,
 ) {
-    touch(contact, rest, u, of_rest, (h, &|_| DVec3::ZERO));
+    touch(contact, rest, [u, before], of_rest, (h, &|_| DVec3::ZERO));
     if let Some(contact) = contact.as_mut().filter(|contact| !contact.is_idle()) {
         contact.settle(&position(rest, u));
     }

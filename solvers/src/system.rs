@@ -526,11 +526,11 @@ fn entries(m: &DMat3) -> [f64; 9] {
 /// Part of `A x` from a coupling without its diagonal blocks, for each of its rows: `w_a C (sum_b w_b x_b - w_a x_a)`.
 pub(crate) fn for_off_diagonal(
     coupling: &Coupling,
-    x: [[f64; 4]; 4],
+    x: [[f64; 4]; 5],
     mut add: impl FnMut(usize, [f64; 3]),
 ) {
     let own = |i: usize| coupling.weights[i] * DVec3::new(x[i][0], x[i][1], x[i][2]);
-    let sum = own(0) + own(1) + own(2) + own(3);
+    let sum = own(0) + own(1) + own(2) + own(3) + own(4);
     for (i, weight) in coupling.weights.into_iter().enumerate().filter(|(_, w)| *w != 0.0) {
         add(i, (weight * (coupling.block * (sum - own(i)))).to_array());
     }

@@ -135,8 +135,8 @@ rules! {
         |n| "{n} parts of tools appeared inside of bodies and were drawn in until these made way";
         "let tools start outside of bodies";
     Warning "run.contact.buried" "contact": |run| run.totals.contact.buried;
-        |n| "{n} times a point was too deep inside of another body to tell its sides, and was left out";
-        "let bodies start apart, or use a smaller dt";
+        |n| "{n} times a tool was wholly inside of a body, or a point too deep inside to tell its sides: it touched nothing";
+        "let tools and bodies start apart, or use a smaller dt";
     Note "run.contact.impact" "contact": |run| run.totals.contact.impacts;
         |n| "in {n} steps a body took a step of first order because of an impact";
         "nothing to do; a smaller dt resolves impacts better";

@@ -123,7 +123,7 @@
 // Points inside leave through the nearest side, not through that by which they came.
 #define SINEW_NEAREST_SIDE 8
 
-// Also finds the force that points of the other kind give, as an error bar.
+// Also finds the force that points of the other kind give. It is no bound on the error.
 #define SINEW_ERROR_BAR 16
 
 // Regions: elements by their indices.
@@ -544,10 +544,12 @@ typedef struct sinew_tool_report {
   uint32_t slipping;
   // Distance (m) to its target, where its way was longer than the substeps of a step can follow.
   double lag;
-  // How far (m) the surfaces of its shapes are drawn in, because it appeared inside of a body.
+  // How far (m) the surfaces of its shapes are drawn in, because it appeared partly inside of a body. A tool wholly
+  // inside touches nothing, and is counted as buried.
   double drawn_in;
-  // Force (N) by points of the other kind at the same state, if `SINEW_ERROR_BAR` asks for it. Its difference from
-  // `force` estimates the error that the mesh makes in the contact. All 0 without.
+  // Force (N) by points of the other kind at the same state, if `SINEW_ERROR_BAR` asks for it. It is no estimate of
+  // the error: these points have not pushed the tissue away, so it may be several times what they give in a run of
+  // their own. All 0 without.
   double other_points[3];
   // Change of its force (N) per motion (m) of its pose at the end of the step, with the tissue moving along within
   // the step, if `SINEW_LOCAL_STIFFNESS` asks for it of an implicit integrator: the force is about `force +

@@ -48,10 +48,12 @@ pub struct sinew_tool_report {
     pub slipping: u32,
     /// Distance (m) to its target, where its way was longer than the substeps of a step can follow.
     pub lag: f64,
-    /// How far (m) the surfaces of its shapes are drawn in, because it appeared inside of a body.
+    /// How far (m) the surfaces of its shapes are drawn in, because it appeared partly inside of a body. A tool wholly
+    /// inside touches nothing, and is counted as buried.
     pub drawn_in: f64,
-    /// Force (N) by points of the other kind at the same state, if `SINEW_ERROR_BAR` asks for it. Its difference from
-    /// `force` estimates the error that the mesh makes in the contact. All 0 without.
+    /// Force (N) by points of the other kind at the same state, if `SINEW_ERROR_BAR` asks for it. It is no estimate of
+    /// the error: these points have not pushed the tissue away, so it may be several times what they give in a run of
+    /// their own. All 0 without.
     pub other_points: [f64; 3],
     /// Change of its force (N) per motion (m) of its pose at the end of the step, with the tissue moving along within
     /// the step, if `SINEW_LOCAL_STIFFNESS` asks for it of an implicit integrator: the force is about `force +

@@ -348,7 +348,7 @@ pub const SINEW_EXACT: u32 = 2;
 pub const SINEW_LOCAL_STIFFNESS: u32 = 4;
 /// Points inside leave through the nearest side, not through that by which they came.
 pub const SINEW_NEAREST_SIDE: u32 = 8;
-/// Also finds the force that points of the other kind give, as an error bar.
+/// Also finds the force that points of the other kind give. It is no bound on the error.
 pub const SINEW_ERROR_BAR: u32 = 16;
 
 /// A rigid tool.

@@ -35,11 +35,14 @@ pub(super) fn read_surface(world: &mut World, body: usize) -> BodySurface {
             }
         }
     }
-    let triangles: Vec<[u32; 3]> = connectivity.surface().map(|(t, _, _)| t).collect();
+    let outside: Vec<([u32; 3], ElementKind, u32)> = connectivity.surface().collect();
+    let halves = outside.partition_point(|(_, kind, _)| *kind == ElementKind::Tetrahedron);
+    let triangles = outside.into_iter().map(|(triangle, _, _)| triangle).collect();
     let mut sheets = Vec::new();
     for t in connectivity.all_left(ElementKind::Triangle) {
         sheets.push(rows.triangles()[t as usize]);
     }
+    let sheet_halves = sheets.len();
     for q in connectivity.all_left(ElementKind::Quad) {
         let [a, b, c, d] = rows.quads()[q as usize];
         sheets.extend([[a, b, c], [a, c, d]]);
@@ -61,5 +64,5 @@ pub(super) fn read_surface(world: &mut World, body: usize) -> BodySurface {
         }
     }
     let young_modulus = sum.iter().zip(&count).map(|(e, n)| e / f64::max(*n, 1.0)).collect();
-    BodySurface { triangles, sheets, young_modulus }
+    BodySurface { triangles, halves, sheets, sheet_halves, young_modulus }
 }

@@ -12,24 +12,51 @@ pub(crate) struct Beside {
     /// Gradient of the distance by the point; by the vertices of the face it is this times minus their `weights`.
     pub normal: DVec3,
     /// Vertex rows of the closest face.
-    pub face: [VertexRow; 3],
-    /// Barycentric coordinates of the closest point.
-    pub weights: [f64; 3],
+    pub face: Facet,
+    /// Their shares in the closest point.
+    pub weights: [f64; 4],
+}
+
+/// A triangle: of the first three rows where the last two are the same, else of the first two and the middle of all
+/// four. A face with four corners is four of them, which no mirror changes.
+pub(crate) type Facet = [VertexRow; 4];
+
+/// Corners (m) of a facet.
+pub(crate) fn facet_corners(facet: &Facet, x: &dyn Fn(VertexRow) -> DVec3) -> [DVec3; 3] {
+    let [a, b, c, d] = *facet;
+    let (own, third) = ([x(a), x(b)], x(c));
+    let third = if c == d { third } else { 0.25 * (own[0] + own[1] + third + x(d)) };
+    [own[0], own[1], third]
+}
+
+/// Shares of the rows of a facet at the barycentric coordinates of a point.
+fn shares(facet: &Facet, [u, v, w]: [f64; 3]) -> [f64; 4] {
+    if facet[2] == facet[3] {
+        return [u, v, w, 0.0];
+    }
+    let quarter = 0.25 * w;
+    [u + quarter, v + quarter, quarter, quarter]
+}
+
+/// Point (m) of a triangle by barycentric coordinates.
+pub(crate) fn point_in([a, b, c]: [DVec3; 3], [u, v, w]: [f64; 3]) -> DVec3 {
+    a * u + b * v + c * w
 }
 
 /// Signed distance of `p` from `faces`: that of the closest point, its sign by the angle-weighted mean normal of the
-/// faces that meet there (Baerentzen & Aanaes 2005). `side` gives the sign instead where faces have two sides.
+/// faces that meet there (Baerentzen & Aanaes 2005). Faces of membranes may be `open`: beyond their rim the distance is
+/// that from the plane of the face at the rim, so that a point which slides off is not held back.
 pub(crate) fn beside(
     p: DVec3,
-    faces: &[[VertexRow; 3]],
+    faces: &[Facet],
     x: &dyn Fn(VertexRow) -> DVec3,
-    side: Option<f64>,
+    open: bool,
 ) -> Option<Beside> {
-    let mut best: Option<(f64, [VertexRow; 3], [f64; 3], DVec3)> = None;
+    let mut best: Option<(f64, Facet, [f64; 3], DVec3)> = None;
     for &face in faces {
-        let corners = face.map(x);
+        let corners = facet_corners(&face, x);
         let weights = closest_point(p, corners);
-        let at = corners[0] * weights[0] + corners[1] * weights[1] + corners[2] * weights[2];
+        let at = point_in(corners, weights);
         let distance = p.distance(at);
         if best.as_ref().is_none_or(|(least, ..)| distance < *least) {
             best = Some((distance, face, weights, at));
@@ -38,14 +65,19 @@ pub(crate) fn beside(
     let (distance, face, weights, at) = best?;
     // mean normal of all faces that have this point: one alone where it is inside of a face
     let mut normal = DVec3::ZERO;
-    let size = x(face[0]).distance(x(face[1])).max(x(face[0]).distance(x(face[2])));
+    let mut round: Vec<Facet> = Vec::new();
+    let [a, b, c] = facet_corners(&face, x);
+    let size = a.distance(b).max(a.distance(c));
     let interior = weights.iter().all(|w| *w > 1e-9);
     for &other in faces.iter().filter(|other| !interior || **other == face) {
-        let corners = other.map(x);
+        let corners = facet_corners(&other, x);
         let w = closest_point(p, corners);
-        let there = corners[0] * w[0] + corners[1] * w[1] + corners[2] * w[2];
+        let there = point_in(corners, w);
         if there.distance(at) > 1e-9 * size {
             continue;
+        }
+        if open && !interior {
+            round.push(other);
         }
         let cross = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
         let Some(unit) = cross.try_normalize() else { continue };
@@ -56,32 +88,86 @@ pub(crate) fn beside(
         });
         normal += angle * unit;
     }
+    if open && !interior && is_rim(&round, &face, weights) {
+        return beside_plane(p, &face, [a, b, c]);
+    }
     let normal = normal.try_normalize()?;
-    let arm = p - at;
-    let sign = side.unwrap_or(if arm.dot(normal) < 0.0 { -1.0 } else { 1.0 });
+    let (arm, weights) = (p - at, shares(&face, weights));
     // the direction to the closest point is lost in rounding where the two meet
     if interior || distance < 1e-6 * size {
-        let facing = side.map_or(1.0, |side| if side < 0.0 { -1.0 } else { 1.0 });
-        let normal = facing * normal;
         return Some(Beside { distance: arm.dot(normal), normal, face, weights });
     }
-    let sign = match side {
-        Some(side) => {
-            if (arm.dot(normal) < 0.0) == (side < 0.0) {
-                1.0
-            } else {
-                -1.0
-            }
-        }
-        None => sign,
-    };
+    let sign = if arm.dot(normal) < 0.0 { -1.0 } else { 1.0 };
     Some(Beside { distance: sign * distance, normal: sign * arm / distance, face, weights })
+}
+
+/// Whether the closest point, on an edge or vertex of `face`, is on the rim of the faces that have it.
+fn is_rim(round: &[Facet], face: &Facet, weights: [f64; 3]) -> bool {
+    let at: Vec<usize> = (0..3).filter(|&k| weights[k] > 1e-9).collect();
+    let corner = match at[..] {
+        [k] => third_or(face, k),
+        _ => return round.len() < 2,
+    };
+    // each edge at the vertex has a face on either side of it, or is on the rim
+    let mut ends: Vec<Facet> = Vec::new();
+    for other in round {
+        ends.extend((0..3).map(|k| third_or(other, k)).filter(|end| *end != corner));
+    }
+    ends.sort_unstable();
+    ends.chunk_by(|a, b| a == b).any(|same| same.len() < 2)
+}
+
+/// What tells a corner of a facet from all others: its row, or all rows that it is the middle of.
+fn third_or(facet: &Facet, k: usize) -> Facet {
+    let mut own = *facet;
+    if k < 2 || facet[2] == facet[3] {
+        return [facet[k]; 4];
+    }
+    own.sort_unstable();
+    own
+}
+
+/// Distance from the plane of a facet with these corners (m).
+fn beside_plane(p: DVec3, face: &Facet, [a, b, c]: [DVec3; 3]) -> Option<Beside> {
+    let cross = (b - a).cross(c - a);
+    let normal = cross.try_normalize()?;
+    let distance = (p - a).dot(normal);
+    let foot = p - distance * normal;
+    let share = |u: DVec3, v: DVec3| (u - foot).cross(v - foot).dot(cross) / cross.length_squared();
+    let weights = shares(face, [share(b, c), share(c, a), share(a, b)]);
+    Some(Beside { distance, normal, face: *face, weights })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use proptest::prelude::*;
+
+    #[test]
+    fn beyond_the_rim_of_a_membrane_the_plane_counts() {
+        // two triangles and a face with four corners, all in one plane
+        let points = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0], [2.0, 0.0], [2.0, 1.0]];
+        let points = points.map(|[x, y]| DVec3::new(x, y, 0.0));
+        let [a, b, c, d, e, f] = [0, 1, 2, 3, 4, 5].map(VertexRow);
+        let faces =
+            [[a, b, c, c], [a, c, d, d], [b, e, f, c], [e, f, c, b], [f, c, b, e], [c, b, e, f]];
+        let x = |row: VertexRow| points[row.index()];
+        let near = |p: DVec3| beside(p, &faces, &x, true).unwrap();
+        for p in [
+            DVec3::new(-0.3, 0.4, -0.01),
+            DVec3::new(2.2, 1.4, -0.01),
+            DVec3::new(-0.1, -0.1, 0.02),
+            DVec3::new(1.0, 0.5, -0.01),
+            DVec3::new(0.5, 0.5, 0.01),
+            DVec3::new(1.0, -0.2, -0.02),
+        ] {
+            let found = near(p);
+            assert!((found.distance - p.z).abs() < 1e-12, "{p}: {found:?}");
+            assert!((found.normal - DVec3::Z).length() < 1e-12);
+            let foot: DVec3 = (0..4).map(|k| x(found.face[k]) * found.weights[k]).sum();
+            assert!((foot - p.with_z(0.0)).length() < 1e-12, "{p}: {found:?}");
+        }
+    }
 
     proptest! {
         #[test]
@@ -108,12 +194,12 @@ mod tests {
             let faces = [
                 [0, 2, 4], [0, 4, 1], [0, 1, 5], [0, 5, 3], [0, 3, 6], [0, 6, 2],
                 [7, 3, 5], [7, 6, 3], [7, 4, 2], [7, 2, 6], [7, 5, 1], [7, 1, 4],
-            ].map(|face| face.map(VertexRow));
+            ].map(|[a, b, c]| [a, b, c, c].map(VertexRow));
             let p = DVec3::from_array(p);
             let x = |row: VertexRow| points[row.index()];
             let q = (p - 0.5).abs() - 0.5;
             let exact = q.max(DVec3::ZERO).length() + q.max_element().min(0.0);
-            let found = beside(p, &faces, &x, None).unwrap();
+            let found = beside(p, &faces, &x, false).unwrap();
             prop_assert!((found.distance - exact).abs() < 1e-12, "{} {exact}", found.distance);
             let h = 1e-6;
             // away from where the closest point jumps
@@ -124,7 +210,7 @@ mod tests {
             };
             if exact.abs() > 1e-4 && !jumps {
                 for axis in [DVec3::X, DVec3::Y, DVec3::Z] {
-                    let at = |p| beside(p, &faces, &x, None).unwrap().distance;
+                    let at = |p| beside(p, &faces, &x, false).unwrap().distance;
                     let difference = (at(p + h * axis) - at(p - h * axis)) / (2.0 * h);
                     prop_assert!((difference - found.normal.dot(axis)).abs() < 1e-4);
                 }

@@ -11,6 +11,7 @@ pub mod pull;
 pub mod set;
 pub mod shape;
 mod skin;
+pub mod standing;
 pub mod tool;
 
 pub use install::install;

@@ -9,7 +9,7 @@
 //! * friction: slip `t = P (e + x - x_tool)` since the point began to stick, `P` the projection on the tangent plane,
 //!   `l = |t|`, `A k l^2 / 2` while `k l` is below the limit `f p` (`f`: friction), else `A (f p l - (f p)^2 / (2 k))`.
 
-use crate::beside::beside;
+use crate::beside::{Facet, beside};
 use crate::limits::Limits;
 use crate::shape::Shape;
 use glam::{DMat3, DQuat, DVec3};
@@ -92,7 +92,7 @@ impl RigidPose {
 pub(crate) enum Against {
     /// Part of a tool: index into the parts.
     Part(usize),
-    /// Faces of a body: range of the list of faces.
+    /// Faces of a body, turned towards the point: range of the list of faces.
     Faces(std::ops::Range<usize>),
     /// A hand that draws it.
     Hand(Hand),
@@ -122,8 +122,8 @@ pub(crate) struct ContactPoint {
     pub key: PointKey,
     pub against: Against,
     /// Vertex rows; unused ones have weight 0.
-    pub rows: [VertexRow; 3],
-    pub weights: [f64; 3],
+    pub rows: [VertexRow; 4],
+    pub weights: [f64; 4],
     /// Rest area (m^2); of pulls the share of the patch.
     pub area: f64,
     /// Pressure over penetration (Pa/m); of pulls the stiffness (N/m).
@@ -181,8 +181,8 @@ pub(crate) struct Active {
     /// It pushes or holds.
     pub on: bool,
     /// Vertex rows that its force acts on, and their shares; the shares of faces on the other side are negative.
-    pub rows: [VertexRow; 4],
-    pub weights: [f64; 4],
+    pub rows: [VertexRow; 5],
+    pub weights: [f64; 5],
     /// Place (m).
     pub at: DVec3,
     /// Normal and friction force (N) on a share of 1.
@@ -206,8 +206,8 @@ impl Default for Active {
     fn default() -> Self {
         Self {
             on: false,
-            rows: [VertexRow(0); 4],
-            weights: [0.0; 4],
+            rows: [VertexRow(0); 5],
+            weights: [0.0; 5],
             at: DVec3::ZERO,
             push: DVec3::ZERO,
             rub: DVec3::ZERO,
@@ -239,7 +239,7 @@ impl ContactPoint {
     pub fn new(
         key: PointKey,
         against: Against,
-        (rows, weights): ([VertexRow; 3], [f64; 3]),
+        (rows, weights): ([VertexRow; 4], [f64; 4]),
         area: f64,
         k: f64,
     ) -> Self {
@@ -266,7 +266,7 @@ impl ContactPoint {
     /// Place (m) among positions.
     pub fn at(&self, x: &dyn Fn(VertexRow) -> DVec3) -> DVec3 {
         let mut at = x(self.rows[0]) * self.weights[0];
-        for i in 1..3 {
+        for i in 1..4 {
             if self.weights[i] != 0.0 {
                 at += x(self.rows[i]) * self.weights[i];
             }
@@ -279,16 +279,16 @@ impl ContactPoint {
     pub fn evaluate(
         &mut self,
         parts: &[PartNow],
-        faces: &[[VertexRow; 3]],
+        faces: &[Facet],
         x: &dyn Fn(VertexRow) -> DVec3,
         start: &dyn Fn(VertexRow) -> DVec3,
         limits: Limits,
     ) -> Active {
         let at = self.at(x);
-        let [a, b, c] = self.rows;
-        let [u, v, w] = self.weights;
+        let [a, b, c, d] = self.rows;
+        let [s, t, u, v] = self.weights;
         let mut active =
-            Active { rows: [a, b, c, a], weights: [u, v, w, 0.0], at, ..Active::default() };
+            Active { rows: [a, b, c, d, a], weights: [s, t, u, v, 0.0], at, ..Active::default() };
         // signed distance and its gradient
         let gradient;
         match &self.against {
@@ -308,15 +308,15 @@ impl ContactPoint {
                 (active.gap, gradient) = part.gap(at, &self.side);
             }
             Against::Faces(range) => {
-                let side = (self.memory.side != 0.0).then_some(self.memory.side);
-                let Some(near) = beside(at, &faces[range.clone()], x, side) else { return active };
+                let open = self.memory.side != 0.0;
+                let Some(near) = beside(at, &faces[range.clone()], x, open) else { return active };
                 (active.gap, gradient) = (near.distance, near.normal);
-                let [d, e, f] = near.face;
-                let [p, q, r] = near.weights;
-                (active.rows, active.weights) = ([a, d, e, f], [1.0, -p, -q, -r]);
+                let [d, e, f, g] = near.face;
+                let [p, q, r, s] = near.weights;
+                (active.rows, active.weights) = ([a, d, e, f, g], [1.0, -p, -q, -r, -s]);
                 let way = |row| x(row) - start(row);
                 // what goes with the faces: the slip is the rest of the way
-                self.carried = at - (way(a) - way(d) * p - way(e) * q - way(f) * r);
+                self.carried = at - (way(a) - way(d) * p - way(e) * q - way(f) * r - way(g) * s);
             }
         }
         // pressure and limit of friction
@@ -492,9 +492,9 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    const FACES: [[VertexRow; 3]; 2] = {
+    const FACES: [Facet; 3] = {
         let [b, c, d, e] = [VertexRow(1), VertexRow(2), VertexRow(3), VertexRow(4)];
-        [[b, c, d], [c, e, d]]
+        [[b, c, d, d], [c, e, d, d], [b, c, e, d]]
     };
 
     fn part(shape: Shape, turn: f64) -> PartNow {
@@ -507,7 +507,7 @@ mod tests {
     }
 
     fn point(against: Against, friction: f64) -> ContactPoint {
-        let own = ([VertexRow(0); 3], [1.0, 0.0, 0.0]);
+        let own = ([VertexRow(0); 4], [1.0, 0.0, 0.0, 0.0]);
         ContactPoint {
             friction,
             slip: DVec3::new(0.01, -0.02, 0.015),
@@ -602,6 +602,22 @@ mod tests {
             ];
             let mut point = point(Against::Faces(0..1), 0.0);
             prop_assume!(x + y < 0.85);
+            prop_assert!(check(&mut point, &[], places, false));
+        }
+
+        #[test]
+        fn forces_of_faces_with_four_corners_are_derivatives(
+            x in 0.2..0.8, y in 0.05..0.15, z in -0.2..-0.1, a in prop::array::uniform3(-0.05..0.05),
+        ) {
+            // behind the quarter at the first edge
+            let places = [
+                DVec3::new(x, y, z),
+                DVec3::ZERO,
+                DVec3::X + DVec3::from_array(a),
+                DVec3::Y,
+                DVec3::new(1.0, 1.0, 0.1),
+            ];
+            let mut point = point(Against::Faces(2..3), 0.0);
             prop_assert!(check(&mut point, &[], places, false));
         }
     }

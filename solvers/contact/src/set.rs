@@ -1,7 +1,7 @@
 //! All contact of a world during a step: the points that may be touched, their forces at any state, the state that is
 //! kept, and the reports at the end.
 
-use crate::beside::beside;
+use crate::beside::{Facet, beside};
 use crate::limits::Limits;
 use crate::pair::{BodyContact, BodyContactReport};
 use crate::point::{
@@ -9,7 +9,7 @@ use crate::point::{
     outer,
 };
 use crate::pull::{Pull, PullReport};
-use crate::skin::{ContactSkin, EMPTY, face_points, grown, overlap};
+use crate::skin::{ContactSkin, EMPTY, corners, face_points, grown, overlap};
 use crate::tool::{MOST_POINTS, Points, Stiffness, Tool, ToolMotion, ToolPose, ToolReport};
 use bevy_ecs::prelude::*;
 use glam::{DMat3, DVec3};
@@ -26,6 +26,7 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 
 mod near;
+mod pairs;
 mod points;
 mod report;
 
@@ -36,7 +37,8 @@ const LONGEST_WAY: [f64; 2] = [0.9, 0.4];
 pub const MOST_SUBSTEPS: u32 = 8;
 /// Part of the mean edge by which points may be inside of a tool that appears before it is drawn in.
 const INSIDE: f64 = 0.25;
-/// Speed (m/s) at which a tool that was drawn in grows again.
+/// Speed (m/s) at which a tool that was drawn in grows again, a hand's: the time that a body is given does not scale
+/// with it.
 const GROWTH: f64 = 0.1;
 /// Depth over the mean edge beyond which a point that did not touch is taken to be behind a body, not inside of it.
 const DEEP: f64 = 0.35;
@@ -67,9 +69,9 @@ pub struct ContactBlocks {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Coupling {
     /// Vertex rows.
-    pub rows: [u32; 4],
+    pub rows: [u32; 5],
     /// Their shares, 0 for unused ones.
-    pub weights: [f64; 4],
+    pub weights: [f64; 5],
     /// `C` (N/m).
     pub block: DMat3,
 }
@@ -164,7 +166,7 @@ pub struct ContactSet {
     active: Vec<Active>,
     /// Points of the last round of an inner loop, and their places (m).
     rounds: Vec<(Active, DVec3)>,
-    faces: Vec<[VertexRow; 3]>,
+    faces: Vec<Facet>,
     figures: ContactFigures,
     /// Local stiffnesses (N/m) found in this step, by tool.
     local: Vec<(usize, DMat3)>,
@@ -601,7 +603,12 @@ impl ContactSet {
                     (own.tool, active.at - own.now.carry(active.at, &own.start))
                 }
                 Against::Hand(hand) => (self.tools.len() + hand.pull, point.carried - hand.from),
-                Against::Faces(_) => continue,
+                Against::Faces(_) => {
+                    let lost = lost(point, active);
+                    *self.kept.dissipated.entry(point.key.owner).or_default() += lost;
+                    self.figures.friction_dissipation += lost;
+                    continue;
+                }
             };
             let own = &mut self.settled[tool];
             own.work += force.dot(way);
@@ -613,8 +620,11 @@ impl ContactSet {
         for (point, active) in self.points.iter_mut().zip(&self.active) {
             point.memory = remember(point, active);
             point.start = point.at(x);
-            if let Against::Hand(hand) = &mut point.against {
-                hand.from = point.carried;
+            match &mut point.against {
+                Against::Hand(hand) => hand.from = point.carried,
+                // what is kept of tools is turned with them
+                Against::Part(_) => {}
+                Against::Faces(_) => point.slip = point.memory.slip,
             }
         }
     }

@@ -12,16 +12,19 @@ const BLOCK: usize = 64;
 pub(crate) struct ContactSkin {
     /// Vertex rows of the world, ascending.
     pub rows: Vec<VertexRow>,
-    /// A third of the rest areas (m^2) of the faces round each.
+    /// Share of each (m^2, at rest) in the faces round it: the integral of its shape function.
     pub area: Vec<f64>,
     /// Young's modulus (Pa) there.
     pub young: Vec<f64>,
-    /// Triangles, as places in `rows`; outward, but for those of membranes.
-    pub faces: Vec<[u32; 3]>,
-    /// Their rest areas (m^2).
-    pub face_area: Vec<f64>,
+    /// Triangles and faces with four corners, as places in `rows`; outward, but for those of membranes. The last two
+    /// corners of a triangle are the same.
+    pub faces: Vec<[u32; 4]>,
+    /// Rest area (m^2) per unit of the area in which shape functions are measured, at every corner.
+    pub corner_area: Vec<[f64; 4]>,
     /// Faces from here on are membranes, which have two sides.
     pub sheets: usize,
+    /// Edges of membranes that belong to one face alone, ascending.
+    rims: Vec<[u32; 2]>,
     /// Mean edge (m) of the faces at rest.
     pub edge: f64,
     /// Places (m) of the vertices at the start of the step.
@@ -45,23 +48,27 @@ impl ContactSkin {
         rest: &[DVec3],
         only: Option<&[[VertexRow; 3]]>,
     ) -> Self {
-        let world = |t: &[u32; 3]| t.map(|v| VertexRow(v + first.0));
-        let sorted = |mut t: [VertexRow; 3]| {
-            t.sort_unstable();
-            t
-        };
-        let mut faces: Vec<[VertexRow; 3]> = surface.triangles.iter().map(world).collect();
-        let mut solid: Vec<[VertexRow; 3]> = faces.iter().map(|t| sorted(*t)).collect();
+        let world = |f: [u32; 4]| f.map(|v| VertexRow(v + first.0));
+        let mut faces: Vec<Face> = joined(&surface.triangles, surface.halves).map(world).collect();
+        let mut solid: Vec<Face> = faces.iter().flat_map(parts_of).collect();
         solid.sort_unstable();
         let mut sheets = faces.len();
         // a membrane that covers a solid is touched as the solid is
-        let bare = |t: &[VertexRow; 3]| solid.binary_search(&sorted(*t)).is_err();
-        faces.extend(surface.sheets.iter().map(world).filter(bare));
+        let covers = |part: &Face| solid.binary_search(part).is_ok();
+        let bare = |f: &Face| {
+            let parts: Vec<Face> = parts_of(f).collect();
+            !covers(&parts[0]) && !parts[1..].chunks(2).any(|cut| cut.iter().all(covers))
+        };
+        let mut bare: Vec<Face> =
+            joined(&surface.sheets, surface.sheet_halves).map(world).filter(bare).collect();
+        turn_alike(&mut bare);
+        faces.append(&mut bare);
         if let Some(only) = only {
-            let mut wanted: Vec<[VertexRow; 3]> = only.iter().map(|t| sorted(*t)).collect();
+            let triangle = |&[a, b, c]: &[VertexRow; 3]| sorted([a, b, c, c]);
+            let mut wanted: Vec<Face> = only.iter().map(triangle).collect();
             wanted.sort_unstable();
-            let keep = |t: &[VertexRow; 3]| wanted.binary_search(&sorted(*t)).is_ok();
-            sheets = faces[..sheets].iter().filter(|t| keep(t)).count();
+            let keep = |f: &Face| parts_of(f).any(|part| wanted.binary_search(&part).is_ok());
+            sheets = faces[..sheets].iter().filter(|f| keep(f)).count();
             faces.retain(keep);
         }
         let mut rows: Vec<VertexRow> = faces.iter().flatten().copied().collect();
@@ -72,17 +79,18 @@ impl ContactSkin {
         skin.area = vec![0.0; rows.len()];
         let mut length = 0.0;
         for face in &faces {
-            let [a, b, c] = face.map(|row| rest[row.index()]);
-            let area = 0.5 * (b - a).cross(c - a).length();
-            length += a.distance(b) + b.distance(c) + c.distance(a);
+            let x = face.map(|row| rest[row.index()]);
+            let corner_area = corner_areas(x);
             let local = face.map(place);
-            for v in local {
-                skin.area[v as usize] += area / 3.0;
+            for (v, share) in local.into_iter().zip(shares(local, corner_area)) {
+                skin.area[v as usize] += share;
             }
+            length += mean_edge(x);
             skin.faces.push(local);
-            skin.face_area.push(area);
+            skin.corner_area.push(corner_area);
         }
-        skin.edge = if faces.is_empty() { 0.0 } else { length / (3 * faces.len()) as f64 };
+        skin.edge = if faces.is_empty() { 0.0 } else { length / faces.len() as f64 };
+        skin.rims = rims(&skin.faces[sheets..]);
         skin.young = rows
             .iter()
             .map(|row| {
@@ -119,10 +127,44 @@ impl ContactSkin {
         }
     }
 
+    /// The box (m) of a face at the start of the step, and how far (m) its vertices may come in it.
+    pub fn bounds(&self, face: usize) -> ([DVec3; 2], f64) {
+        let mut own = EMPTY;
+        let mut way = 0.0_f64;
+        for &v in corners(&self.faces[face]) {
+            let at = self.at[v as usize];
+            own = [own[0].min(at), own[1].max(at)];
+            way = way.max(self.way[v as usize]);
+        }
+        (own, way)
+    }
+
+    /// Triangles in the form of [`Facet`](crate::beside::Facet) that a face consists of, as places in `rows`.
+    pub fn facets(&self, face: usize) -> impl Iterator<Item = [u32; 4]> + use<> {
+        let [a, b, c, d] = self.faces[face];
+        let count = if c == d { 1 } else { 4 };
+        [[a, b, c, d], [b, c, d, a], [c, d, a, b], [d, a, b, c]].into_iter().take(count)
+    }
+
+    /// Whether a point of a facet, by the shares of its corners, lies on the rim of a membrane.
+    pub fn on_rim(&self, facet: [u32; 4], weights: [f64; 3]) -> bool {
+        let used: Vec<u32> =
+            facet.into_iter().zip(weights).filter(|(_, w)| *w > 1e-9).map(|(v, _)| v).collect();
+        let is_rim = |[a, b]: [u32; 2]| self.rims.binary_search(&[a.min(b), a.max(b)]).is_ok();
+        // the third corner may be the middle of a face
+        let middle = facet[2] != facet[3] && weights[2] > 1e-9;
+        match used[..] {
+            [a] if !middle => self.rims.iter().any(|rim| rim.contains(&a)),
+            [a, b] if !middle => is_rim([a, b]),
+            _ => false,
+        }
+    }
+
     /// Area normal (m^2) of a face at the start of the step.
     fn area_normal(&self, face: usize) -> DVec3 {
-        let [a, b, c] = self.faces[face].map(|v| self.at[v as usize]);
-        0.5 * (b - a).cross(c - a)
+        let [a, b, c, d] = self.faces[face].map(|v| self.at[v as usize]);
+        // of a triangle, `d` is `c`
+        0.5 * (c - a).cross(d - b)
     }
 
     /// Outward unit normal of a face at the start of the step; zero for a membrane.
@@ -132,10 +174,13 @@ impl ContactSkin {
 
     /// Finds the normals of the vertices, where something is near.
     pub fn find_normals(&mut self) {
+        if !self.normals.is_empty() {
+            return;
+        }
         let mut normals = vec![DVec3::ZERO; self.rows.len()];
         for face in 0..self.sheets {
             let normal = self.area_normal(face);
-            for &v in &self.faces[face] {
+            for &v in corners(&self.faces[face]) {
                 normals[v as usize] += normal;
             }
         }
@@ -155,9 +200,15 @@ impl ContactSkin {
         }
     }
 
+    /// Rest area (m^2) round a point of a face, given by the shares of its corners, if it stood for the whole face.
+    pub fn part_area(&self, face: usize, weights: &[f64; 4]) -> f64 {
+        self.corner_area[face].iter().zip(weights).map(|(area, weight)| area * weight).sum()
+    }
+
     /// Mean of a vertex column over a face.
     pub fn mean(&self, column: &[f64], face: usize) -> f64 {
-        self.faces[face].iter().map(|&v| column[v as usize]).sum::<f64>() / 3.0
+        let own = corners(&self.faces[face]);
+        own.iter().map(|&v| column[v as usize]).sum::<f64>() / own.len() as f64
     }
 }
 
@@ -174,12 +225,137 @@ pub(crate) fn grown([low, high]: [DVec3; 2], by: f64) -> [DVec3; 2] {
     [low - by, high + by]
 }
 
-/// Barycentric coordinates of the points `faces(n)` of a triangle: centres of `n^2` equal triangles, for 2 the three
-/// Gauss points of second order.
-pub(crate) fn face_points(n: u32) -> Vec<[f64; 3]> {
+/// Vertex rows of a face; the last two of a triangle are the same.
+type Face = [VertexRow; 4];
+
+/// Corners of a face, each once.
+pub(crate) fn corners<T: PartialEq>(face: &[T; 4]) -> &[T] {
+    if face[2] == face[3] { &face[..3] } else { face }
+}
+
+/// The faces that triangles are, those from `halves` on two and two.
+fn joined(triangles: &[[u32; 3]], halves: usize) -> impl Iterator<Item = [u32; 4]> + '_ {
+    let (whole, halves) = triangles.split_at(halves.min(triangles.len()));
+    let pairs = halves.as_chunks::<2>().0.iter().map(|&[[a, b, c], [_, _, d]]| [a, b, c, d]);
+    whole.iter().map(|&[a, b, c]| [a, b, c, c]).chain(pairs)
+}
+
+/// Turns membrane faces, of any winding, so that those that share an edge show the same side.
+fn turn_alike(faces: &mut [Face]) {
+    // edge, face, and whether the face goes along it upward
+    let mut edges: Vec<([VertexRow; 2], usize, bool)> = Vec::new();
+    for (i, face) in faces.iter().enumerate() {
+        edges.extend(round(corners(face)).map(|[a, b]| ([a.min(b), a.max(b)], i, a < b)));
+    }
+    edges.sort_unstable();
+    // faces across edges, and whether they show the other side
+    let mut across: Vec<(usize, usize, bool)> = Vec::new();
+    for two in edges.chunk_by(|a, b| a.0 == b.0).filter(|of_edge| of_edge.len() == 2) {
+        let opposed = two[0].2 == two[1].2;
+        across.extend([(two[0].1, two[1].1, opposed), (two[1].1, two[0].1, opposed)]);
+    }
+    across.sort_unstable();
+    let mut sides: Vec<Option<bool>> = vec![None; faces.len()];
+    for seed in 0..faces.len() {
+        if sides[seed].is_some() {
+            continue;
+        }
+        sides[seed] = Some(false);
+        let mut front = vec![seed];
+        while let Some(own) = front.pop() {
+            let first = across.partition_point(|(from, ..)| *from < own);
+            for &(_, next, opposed) in across[first..].iter().take_while(|(from, ..)| *from == own)
+            {
+                if sides[next].is_none() {
+                    sides[next] = sides[own].map(|turned| turned != opposed);
+                    front.push(next);
+                }
+            }
+        }
+    }
+    for (face, _) in faces.iter_mut().zip(sides).filter(|(_, turned)| *turned == Some(true)) {
+        let [a, b, c, d] = *face;
+        *face = if c == d { [b, a, c, c] } else { [a, d, c, b] };
+    }
+}
+
+/// Edges of a face, from corner to corner.
+fn round<T: Copy>(corners: &[T]) -> impl Iterator<Item = [T; 2]> + '_ {
+    corners.iter().zip(corners.iter().cycle().skip(1)).map(|(&a, &b)| [a, b])
+}
+
+/// Edges of one face alone, ascending.
+fn rims(faces: &[[u32; 4]]) -> Vec<[u32; 2]> {
+    let mut edges = Vec::new();
+    for face in faces {
+        edges.extend(round(corners(face)).map(|[a, b]| [a.min(b), a.max(b)]));
+    }
+    edges.sort_unstable();
+    edges.chunk_by(|a, b| a == b).filter(|same| same.len() == 1).map(|same| same[0]).collect()
+}
+
+fn sorted([a, b, c, d]: Face) -> Face {
+    let mut f = [a, b, c, d];
+    f.sort_unstable();
+    // as it is written for triangles
+    if f[0] == f[1] || f[1] == f[2] { [f[0], f[2], f[3], f[3]] } else { f }
+}
+
+/// A face in ascending order, and of one with four corners the triangles that it may be cut into, one cut after the
+/// other.
+fn parts_of(&[a, b, c, d]: &Face) -> impl Iterator<Item = Face> + use<> {
+    let halves = [[a, b, c, c], [a, c, d, d], [b, c, d, d], [b, d, a, a]];
+    let cut = if c == d { 0 } else { 4 };
+    std::iter::once(sorted([a, b, c, d])).chain(halves.into_iter().take(cut).map(sorted))
+}
+
+/// Twice the area (m^2) of the triangle at each corner of a face with four corners, the area of a triangle at each of
+/// its own: what the area is per unit of that of the shape functions.
+fn corner_areas(x: [DVec3; 4]) -> [f64; 4] {
+    let at = |i: usize, next: usize, last: usize| (x[next] - x[i]).cross(x[last] - x[i]).length();
+    if x[2] == x[3] {
+        return [0.5 * at(0, 1, 2); 4];
+    }
+    [at(0, 1, 3), at(1, 2, 0), at(2, 3, 1), at(3, 0, 2)]
+}
+
+/// Integrals of the shape functions of the corners over a face.
+fn shares(face: [u32; 4], area: [f64; 4]) -> [f64; 4] {
+    if face[2] == face[3] {
+        let third = area[0] / 3.0;
+        return [third, third, third, 0.0];
+    }
+    let of = |i: usize| {
+        4.0 * area[i] + 2.0 * (area[(i + 1) % 4] + area[(i + 3) % 4]) + area[(i + 2) % 4]
+    };
+    [0, 1, 2, 3].map(|i| of(i) / 36.0)
+}
+
+/// Mean edge (m) of the triangles of a face, whichever way it is cut.
+fn mean_edge([a, b, c, d]: [DVec3; 4]) -> f64 {
+    let round = a.distance(b) + b.distance(c);
+    if c == d {
+        return (round + c.distance(a)) / 3.0;
+    }
+    (round + c.distance(d) + d.distance(a) + a.distance(c) + b.distance(d)) / 6.0
+}
+
+/// Shares of the corners at the points `faces(n)` of a face. Triangle: centres of `n^2` equal triangles, for 2 the three
+/// Gauss points of second order. Four corners: `n` by `n` centres of equal parts, for 2 the Gauss points.
+pub(crate) fn face_points(n: u32, four: bool) -> Vec<[f64; 4]> {
+    if four {
+        let place = |i: u32| match n {
+            2 => 0.5 + (f64::from(i) - 0.5) / 3.0_f64.sqrt(),
+            _ => (f64::from(i) + 0.5) / f64::from(n),
+        };
+        let both = (0..n).flat_map(|i| (0..n).map(move |j| (place(i), place(j))));
+        return both
+            .map(|(u, v)| [(1.0 - u) * (1.0 - v), u * (1.0 - v), u * v, (1.0 - u) * v])
+            .collect();
+    }
     if n == 2 {
         let (a, b) = (2.0 / 3.0, 1.0 / 6.0);
-        return vec![[a, b, b], [b, a, b], [b, b, a]];
+        return vec![[a, b, b, 0.0], [b, a, b, 0.0], [b, b, a, 0.0]];
     }
     let mut points = Vec::new();
     let size = 3.0 * f64::from(n);
@@ -188,7 +364,7 @@ pub(crate) fn face_points(n: u32) -> Vec<[f64; 3]> {
             let mut add = |third: f64| {
                 let (a, b) =
                     ((3.0 * f64::from(i) + third) / size, (3.0 * f64::from(j) + third) / size);
-                points.push([1.0 - a - b, a, b]);
+                points.push([1.0 - a - b, a, b, 0.0]);
             };
             add(1.0);
             if i + j + 1 < n {
@@ -206,7 +382,7 @@ mod tests {
     #[test]
     fn points_on_faces_integrate_linear_fields() {
         for n in 2..=8 {
-            let points = face_points(n);
+            let points = face_points(n, false);
             assert_eq!(points.len(), if n == 2 { 3 } else { (n * n) as usize });
             for k in 0..3 {
                 let mean = points.iter().map(|w| w[k]).sum::<f64>() / points.len() as f64;
@@ -217,21 +393,96 @@ mod tests {
     }
 
     #[test]
+    fn points_on_faces_with_four_corners_integrate_over_a_trapezium() {
+        let x = [[0.0, 0.0], [3.0, 0.0], [2.0, 1.0], [0.5, 1.0]];
+        let x = x.map(|[x, y]| DVec3::new(x, y, 2.0));
+        let area = corner_areas(x);
+        for n in 2..=8 {
+            let points = face_points(n, true);
+            assert_eq!(points.len(), (n * n) as usize);
+            let share = |w: &[f64; 4]| {
+                w.iter().zip(area).map(|(w, a)| w * a).sum::<f64>() / points.len() as f64
+            };
+            let sum: f64 = points.iter().map(share).sum();
+            assert!((sum - 2.25).abs() < 1e-14, "{n}: {sum}");
+            for w in &points {
+                assert!((w.iter().sum::<f64>() - 1.0).abs() < 1e-15);
+            }
+            if n > 2 {
+                continue;
+            }
+            // exact for the shape functions
+            for (k, exact) in shares([0, 1, 2, 3], area).into_iter().enumerate() {
+                let integral: f64 = points.iter().map(|w| w[k] * share(w)).sum();
+                assert!((integral - exact).abs() < 1e-14, "{k}: {integral} {exact}");
+            }
+        }
+        assert!((shares([0, 1, 2, 3], area).iter().sum::<f64>() - 2.25).abs() < 1e-14);
+    }
+
+    #[test]
     fn areas_add_up_and_a_covered_membrane_counts_once() {
         let rest =
             [DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::X + DVec3::Y, DVec3::new(0.5, 0.5, -1.0)];
         let surface = BodySurface {
             triangles: vec![[0, 1, 2], [1, 3, 2]],
+            halves: 2,
             sheets: vec![[2, 1, 0], [0, 1, 4]],
+            sheet_halves: 2,
             young_modulus: vec![1.0; 5],
         };
         let skin = ContactSkin::new(&surface, VertexRow(0), &rest, None);
         assert_eq!((skin.faces.len(), skin.sheets), (3, 2));
         let total: f64 = skin.area.iter().sum();
-        assert!((total - skin.face_area.iter().sum::<f64>()).abs() < 1e-15);
+        let of_faces: f64 = skin.corner_area.iter().map(|area| area[0]).sum();
+        assert!((total - of_faces).abs() < 1e-15);
         let only =
             ContactSkin::new(&surface, VertexRow(0), &rest, Some(&[[2, 3, 1].map(VertexRow)]));
         assert_eq!((only.rows.len(), only.faces.len(), only.sheets), (3, 1, 1));
         assert!((only.area[0] - 1.0 / 6.0).abs() < 1e-15);
+    }
+
+    #[test]
+    fn membranes_of_any_winding_show_one_side_and_know_their_rims() {
+        let rest = [DVec3::ZERO, DVec3::X, DVec3::X + DVec3::Y, DVec3::Y, 2.0 * DVec3::X];
+        let surface = BodySurface {
+            sheets: vec![[0, 1, 2], [0, 3, 2], [2, 1, 4]],
+            sheet_halves: 3,
+            young_modulus: vec![1.0; 5],
+            ..BodySurface::default()
+        };
+        let mut skin = ContactSkin::new(&surface, VertexRow(0), &rest, None);
+        skin.refit(0.0, &|row| rest[row.index()], &|_| DVec3::ZERO);
+        let up: Vec<f64> = (0..3).map(|face| skin.area_normal(face).z).collect();
+        assert_eq!(up, [0.5; 3]);
+        assert_eq!(skin.rims, [[0, 1], [0, 3], [1, 4], [2, 3], [2, 4]]);
+        assert!(skin.on_rim([0, 1, 2, 2], [0.5, 0.5, 0.0]));
+        assert!(!skin.on_rim([0, 1, 2, 2], [0.5, 0.0, 0.5]));
+        assert!(skin.on_rim([0, 1, 2, 2], [0.0, 0.0, 1.0]));
+    }
+
+    #[test]
+    fn a_face_with_four_corners_is_one_whatever_covers_it_and_however_it_is_cut() {
+        let rest = [DVec3::ZERO, DVec3::X, DVec3::X + DVec3::Y, DVec3::Y];
+        let skin = |sheets: Vec<[u32; 3]>, sheet_halves, only: Option<[u32; 3]>| {
+            let surface = BodySurface {
+                triangles: vec![[0, 1, 2], [0, 2, 3]],
+                halves: 0,
+                sheets,
+                sheet_halves,
+                young_modulus: vec![1.0; 4],
+            };
+            let only = only.map(|t| [t.map(VertexRow)]);
+            ContactSkin::new(&surface, VertexRow(0), &rest, only.as_ref().map(|o| &o[..]))
+        };
+        let alone = skin(vec![], 0, None);
+        assert_eq!(alone.faces, [[0, 1, 2, 3]]);
+        assert_eq!(alone.area, [0.25; 4]);
+        // by a quadrilateral, by triangles of the other cut
+        for (sheets, halves) in [(vec![[3, 2, 1], [3, 1, 0]], 0), (vec![[1, 0, 3], [1, 3, 2]], 2)] {
+            assert_eq!(skin(sheets, halves, None).faces.len(), 1);
+        }
+        assert_eq!(skin(vec![], 0, Some([3, 0, 1])).faces.len(), 1);
+        assert_eq!(skin(vec![], 0, Some([3, 3, 1])).faces.len(), 0);
     }
 }

@@ -123,9 +123,10 @@ pub enum Points {
     /// Vertices where the tool is thick beside the edges of the surface, else points on faces (default).
     #[default]
     Auto,
-    /// Vertices, each with a third of the rest areas of the faces round it.
+    /// Vertices, each with its share in the rest areas of the faces round it.
     Vertex,
-    /// The midpoints of `n^2` equal triangles on every face; for 2 the three Gauss points (2/3, 1/6, 1/6).
+    /// The midpoints of `n^2` equal parts of every face. For 2 the Gauss points: three, (2/3, 1/6, 1/6), of a triangle, four
+    /// of a face with four corners.
     Faces(u32),
 }
 
@@ -192,7 +193,7 @@ pub struct Tool {
     /// A point that was pushed out through one side stays on it however deep the tool goes (default). Without, it
     /// leaves through the nearest side.
     pub keeps_side: bool,
-    /// Also finds the force by points of the other kind, as an error bar ([`ToolReport::other_points`]).
+    /// Also finds the force by points of the other kind ([`ToolReport::other_points`]). It is no bound on the error.
     pub error_bar: bool,
     /// Also finds the change of its force with small motions ([`ToolReport::local_stiffness`]), which devices and rigid
     /// bodies need that go on between two steps. Costs three linear systems a step.
@@ -307,8 +308,9 @@ impl Tool {
         self.set(pose.into(), false)
     }
 
-    /// Puts the tool somewhere else at once, without touching anything on the way. Where it then stands inside of a
-    /// body, the body is pushed out slowly.
+    /// Puts the tool somewhere else at once, without touching anything on the way. Where it then reaches into a body, it
+    /// is drawn in, and grows again by 0.1 m/s, at most half a mean edge a step. That speed is the same for a body of any
+    /// size: how hard the body is pushed meanwhile depends on its size in metres.
     ///
     /// # Errors
     /// As [`Tool::set_target`].
@@ -484,10 +486,12 @@ pub struct ToolReport {
     pub slipping: u32,
     /// Distance (m) to its target, where its way was longer than the substeps of a step can follow.
     pub lag: f64,
-    /// How far (m) the surfaces of its shapes are drawn in, because it appeared inside of a body.
+    /// How far (m) the surfaces of its shapes are drawn in, because it appeared partly inside of a body. A tool wholly
+    /// inside touches nothing, and is counted as buried.
     pub drawn_in: f64,
-    /// Force (N) by points of the other kind at the same state, if [`Tool::error_bar`] asks for it. Its difference from
-    /// `force` estimates the error that the mesh makes in the contact.
+    /// Force (N) by points of the other kind at the same state, if [`Tool::error_bar`] asks for it. It is no estimate of the
+    /// error: these points have not pushed the tissue away, so it may be several times what they give in a run of their
+    /// own.
     pub other_points: Option<DVec3>,
     /// Change of its force (N) per motion (m) of its pose at the end of the step, with the tissue moving along within
     /// the step, if [`Tool::local_stiffness`] asks for it of an implicit integrator: the force is about `force +

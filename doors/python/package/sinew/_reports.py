@@ -92,11 +92,13 @@ class ToolReport:
     """Distance (m) to its target, where its way was longer than the substeps of a step can follow."""
 
     drawn_in: float
-    """How far (m) the surfaces of its shapes are drawn in, because it appeared inside of a body."""
+    """How far (m) the surfaces of its shapes are drawn in, because it appeared partly inside of a body. A tool wholly
+    inside touches nothing, and is counted as buried."""
 
     other_points: Floats | None
-    """Force (N) by points of the other kind at the same state, if ``error_bar`` asks for it. Its difference from
-    ``force`` estimates the error that the mesh makes in the contact; (3,). ``None`` without."""
+    """Force (N) by points of the other kind at the same state, if ``error_bar`` asks for it. It is no estimate of the
+    error: these points have not pushed the tissue away, so it may be several times what they give in a run of their
+    own; (3,). ``None`` without."""
 
     local_stiffness: Floats | None
     """Change of its force (N) per motion (m) of its pose at the end of the step, with the tissue moving along within
@@ -207,7 +209,8 @@ class ContactFigures:
     """Parts of tools that appeared inside of bodies and are drawn in until the bodies have made way."""
 
     buried: int
-    """Points too deep inside of another body to tell its sides, which are left out."""
+    """Points too deep inside of another body to tell its sides, which are left out, and tools wholly inside of a
+    body."""
 
     impacts: int
     """Bodies that took the safe step because of an impact."""

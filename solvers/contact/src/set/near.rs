@@ -124,12 +124,19 @@ impl ContactSet {
             if self.skins[body].version != version {
                 let read = read(world, body);
                 let skin = ContactSkin::new(&read, first, &rest, None);
-                if skin.faces.is_empty() && self.pairs.iter().any(|n| n.of.bodies.contains(&body)) {
-                    let pair = self.pairs.iter().find(|n| n.of.bodies.contains(&body));
-                    let name = &world.resource::<Topology>().bodies[body].name;
+                // a body whose last face was removed is touched no more
+                let own = &world.resource::<Topology>().bodies[body];
+                let pair = self.pairs.iter().find(|n| n.of.bodies.contains(&body));
+                if let Some(pair) = pair
+                    && skin.faces.is_empty()
+                    && own.changes == 0
+                {
                     return Err(StepError::InvalidContact {
-                        name: pair.map_or_else(String::new, |n| n.of.name.clone()),
-                        problem: format!("body `{name}` has no surface that could be touched"),
+                        name: pair.of.name.clone(),
+                        problem: format!(
+                            "body `{}` has no surface that could be touched",
+                            own.name
+                        ),
                     });
                 }
                 self.skins[body] = KnownSkin { version, skin };

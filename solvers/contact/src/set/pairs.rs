@@ -1,0 +1,276 @@
+//! The points that may be touched in the step to come: of bodies near others.
+
+use super::points::alone;
+use super::*;
+use crate::beside::{facet_corners, point_in};
+use sinew_engine::surface::closest_point;
+
+/// Cosine between the outward normal of a solid and the normal of a membrane from which on the solid tells on which
+/// side of the membrane it is.
+const TELLS: f64 = 0.3;
+
+/// A facet that a point may reach.
+#[derive(Clone, Copy)]
+struct Reached {
+    /// As places in the rows of the surface.
+    facet: [u32; 4],
+    membrane: bool,
+    distance: f64,
+    /// Barycentric coordinates of its closest point.
+    weights: [f64; 3],
+}
+
+impl ContactSet {
+    /// Points of bodies that may touch other bodies.
+    pub(super) fn find_pair_points(&mut self, rest: &[DVec3]) {
+        for now in &self.pairs {
+            // what is solid tells the sides of membranes
+            let [a, b] = now.of.bodies;
+            for [own, other] in [[a, b], [b, a]] {
+                let other = &self.skins[other].skin;
+                let wanted = other.sheets < other.faces.len();
+                if wanted && overlap(&self.skins[own].skin.hull, &other.hull) {
+                    self.skins[own].skin.find_normals();
+                }
+            }
+        }
+        let (mut points, mut faces, mut buried) = (Vec::new(), Vec::new(), 0);
+        for now in &self.pairs {
+            let [a, b] = now.of.bodies;
+            let directions: &[[usize; 2]] = if a == b { &[[a, a]] } else { &[[a, b], [b, a]] };
+            for (direction, &[from, to]) in (0..).zip(directions) {
+                buried +=
+                    self.collect_pair(now, direction, [from, to], rest, &mut points, &mut faces);
+            }
+        }
+        self.points.append(&mut points);
+        self.faces = faces;
+        self.figures.buried += buried;
+    }
+
+    /// Vertices of body `from` near faces of body `to`; the number of those that are too deep inside of it to tell how
+    /// they came there.
+    fn collect_pair(
+        &self,
+        now: &Now<BodyContact>,
+        direction: u32,
+        [from, to]: [usize; 2],
+        rest: &[DVec3],
+        points: &mut Vec<ContactPoint>,
+        faces: &mut Vec<Facet>,
+    ) -> u32 {
+        let mut buried = 0;
+        let (own, other) = (&self.skins[from].skin, &self.skins[to].skin);
+        if !overlap(&own.hull, &other.hull) {
+            return 0;
+        }
+        let common = [own.hull[0].max(other.hull[0]), own.hull[1].min(other.hull[1])];
+        // vertices and faces near the common box
+        let mut near = Vec::new();
+        own.near(&common, |i| {
+            if overlap(&grown([own.at[i]; 2], own.way[i]), &common) {
+                near.push(i);
+            }
+        });
+        let Some(bins) = Bins::new(other, common) else { return 0 };
+        let of_other = other.young.iter().copied().fold(f64::INFINITY, f64::min) / other.edge;
+        let softer = |young: f64| (young / own.edge).min(of_other);
+        let mut reached = Vec::new();
+        for i in near {
+            let (at, row) = (own.at[i], own.rows[i]);
+            let near_at_rest = |facet: &[u32; 4]| {
+                let here = rest[row.index()];
+                let near = |v: &u32| {
+                    let other = other.rows[*v as usize];
+                    other == row || rest[other.index()].distance(here) < 2.0 * own.edge
+                };
+                from == to && facet.iter().any(near)
+            };
+            bins.reach(other, at, own.way[i], near_at_rest, &mut reached);
+            if reached.is_empty() {
+                continue;
+            }
+            let key = PointKey::of_vertex(from as u32, now.id, direction, row);
+            let mut memory = self.remembered(&key);
+            let first = faces.len();
+            let normal = own.normals.get(i).copied().unwrap_or_default();
+            match other.place(at, normal, &reached, &memory) {
+                Place::Inside => {
+                    buried += u32::from(from != to);
+                    continue;
+                }
+                Place::Beyond => {}
+                Place::Beside { side } => {
+                    memory.side = side;
+                    faces.extend(reached.iter().map(|reached| {
+                        let [a, b, c, d] = reached.facet.map(|v| other.rows[v as usize]);
+                        // membranes show the side that the point is on
+                        if reached.membrane && side < 0.0 {
+                            turned([a, b, c, d])
+                        } else {
+                            [a, b, c, d]
+                        }
+                    }));
+                }
+            }
+            let half = if from == to { 1.0 } else { 0.5 };
+            let k = match now.of.stiffness {
+                Stiffness::Relative(factor) => factor * softer(own.young[i]),
+                Stiffness::Absolute(k) => k,
+            };
+            let against = Against::Faces(first..faces.len());
+            points.push(ContactPoint {
+                friction: now.of.friction,
+                memory,
+                slip: memory.slip,
+                ..ContactPoint::new(key, against, alone(row), half * own.area[i], k)
+            });
+        }
+        buried
+    }
+}
+
+/// The same facet seen from behind.
+fn turned([a, b, c, d]: Facet) -> Facet {
+    if c == d { [b, a, c, d] } else { [b, a, d, c] }
+}
+
+/// Where a point is.
+enum Place {
+    /// Inside of a solid or behind a membrane, too deep to tell how it came there.
+    Inside,
+    /// Beyond the rim of a membrane: there is nothing to touch.
+    Beyond,
+    /// Beside faces; of membranes on this side, 0 where there is none.
+    Beside { side: f64 },
+}
+
+impl ContactSkin {
+    /// Where a point of another surface is, with its outward normal, zero for membranes, and its memory.
+    fn place(&self, at: DVec3, normal: DVec3, reached: &[Reached], memory: &PointMemory) -> Place {
+        let nearer = |a: &&Reached, b: &&Reached| a.distance.total_cmp(&b.distance);
+        let Some(nearest) = reached.iter().min_by(nearer) else { return Place::Beyond };
+        let x = |row: VertexRow| self.at[row.index()];
+        let local = |reached: &Reached| reached.facet.map(VertexRow);
+        let facets: Vec<Facet> = reached.iter().map(local).collect();
+        let distance = beside(at, &facets, &x, false).map_or(0.0, |found| found.distance);
+        if !nearest.membrane {
+            // inside or on the far side of a body
+            return match memory.pressure == 0.0 && distance < -DEEP * self.edge {
+                true => Place::Inside,
+                false => Place::Beside { side: memory.side },
+            };
+        }
+        let triangle = facet_corners(&local(nearest), &x);
+        let [a, b, c] = triangle;
+        let upward = (b - a).cross(c - a).normalize_or_zero();
+        let arm = at - point_in(triangle, nearest.weights);
+        let height = arm.dot(upward);
+        let beyond = (arm - height * upward).length() > 1e-6 * self.edge
+            && self.on_rim(nearest.facet, nearest.weights);
+        let facing = normal.dot(upward);
+        if beyond {
+            return Place::Beyond;
+        }
+        let side = if memory.side != 0.0 {
+            memory.side
+        } else if facing.abs() > TELLS {
+            -facing.signum()
+        } else if distance < 0.0 {
+            -1.0
+        } else {
+            1.0
+        };
+        match memory.pressure == 0.0 && side * distance < -DEEP * self.edge {
+            // it passed through
+            true if memory.side != 0.0 => Place::Inside,
+            // the far side of something thin
+            true => Place::Beyond,
+            false => Place::Beside { side },
+        }
+    }
+}
+
+/// Faces of a surface near a box, sorted into the cells of a grid that are as large as the largest of them, so that
+/// the work grows with the surface in that box alone.
+struct Bins {
+    origin: DVec3,
+    size: f64,
+    /// Most (m) that a face may move in this step, and half an edge.
+    way: f64,
+    /// Cell and face, ascending.
+    cells: Vec<([i64; 3], usize)>,
+}
+
+impl Bins {
+    /// `None` where no face is near.
+    fn new(skin: &ContactSkin, within: [DVec3; 2]) -> Option<Self> {
+        let mut near = Vec::new();
+        let (mut way, mut size) = (0.0_f64, 0.0_f64);
+        for face in 0..skin.faces.len() {
+            let (own, most) = skin.bounds(face);
+            if overlap(&grown(own, most + 0.5 * skin.edge), &within) {
+                (way, size) = (way.max(most), size.max((own[1] - own[0]).max_element()));
+                near.push((face, own));
+            }
+        }
+        let way = way + 0.5 * skin.edge;
+        let size = size + 2.0 * way;
+        if near.is_empty() || size <= 0.0 {
+            return None;
+        }
+        let mut bins = Self { origin: within[0], size, way, cells: Vec::new() };
+        for (face, own) in near {
+            let cells: Vec<_> = bins.cells_of(&grown(own, way)).collect();
+            bins.cells.extend(cells.into_iter().map(|cell| (cell, face)));
+        }
+        bins.cells.sort_unstable();
+        Some(bins)
+    }
+
+    fn cells_of(&self, [low, high]: &[DVec3; 2]) -> impl Iterator<Item = [i64; 3]> + use<> {
+        let cell = |x: DVec3| ((x - self.origin) / self.size).floor().as_i64vec3().to_array();
+        let (low, high) = (cell(*low), cell(*high));
+        (low[0]..=high[0]).flat_map(move |i| {
+            (low[1]..=high[1]).flat_map(move |j| (low[2]..=high[2]).map(move |k| [i, j, k]))
+        })
+    }
+
+    /// All facets that a point may reach in this step that moves by at most `way` (m). Whatever is nearer than one of
+    /// them is among them: the nearest of some would not tell on which side of a surface a point is.
+    fn reach(
+        &self,
+        skin: &ContactSkin,
+        at: DVec3,
+        way: f64,
+        left_out: impl Fn(&[u32; 4]) -> bool,
+        reached: &mut Vec<Reached>,
+    ) {
+        reached.clear();
+        let mut faces = Vec::new();
+        for cell in self.cells_of(&grown([at; 2], way)) {
+            let first = self.cells.partition_point(|(own, _)| *own < cell);
+            let here = self.cells[first..].iter().take_while(|(own, _)| *own == cell);
+            faces.extend(here.map(|(_, face)| *face));
+        }
+        faces.sort_unstable();
+        faces.dedup();
+        let far = way + self.way;
+        let x = |row: VertexRow| skin.at[row.index()];
+        for face in faces {
+            let ([low, high], _) = skin.bounds(face);
+            if !overlap(&grown([low, high], far), &[at; 2]) || left_out(&skin.faces[face]) {
+                continue;
+            }
+            for facet in skin.facets(face) {
+                let triangle = facet_corners(&facet.map(VertexRow), &x);
+                let weights = closest_point(at, triangle);
+                let distance = at.distance(point_in(triangle, weights));
+                if distance <= far {
+                    let membrane = face >= skin.sheets;
+                    reached.push(Reached { facet, membrane, distance, weights });
+                }
+            }
+        }
+    }
+}
