@@ -15,6 +15,7 @@ mod host;
 mod linear;
 mod material_field;
 mod overload;
+mod patch;
 mod physics;
 mod pressure;
 mod recovery;

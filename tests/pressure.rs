@@ -69,6 +69,70 @@ fn pressure_on_a_closed_surface_is_conservative() {
     assert!((swept - change).abs() < 1e-12 * change.abs(), "{swept} {change}");
 }
 
+/// The faces of ten-node tetrahedra are curved: forces, energy and tangent belong together there as well, and the volume swept
+/// is that of the curved surface.
+#[test]
+fn pressure_on_curved_faces_is_conservative() {
+    let mesh = jittered_box([1.0, 1.0, 1.0], [2, 2, 2]).with_second_order();
+    let n = mesh.points.len();
+    let build = || {
+        let (mut s, body) = fused(&mesh, soft(1e2, 0.3));
+        s.set_gravity(DVec3::ZERO);
+        blow(&mut s, body, &mesh.surface_triangles(), 3e3, Curve::Constant);
+        (s, body)
+    };
+    let (mut s, body) = build();
+    let u: Vec<DVec3> = random_field(n, 1).iter().map(|x| 0.03 * *x).collect();
+    let v = random_field(n, 2);
+    let at = |t: f64| -> Vec<DVec3> { u.iter().zip(&v).map(|(u, v)| *u + t * *v).collect() };
+    let h = 1e-5;
+    let (_, load, force, kv) = evaluate(&mut s, body, &u, &v);
+    assert!(load != 0.0);
+    let (ahead, _, f1, _) = evaluate(&mut s, body, &at(h), &v);
+    let (behind, _, f0, _) = evaluate(&mut s, body, &at(-h), &v);
+    let slope = (ahead - behind) / (2.0 * h);
+    let work: f64 = force.iter().zip(&v).map(|(f, v)| f.dot(*v)).sum();
+    assert!((slope + work).abs() < 1e-7 * work.abs(), "{slope} {work}");
+    let change: Vec<DVec3> = f0.iter().zip(&f1).map(|(a, b)| (*a - *b) / (2.0 * h)).collect();
+    assert!(
+        max_distance(&change, &kv) < 1e-7 * max_length(&kv),
+        "{}",
+        max_distance(&change, &kv) / max_length(&kv)
+    );
+    let net: DVec3 = force.iter().sum();
+    assert!(net.length() < 1e-12 * max_length(&force) * n as f64);
+    // each coordinate runs to the square of itself: a box again, and shape functions of second degree follow it
+    let bend =
+        |x: &DVec3| DVec3::new(0.4, -0.3, 0.2) * *x * *x + DVec3::new(x.y * x.z, 0.0, 0.0) * 0.5;
+    let bent: Vec<DVec3> = mesh.points.iter().map(bend).collect();
+    evaluate(&mut s, body, &bent, &v);
+    let swept = s.world().resource::<SweptVolumes>().0[0][1];
+    assert!((swept - (1.4 * 0.7 * 1.2 - 1.0)).abs() < 1e-12, "{swept}");
+    // a face may be named by its corners, or by some of its four triangles
+    let by_corners: Vec<[u32; 3]> = {
+        let linear = Mesh { middles: Vec::new(), ..mesh.clone() };
+        linear.surface_triangles()
+    };
+    let (mut s, body) = fused(&mesh, soft(1e2, 0.3));
+    s.set_gravity(DVec3::ZERO);
+    blow(&mut s, body, &by_corners, 3e3, Curve::Constant);
+    let (_, corners_load, corners_force, _) = evaluate(&mut s, body, &u, &v);
+    assert!((corners_load - load).abs() < 1e-12 * load.abs());
+    assert!(max_distance(&corners_force, &force) < 1e-12 * max_length(&force));
+    let (mut s, body) = fused(&mesh, soft(1e2, 0.3));
+    s.set_gravity(DVec3::ZERO);
+    let (some, others): (Vec<_>, Vec<_>) =
+        mesh.surface_triangles().into_iter().enumerate().partition(|(i, _)| i % 3 == 0);
+    for part in [some, others] {
+        let part: Vec<_> = part.into_iter().map(|(_, t)| t).collect();
+        blow(&mut s, body, &part, 3e3, Curve::Constant);
+    }
+    let (_, parts_load, parts_force, parts_kv) = evaluate(&mut s, body, &u, &v);
+    assert!((parts_load - load).abs() < 1e-12 * load.abs());
+    assert!(max_distance(&parts_force, &force) < 1e-12 * max_length(&force));
+    assert!(max_distance(&parts_kv, &kv) < 1e-12 * max_length(&kv));
+}
+
 /// Holds the vertices on the coordinate axes so that a sphere cannot move rigidly but can grow.
 fn hold_axes(simulation: &mut Simulation, body: BodyHandle, mesh: &Mesh) {
     for k in 0..3 {

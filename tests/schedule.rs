@@ -7,7 +7,7 @@ use bevy_ecs::query::ArchetypeFilter;
 use bevy_ecs::schedule::{ScheduleBuildError, ScheduleBuildWarning, ScheduleLabel};
 use glam::DVec3;
 use sinew::engine::element::{EdgeVertices, TetrahedronEdges, TetrahedronVertices};
-use sinew::engine::law::LawBuffers;
+use sinew::engine::law::{ElasticEnergy, LawBuffers};
 use sinew::engine::load::apply_constraints;
 use sinew::engine::matrix::Tangent;
 use sinew::engine::mesh::Mesh;
@@ -17,8 +17,13 @@ use sinew::engine::schedule::{
 use sinew::engine::step::{StepError, install_engine, run_step};
 use sinew::engine::vertex::{Displacement, ElasticForce, RestPosition};
 use sinew::models::body::Evaluation;
+use sinew::models::laws::LAWS;
 use sinew::models::laws::pooled::TriangleVertices;
 use sinew::prelude::*;
+
+#[path = "common/bodies.rs"]
+mod bodies;
+use bodies::Meshes;
 
 type Kind = (Model, Evaluation);
 const FUSED: Kind = (Model::CompressibleStVK, Evaluation::Fused);
@@ -92,6 +97,78 @@ fn no_scene_has_an_ambiguity() {
             simulation.step().unwrap();
         }
     }
+}
+
+/// A world of these bodies that has made one step, with the laws in the order in which they were evaluated.
+fn steps_once(bodies: &[&BodyDescription], what: &str) -> Vec<&'static str> {
+    let mut simulation = Simulation::new(SimulationOptions::default()).unwrap();
+    for (i, &body) in bodies.iter().enumerate() {
+        let name = &format!("body {i}");
+        simulation.add_body(&BodyDescription { name, ..body.clone() }).unwrap();
+    }
+    let faces = |(i, body): (usize, &&BodyDescription)| {
+        let quads = body.membrane.iter().flat_map(|m| m.quads.iter().map(|q| [q[0], q[1], q[2]]));
+        let membrane = body.membrane.iter().flat_map(|m| m.triangles.iter().copied()).chain(quads);
+        let solid = body.tetrahedra.iter().map(|t| [t[0], t[2], t[1]]);
+        let bricks = body.hexahedra.iter().map(|h| [h[0], h[2], h[1]]);
+        let face: Vec<_> = membrane.chain(solid).chain(bricks).take(1).collect();
+        (BodyHandle(i), face)
+    };
+    for (body, face) in bodies.iter().enumerate().map(faces) {
+        blow(&mut simulation, body, &face, 1.0, Curve::Constant);
+    }
+    let world = simulation.world_mut();
+    build(world, ForceSchedule).unwrap_or_else(|e| panic!("{what}: {e}"));
+    build(world, StepSchedule).unwrap_or_else(|e| panic!("{what}: {e}"));
+    simulation.set_dt(1e-3);
+    simulation.step().unwrap_or_else(|e| panic!("{what}: {e}"));
+    let told = &simulation.world().resource::<ElasticEnergy>().by_law;
+    told.iter().map(|(name, _)| *name).collect()
+}
+
+fn described(body: &BodyDescription) -> String {
+    let membrane = body.membrane.map(|m| (m.model, m.evaluation, m.quads.is_empty()));
+    let kind = (body.middles.is_empty(), body.hexahedra.is_empty());
+    format!("{:?} {:?} {:?} {kind:?} {membrane:?}", body.model, body.evaluation, body.volume)
+}
+
+/// Any two rows of the table of laws, and any three kinds of element, fit into one world; energies are told in the order of
+/// the table, whatever the order in which bodies came.
+#[test]
+fn any_two_laws_and_any_three_kinds_of_element_go_together() {
+    let meshes = Meshes::new([1, 1, 1]);
+    let bodies = meshes.bodies();
+    let place = |name: &&str| LAWS.iter().position(|row| row.info.name == *name).unwrap();
+    let check = |bodies: &[&BodyDescription]| {
+        let what: Vec<_> = bodies.iter().map(|body| described(body)).collect();
+        let told = steps_once(bodies, &what.join(", "));
+        assert!(told.iter().map(place).is_sorted(), "{what:?}: {told:?}");
+    };
+    for (i, first) in bodies.iter().enumerate() {
+        for second in &bodies[i..] {
+            check(&[second, first]);
+        }
+    }
+    // one law and one rule of each kind; then all that there is
+    let kind = |body: &BodyDescription| {
+        let membrane = body.membrane.map(|m| m.quads.is_empty());
+        (membrane, body.middles.is_empty(), body.hexahedra.is_empty(), body.volume)
+    };
+    let mut kinds: Vec<&BodyDescription> = Vec::new();
+    for body in &bodies {
+        if !kinds.iter().any(|known| kind(known) == kind(body)) {
+            kinds.push(body);
+        }
+    }
+    assert_eq!(kinds.len(), 8, "three solids by elements and by means, two membranes");
+    for (i, first) in kinds.iter().enumerate() {
+        for (j, second) in kinds.iter().enumerate().skip(i + 1) {
+            for third in &kinds[j + 1..] {
+                check(&[third, first, second]);
+            }
+        }
+    }
+    check(&bodies.iter().collect::<Vec<_>>());
 }
 
 fn wind(mut vertices: Query<&mut Displacement<f64>>) {

@@ -227,7 +227,8 @@ pub const fn tetrahedron10_derivatives(l: [f64; 4]) -> [[f64; 3]; 10] {
 
 /// Parts of the mass of a ten-node tetrahedron that its corners and its middles get: the diagonal of its consistent mass
 /// matrix with straight edges, scaled to the whole mass (Hinton, Rock & Zienkiewicz 1976, diagonal scaling). Row sums would
-/// give corners minus a twentieth each, and no step in time can be taken with masses that are not positive.
+/// give corners minus a twentieth each, and no step in time can be taken with masses that are not positive. Weight is shared
+/// out by row sums all the same ([`RestTetrahedron10::shape_volumes`]).
 pub const TETRAHEDRON10_MASSES: [f64; 10] = {
     let (corner, middle) = (1.0 / 36.0, 4.0 / 27.0);
     let m = middle;
@@ -540,6 +541,18 @@ impl RestTetrahedron10 {
     pub fn vertex_volumes(&self) -> [f64; 10] {
         let whole = self.total_volume();
         TETRAHEDRON10_MASSES.map(|share| share * whole)
+    }
+
+    /// Volume (m^3) of every vertex as its shape function gives it, `int N_a dV`: what forces by volume are shared out by. Where
+    /// edges are straight, middles have a fifth each and corners minus a twentieth.
+    pub fn shape_volumes(&self) -> [f64; 10] {
+        let mut volumes = [0.0; 10];
+        for (&volume, l) in self.volume.iter().zip(TETRAHEDRON_POINTS) {
+            for (v, n) in volumes.iter_mut().zip(tetrahedron10_shape(l)) {
+                *v += n * volume;
+            }
+        }
+        volumes
     }
 }
 

@@ -8,7 +8,7 @@ use crate::row::VertexRow;
 use crate::scalar::Scalar;
 use crate::time::{Gravity, StepClock, StepPart};
 use crate::vertex::{
-    Displacement, ExternalForce, FixedAxes, Mass, PrescribedDisplacement, RestPosition,
+    Displacement, ExternalForce, FixedAxes, Mass, PrescribedDisplacement, RestPosition, WeightShift,
 };
 use bevy_ecs::prelude::*;
 use glam::{DQuat, DVec3};
@@ -491,7 +491,8 @@ pub struct Pressure {
     /// Name for reports.
     pub name: String,
     /// Vertex rows of the triangles; the pressure pushes along `(x_1 - x_0) x (x_2 - x_0)`. Triangles with
-    /// an edge that is in no element carry nothing.
+    /// an edge that is in no element carry nothing. Those between vertices of the face of a ten-node tetrahedron stand for what
+    /// they cover of that curved face: three corners for all of it.
     pub faces: Vec<[VertexRow; 3]>,
     /// Pressure (Pa); negative for suction.
     pub pressure: f64,
@@ -586,16 +587,19 @@ pub fn apply_loads<S: Scalar>(
     gravity: Res<Gravity>,
     loads: Query<(Entity, &Order, &Load)>,
     mut time: ResMut<LoadTime>,
-    mut vertices: Query<(&Mass<S>, &mut ExternalForce<S>)>,
+    mut vertices: Query<(&Mass<S>, &WeightShift<S>, &mut ExternalForce<S>)>,
     mut order: Local<Vec<(Order, Entity)>>,
 ) {
     let t = clock.time + clock.dt;
     time.0 = t;
-    let Some((mass, mut force)) = single_table(vertices.contiguous_iter_mut()) else { return };
+    let Some((mass, shift, mut force)) = single_table(vertices.contiguous_iter_mut()) else {
+        return;
+    };
     let force = force.bypass_change_detection();
     let g = gravity.0.to_array().map(S::from_f64);
-    for (f, m) in force.iter_mut().zip(mass) {
-        f.0 = [m.0 * g[0], m.0 * g[1], m.0 * g[2], S::ZERO];
+    for ((f, m), shift) in force.iter_mut().zip(mass).zip(shift) {
+        let m = m.0 + shift.0;
+        f.0 = [m * g[0], m * g[1], m * g[2], S::ZERO];
     }
     order.clear();
     order.extend(loads.iter().map(|(e, order, _)| (*order, e)));

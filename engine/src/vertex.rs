@@ -129,6 +129,14 @@ pub struct Position(pub DVec3);
 #[repr(transparent)]
 pub struct Mass<S: Scalar>(pub S);
 
+/// By how much (kg) the weight of a vertex is that of another mass than its [`Mass`]: gravity pulls at the sum of both. Over a
+/// body it sums up to 0, and it is 0 everywhere but in ten-node tetrahedra, whose shape functions give the corners a negative
+/// part of the weight and no mass can be negative.
+#[derive(Component, Clone, Copy, Debug, Default, PartialEq, TransparentWrapper, Pod, Zeroable)]
+#[component(clone_behavior = Ignore)]
+#[repr(transparent)]
+pub struct WeightShift<S: Scalar>(pub S);
+
 /// Axes along which a vertex is held at its [`PrescribedDisplacement`]: bits 0, 1, 2 for x, y, z.
 /// Held unknowns are eliminated from the linear system exactly.
 #[derive(

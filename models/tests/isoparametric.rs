@@ -17,6 +17,7 @@ use sinew_engine::workers::Workers;
 use sinew_models::axes::description::{AxesDescription, AxisAngle, AxisFamily};
 use sinew_models::body::sheet::{MembraneDescription, MembraneError, MembraneModel, PlaneState};
 use sinew_models::body::{BodyDescription, BodyError, Evaluation, Model, VolumeRule, spawn_body};
+use sinew_models::element::face;
 use sinew_models::material::{LameParameters, YoungPoisson};
 
 /// Models of a material that hexahedra have.
@@ -542,6 +543,65 @@ fn ten_node_tetrahedra_pass_the_patch_test() {
                     );
                 }
             }
+        }
+    }
+}
+
+/// Pressure on the face of a ten-node tetrahedron: its tangent is the symmetric part of the derivative of its forces, the
+/// quarters add up to the whole, and on a flat face with straight edges each middle gets a third.
+#[test]
+fn pressure_on_a_curved_face() {
+    let mut next = noise(11);
+    let mut vector = |size: f64| [0; 3].map(|_| size * next());
+    let corners = [[0.0, 0.0, 0.0], [1.0, 0.1, 0.2], [0.3, 0.9, -0.1]];
+    let middle = |a: usize, b: usize| [0, 1, 2].map(|k| 0.5 * (corners[a][k] + corners[b][k]));
+    let [a, b, c] = corners;
+    let flat = [a, b, c, middle(0, 1), middle(1, 2), middle(2, 0)];
+    let rest = |x: &[[f64; 3]; 6]| {
+        let from_first = |i: usize| [0, 1, 2].map(|k| x[i + 1][k] - x[0][k]);
+        [0, 1, 2, 3, 4].map(from_first)
+    };
+    let (pressure, whole) = (3.0, &face::POINTS[0]);
+    let area = DVec3::from(b).cross(DVec3::from(c)) / 2.0;
+    let forces = face::forces(whole, &rest(&flat), &[[0.0; 3]; 6], pressure);
+    for (i, f) in forces.iter().enumerate() {
+        let share = if i < 3 { 0.0 } else { 1.0 / 3.0 };
+        assert!(DVec3::from(*f).distance(pressure * share * area) < 1e-15, "{i} {f:?}");
+    }
+    let bent = flat.map(|x| {
+        let shift = vector(0.1);
+        [0, 1, 2].map(|k| x[k] + shift[k])
+    });
+    let u = [0; 6].map(|_| vector(0.3));
+    let rest = &rest(&bent);
+    let forces = |u: &[[f64; 3]; 6]| face::forces(whole, rest, u, pressure);
+    let (mut sum, mut volume) = ([[0.0; 3]; 6], 0.0);
+    for quarter in &face::POINTS[1..] {
+        volume += face::swept_volume(quarter, rest, &u);
+        for (sum, f) in sum.iter_mut().zip(face::forces(quarter, rest, &u, pressure)) {
+            (0..3).for_each(|k| sum[k] += f[k]);
+        }
+    }
+    let expected = face::swept_volume(whole, rest, &u);
+    assert!((volume - expected).abs() < 1e-14, "{volume} {expected}");
+    assert!(common::max_difference(sum.as_flattened(), forces(&u).as_flattened()) < 1e-14);
+    // forces are of second degree: differences are exact
+    let slope = |a: usize, x: usize, b: usize, y: usize| {
+        let at = |t: f64| {
+            let mut u = u;
+            u[b][y] += t;
+            forces(&u)[a][x]
+        };
+        -(at(0.5) - at(-0.5))
+    };
+    let arms = face::tangent(whole, rest, &u, pressure);
+    for (pair, [a, b]) in face::PAIRS.into_iter().enumerate() {
+        let block = face::skew(arms[pair]);
+        for (x, y) in (0..3).flat_map(|x| (0..3).map(move |y| (x, y))) {
+            let symmetric = 0.5 * (slope(a, x, b, y) + slope(b, y, a, x));
+            assert!((block[3 * x + y] - symmetric).abs() < 1e-14, "{a} {b} {x} {y}");
+            let own = 0.5 * (slope(a, x, a, y) + slope(a, y, a, x));
+            assert!(own.abs() < 1e-14, "{a} {own}");
         }
     }
 }

@@ -1,11 +1,12 @@
 //! The table of laws: every row is reached, evaluates all its elements and is told by its name; rows of other
 //! crates take their place beside them.
 
+use crate::common::bodies::{MATERIAL, Meshes};
 use crate::common::{KINDS, empty};
 use bevy_ecs::prelude::*;
 use bevy_ecs::query::QueryBuilder;
 use bytemuck::TransparentWrapper;
-use glam::{DVec2, DVec3};
+use glam::DVec3;
 use sinew_engine::element::{AxisBlocks, AxisVertices, TETRAHEDRON_EDGES};
 use sinew_engine::law::{
     DisabledLaws, ElasticEnergy, EvaluationRequest, LawBuffers, LawInfo, TangentKind,
@@ -14,17 +15,15 @@ use sinew_engine::law::{
 use sinew_engine::load::{Curve, Pressure};
 use sinew_engine::matrix::{ProductSpans, Tangent};
 use sinew_engine::mesh::Mesh;
-use sinew_engine::mesh::generate::{box_hexahedra, box_tets, quad_grid, triangle_grid};
+use sinew_engine::mesh::generate::box_tets;
 use sinew_engine::row::VertexRow;
 use sinew_engine::scalar::{Real, Scalar};
 use sinew_engine::schedule::{self, ActiveLaws, DampingSchedule, ForceSchedule, changed_laws};
 use sinew_engine::topology::Topology;
 use sinew_engine::vertex::{BodyId, Displacement, ElasticForce};
 use sinew_engine::workers::Workers;
-use sinew_models::axes::description::AxesDescription;
 use sinew_models::axes::site::{AxisSite, add_blocks, add_spread, local, spread_over};
-use sinew_models::body::sheet::{MembraneDescription, MembraneModel};
-use sinew_models::body::{BodyDescription, BodyError, Evaluation, Model, VolumeRule, spawn_body};
+use sinew_models::body::{BodyDescription, BodyError, Model, VolumeRule, spawn_body};
 use sinew_models::element::tetrahedron::{Element, TetrahedronTangent};
 use sinew_models::frame::law::TetrahedronLaw;
 use sinew_models::frame::row::{
@@ -33,40 +32,10 @@ use sinew_models::frame::row::{
 use sinew_models::laws::LAWS;
 use sinew_models::laws::linear::Linear;
 use sinew_models::laws::pressure;
-use sinew_models::material::YoungPoisson;
 use std::collections::BTreeSet;
-
-fn material() -> YoungPoisson {
-    YoungPoisson { young_modulus: 1e4, poisson_ratio: 0.4, density: 1000.0 }
-}
 
 fn tetrahedra() -> Mesh {
     box_tets(DVec3::new(0.2, 0.1, 0.1), [4, 2, 2]).unwrap()
-}
-
-fn hexahedra() -> Mesh {
-    box_hexahedra(DVec3::new(0.2, 0.1, 0.1), [4, 2, 2]).unwrap()
-}
-
-/// Axes that need every law: a triad, a single fibre, volume alone; all with dampers.
-fn axes(kind: usize) -> AxesDescription<'static> {
-    let mut axes = AxesDescription::isotropic(material().lame().unwrap());
-    match kind {
-        0 => {}
-        1 => {
-            axes.families.truncate(1);
-            axes.angles.clear();
-            axes.volume_modulus = 0.0;
-        }
-        _ => {
-            axes.families.clear();
-            axes.angles.clear();
-        }
-    }
-    for family in &mut axes.families {
-        family.viscosity = 3.0;
-    }
-    axes
 }
 
 fn evaluate(world: &mut World, tangent: TangentKind) {
@@ -95,7 +64,8 @@ fn walk<S: Scalar>(body: &BodyDescription, pressed: bool, reached: &mut BTreeSet
     spawn_body(&mut world, body).unwrap_or_else(|e| panic!("{e}"));
     if pressed {
         let rows = &world.resource::<Topology>().bodies[0];
-        let corners = rows.tetrahedra().iter().map(|t| [t[0], t[1], t[2]]);
+        let tens = rows.tetrahedra10().iter().map(|t| [t[0], t[1], t[2]]);
+        let corners = rows.tetrahedra().iter().map(|t| [t[0], t[1], t[2]]).chain(tens);
         let faces = corners.chain(rows.hexahedra().iter().map(|h| [h[0], h[1], h[2]])).take(1);
         let faces = faces.map(|face| face.map(VertexRow)).collect();
         let curve = Curve::Constant;
@@ -157,69 +127,11 @@ fn walk<S: Scalar>(body: &BodyDescription, pressed: bool, reached: &mut BTreeSet
 }
 
 fn walk_all<S: Scalar>() {
-    let (tets, hexes, tens) = (&tetrahedra(), &hexahedra(), &tetrahedra().with_second_order());
-    let (triangles, quads) = (
-        triangle_grid(DVec2::splat(0.1), [3, 3]).unwrap(),
-        quad_grid(DVec2::splat(0.1), [3, 3]).unwrap(),
-    );
+    let meshes = Meshes::new([4, 2, 2]);
     let mut reached = BTreeSet::new();
-    for model in Model::ALL {
-        for evaluation in [Evaluation::Fused, Evaluation::Pooled] {
-            for mesh in [tets, hexes] {
-                if model.supports(evaluation)
-                    && (mesh.hexahedra.is_empty() || model.serves_hexahedra())
-                {
-                    let body = BodyDescription::new("body", mesh, material());
-                    walk::<S>(&BodyDescription { model, evaluation, ..body }, true, &mut reached);
-                }
-            }
-        }
-    }
-    for model in Model::ALL {
-        for volume in [VolumeRule::Elements, VolumeRule::Clusters] {
-            for mesh in [tets, hexes, tens] {
-                let served = match volume {
-                    VolumeRule::Elements => mesh.is_second_order(),
-                    VolumeRule::Clusters => model.keeps_mean_volume(),
-                };
-                if served && (!mesh.is_second_order() || model.serves_tetrahedra10()) {
-                    let body = BodyDescription::new("body", mesh, material());
-                    walk::<S>(&BodyDescription { model, volume, ..body }, false, &mut reached);
-                }
-            }
-        }
-    }
-    for kind in 0..3 {
-        for mesh in [tets, hexes, tens] {
-            let (model, axes) = (Model::Axes, Some(axes(kind)));
-            let body = BodyDescription::new("body", mesh, material());
-            walk::<S>(&BodyDescription { model, axes, ..body }, false, &mut reached);
-        }
-    }
-    let sheets = [
-        MembraneModel::Biquadratic,
-        MembraneModel::CompressibleBiquadratic,
-        MembraneModel::Quadratic,
-        MembraneModel::Linear,
-        MembraneModel::Corotational,
-    ];
-    for model in sheets {
-        for evaluation in [Evaluation::Fused, Evaluation::Pooled] {
-            let springs = [MembraneModel::Biquadratic, MembraneModel::CompressibleBiquadratic]
-                .contains(&model);
-            if evaluation == Evaluation::Pooled && !springs {
-                continue;
-            }
-            for mesh in [&triangles, &quads] {
-                let mut sheet = MembraneDescription::new(&mesh.triangles, 1e-3, material());
-                sheet = MembraneDescription { quads: &mesh.quads, model, evaluation, ..sheet };
-                if model == MembraneModel::Quadratic && !mesh.quads.is_empty() {
-                    continue;
-                }
-                let body = BodyDescription::from_parts("sheet", &mesh.points, &[], material());
-                walk::<S>(&BodyDescription { membrane: Some(sheet), ..body }, false, &mut reached);
-            }
-        }
+    for body in meshes.bodies() {
+        let solid = body.membrane.is_none() && body.model != Model::Axes;
+        walk::<S>(&body, solid, &mut reached);
     }
     let missing: Vec<_> =
         LAWS.iter().map(|row| row.info.name).filter(|name| !reached.contains(name)).collect();
@@ -315,10 +227,10 @@ fn energy_of(world: &mut World) -> f64 {
 #[test]
 fn a_law_of_another_crate_is_a_row_and_a_model() {
     let mesh = tetrahedra();
-    let (lame, shear) = (material().lame().unwrap(), 0.3);
+    let (lame, shear) = (MATERIAL.lame().unwrap(), 0.3);
     let body = BodyDescription {
         model: Model::Own(&LAPLACIAN),
-        ..BodyDescription::new("b", &mesh, material())
+        ..BodyDescription::new("b", &mesh, MATERIAL)
     };
     let mut world = empty::<f64>();
     spawn_body(&mut world, &body).unwrap();
@@ -350,7 +262,7 @@ fn a_law_of_another_crate_is_a_row_and_a_model() {
 fn rows_take_the_place_of_shipped_ones() {
     let mesh = tetrahedra();
     let linear =
-        BodyDescription { model: Model::Linear, ..BodyDescription::new("b", &mesh, material()) };
+        BodyDescription { model: Model::Linear, ..BodyDescription::new("b", &mesh, MATERIAL) };
     let mut world = empty::<f64>();
     world.get_resource_or_init::<LawTable>().replace(&INSTEAD).unwrap();
     spawn_body(&mut world, &linear).unwrap();
@@ -426,7 +338,7 @@ fn ties<S: Scalar>(world: &mut World, law: PlacedLaw) {
 fn a_law_of_axes_of_another_crate_is_a_row() {
     let mesh = tetrahedra();
     let mut world = empty::<f64>();
-    spawn_body(&mut world, &BodyDescription::new("b", &mesh, material())).unwrap();
+    spawn_body(&mut world, &BodyDescription::new("b", &mesh, MATERIAL)).unwrap();
     let topology = world.resource::<Topology>();
     let block = |[a, b]: [u32; 2]| topology.block(a, b).unwrap();
     let own = topology.bodies[0].tetrahedra().iter().enumerate().map(|(i, t)| {
@@ -473,7 +385,7 @@ fn marks_find_elements() {
         let name = format!("body {i}");
         spawn_body(
             &mut world,
-            &BodyDescription { model, ..BodyDescription::new(&name, &mesh, material()) },
+            &BodyDescription { model, ..BodyDescription::new(&name, &mesh, MATERIAL) },
         )
         .unwrap();
     }

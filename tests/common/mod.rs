@@ -336,6 +336,29 @@ pub fn blow(
     simulation.add_pressure(Pressure { name: "air".into(), faces, pressure, curve })
 }
 
+/// Triangles of quadrilaterals that are cut along both diagonals, each for half of a pressure: so that every corner gets what its
+/// shape function gives it.
+pub fn both_diagonals(quads: impl IntoIterator<Item = [u32; 4]>) -> Vec<[u32; 3]> {
+    let cut = |[a, b, c, d]: [u32; 4]| [[a, b, c], [a, c, d], [b, c, d], [b, d, a]];
+    quads.into_iter().flat_map(cut).collect()
+}
+
+/// Lets a pressure (Pa) act on some faces of a solid, triangles and quadrilaterals, into the body.
+pub fn press_on(
+    simulation: &mut Simulation,
+    body: BodyHandle,
+    (triangles, quads): (&[[u32; 3]], &[[u32; 4]]),
+    pressure: f64,
+) {
+    let inward = |faces: &[[u32; 3]]| faces.iter().map(|&[a, b, c]| [a, c, b]).collect::<Vec<_>>();
+    let halves = both_diagonals(quads.iter().copied());
+    for (faces, pressure) in [(inward(triangles), pressure), (inward(&halves), 0.5 * pressure)] {
+        if !faces.is_empty() {
+            blow(simulation, body, &faces, pressure, Curve::Constant);
+        }
+    }
+}
+
 /// The same field of numbers between -1 and 1 every time (splitmix64).
 pub fn random_field(n: usize, mut seed: u64) -> Vec<DVec3> {
     let mut next = || {

@@ -10,7 +10,7 @@ use sinew_engine::isoparametric::HexahedronIndex;
 use sinew_engine::layout::{Cells, UNUSED};
 use sinew_engine::scalar::Scalar;
 use sinew_engine::topology::Topology;
-use sinew_engine::vertex::{BodyId, Mass, RestPosition};
+use sinew_engine::vertex::{BodyId, Mass, RestPosition, WeightShift};
 use std::borrow::Cow;
 use std::sync::Arc;
 
@@ -80,16 +80,19 @@ fn change<S: Scalar>(
     let left = chosen(&rows, |kind, e| resection.is_none_or(|r| r.is_present(kind, e)));
     let mut masses = matter.masses(Items::All(rest.len()), &left);
     soft.masses.apply(&mut masses);
+    let shifts = matter.weight_shifts(Items::All(rest.len()), &left);
     before_edit::<S>(world);
     set_moduli::<S>(world, body, soft.model, (&lame, rows.order.tetrahedra.len()));
     if matter.is_pooled() || !springs.is_empty() {
         set_springs::<S>(world, body, (&matter, &springs), (&left, &lame));
     }
-    let mut query = world.query::<(&BodyId, &mut Mass<S>)>();
-    let own = query.iter_mut(world).filter(|(id, _)| id.0 as usize == body);
-    for (((_, mut m), new), &piece) in own.zip(masses).zip(&rows.piece) {
+    let mut query = world.query::<(&BodyId, &mut Mass<S>, &mut WeightShift<S>)>();
+    let own = query.iter_mut(world).filter(|(id, ..)| id.0 as usize == body);
+    for (((_, mut m, mut shift), new), &piece) in
+        own.zip(masses.into_iter().zip(shifts)).zip(&rows.piece)
+    {
         if piece != UNUSED {
-            m.0 = S::from_f64(new);
+            (m.0, shift.0) = (S::from_f64(new.0), S::from_f64(new.1));
         }
     }
     world.resource_mut::<Topology>().bodies[body].changes += 1;

@@ -30,8 +30,8 @@ pub struct BodyDescription<'a> {
     /// Tetrahedra, positively oriented ([`sinew_engine::mesh`]'s check repairs orientation).
     pub tetrahedra: &'a [[u32; 4]],
     /// Vertices on the edges of every tetrahedron ([`Mesh::middles`]), which make them ten-node tetrahedra, integrated over four
-    /// points; none for linear ones. Gravity acts by masses, that is by [their shares][TETRAHEDRON10_MASSES], and a pressure on
-    /// four flat triangles for each face: both sum up as they should but are not what the shape functions give.
+    /// points; none for linear ones. Weight and pressure act as the shape functions give it, inertia by lumped masses that
+    /// are [their shares][TETRAHEDRON10_MASSES]; contact acts on four flat triangles for each face.
     ///
     /// [TETRAHEDRON10_MASSES]: sinew_engine::isoparametric::TETRAHEDRON10_MASSES
     pub middles: &'a [[u32; 6]],

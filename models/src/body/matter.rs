@@ -2,7 +2,7 @@
 //! constants of springs. [`spawn_body`](super::spawn_body), [`set_material`](super::change::set_material) and
 //! removals compute them here, in one order of sums, so that they agree to the last bit.
 
-use super::description::SoftBody;
+use super::description::{MassRule, SoftBody};
 use super::lumped::{self, ElementSprings, GivenSprings, SpringRule};
 use super::sheet::{MembraneModel, MembraneSettings, PlaneState};
 use crate::element::membrane::{self, RestTriangle};
@@ -44,6 +44,8 @@ pub(crate) struct Matter<'a> {
     pub given: Option<&'a GivenSprings>,
     /// How the mass of an element is shared out.
     pub lumping: MassLumping,
+    /// Whether all vertices have the same mass.
+    pub equal_masses: bool,
     /// Its membrane.
     pub membrane: Option<MembraneSettings>,
 }
@@ -57,7 +59,19 @@ impl SoftBody {
     ) -> Matter<'a> {
         let &Self { model, evaluation, spring_rule, masses, membrane, .. } = self;
         let (field, given, lumping) = (self.field(), self.given.as_deref(), masses.lumping());
-        Matter { ordered, rest_of, field, model, evaluation, spring_rule, given, lumping, membrane }
+        let equal_masses = masses == MassRule::Equal;
+        Matter {
+            ordered,
+            rest_of,
+            field,
+            model,
+            evaluation,
+            spring_rule,
+            given,
+            lumping,
+            equal_masses,
+            membrane,
+        }
     }
 }
 
@@ -208,6 +222,27 @@ impl Matter<'_> {
             add(&nodes, &areas.map(|area| density * area));
         }
         mass
+    }
+
+    /// By how much (kg) the weight of vertices is that of another mass than [`masses`](Self::masses) gives them, summed over
+    /// elements ([`WeightShift`](sinew_engine::vertex::WeightShift)).
+    pub fn weight_shifts(&self, vertices: Items, elements: &Chosen) -> Vec<f64> {
+        let mut shift = vec![0.0; vertices.count()];
+        if self.ordered.tetrahedra10().is_empty() || self.equal_masses {
+            return shift;
+        }
+        for &t in &elements[ElementKind::Tetrahedron] {
+            let density = self.material(ElementKind::Tetrahedron, t).density;
+            let rest = self.tetrahedron10(t);
+            let nodes = self.ordered.tetrahedra10()[t as usize];
+            let both = rest.shape_volumes().into_iter().zip(rest.vertex_volumes());
+            for (v, (weight, mass)) in nodes.into_iter().zip(both) {
+                if let Some(at) = vertices.place(v) {
+                    shift[at] += density * (weight - mass);
+                }
+            }
+        }
+        shift
     }
 
     /// Constants (N/m^3) of edges that are springs by themselves, summed over elements, uniform ones counted once in

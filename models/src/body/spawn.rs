@@ -20,12 +20,12 @@ use sinew_engine::surface::SurfaceReader;
 use sinew_engine::topology::{BodyRows, ElementTables, Topology};
 use sinew_engine::vertex::{
     BodyId, Displacement, ElasticForce, ExternalForce, FixedAxes, Mass, Position,
-    PrescribedDisplacement, RestPosition, Velocity,
+    PrescribedDisplacement, RestPosition, Velocity, WeightShift,
 };
 use std::sync::Arc;
 
 use super::clusters;
-use super::description::{BodyDescription, BodyError, SoftBody};
+use super::description::{BodyDescription, BodyError, MassRule, SoftBody};
 use super::lumped::{GivenSprings, SpringRule};
 use super::matter::{Items, Matter, PooledSprings, chosen};
 use super::sheet::{MembraneDescription, MembraneModel, Sheet};
@@ -107,6 +107,7 @@ fn spawn<S: Scalar>(world: &mut World, body: &BodyDescription) -> Result<Entity,
         spring_rule,
         given,
         lumping,
+        equal_masses: body.masses == MassRule::Equal,
         membrane,
     };
     let springs =
@@ -120,6 +121,7 @@ fn spawn<S: Scalar>(world: &mut World, body: &BodyDescription) -> Result<Entity,
         });
     let mut masses = matter.masses(Items::All(layout.vertex_order.len()), &all);
     body.masses.apply(&mut masses);
+    let shifts = matter.weight_shifts(Items::All(layout.vertex_order.len()), &all);
     let edges = Items::All(layout.cells.edges.len());
     let triangles = Items::All(layout.cells.triangles.len());
     let mass_spring = matter.edge_springs(&springs, &layout.cells, edges, &all);
@@ -137,7 +139,7 @@ fn spawn<S: Scalar>(world: &mut World, body: &BodyDescription) -> Result<Entity,
     let compression = model.has_compression();
     let (layout, rest_of, rest) = (&layout, &rest_of, &rest);
     let part = SolidPart { layout, rest_of, rest, lame, compression, clusters, at };
-    part.spawn_vertices::<S>(world, &masses);
+    part.spawn_vertices::<S>(world, &masses, &shifts);
     part.spawn_edges::<S>(world, &mass_spring);
     let edge_rows = part.spawn_pooled_springs::<S>(world, &pooled);
     let law = model.law().map(|row| row::in_table(world, row).row);
@@ -396,9 +398,9 @@ impl RestShapes {
 }
 
 impl SolidPart<'_> {
-    fn spawn_vertices<S: Scalar>(&self, world: &mut World, masses: &[f64]) {
-        let order = self.layout.vertex_order.iter().zip(masses);
-        let vertices = (0..).zip(order).map(|(row, (&vertex, &mass))| {
+    fn spawn_vertices<S: Scalar>(&self, world: &mut World, masses: &[f64], shifts: &[f64]) {
+        let order = self.layout.vertex_order.iter().zip(masses.iter().zip(shifts));
+        let vertices = (0..).zip(order).map(|(row, (&vertex, (&mass, &shift)))| {
             let x = (self.rest_of)(row);
             (
                 RestPosition(x),
@@ -409,6 +411,7 @@ impl SolidPart<'_> {
                 ExternalForce::<S>::default(),
                 PrescribedDisplacement::<S>::default(),
                 Mass(S::from_f64(mass)),
+                WeightShift(S::from_f64(shift)),
                 FixedAxes::NONE,
                 vertex,
                 self.at.body,

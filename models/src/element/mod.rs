@@ -1,6 +1,7 @@
 //! Single elements: plain functions on plain values.
 
 pub mod corotational;
+pub mod face;
 pub mod matrix;
 pub mod membrane;
 pub mod precompute;

@@ -94,7 +94,7 @@ pub(crate) fn activate<L: TetrahedronLaw, S: Scalar>(world: &mut World, law: Pla
             evaluate_spans::<L, S>(&columns, with, |kind| kind, buffer);
         },
     );
-    means::activate::<ByClusters<L>, S, 4>(world, law.row);
+    means::activate::<ByClusters<L>, S, 4>(world, law);
 }
 
 /// Tetrahedra in clusters, as slices.

@@ -406,7 +406,7 @@ pub(crate) fn activate_by_mean<L, E, S, const V: usize, const P: usize, const Q:
             evaluate::<L, E, S, V, P, Q>(with, &columns, buffer);
         },
     );
-    means::activate::<MeansOfPoints<L, E, P, Q>, S, V>(world, law.row);
+    means::activate::<MeansOfPoints<L, E, P, Q>, S, V>(world, law);
 }
 
 fn columns<'a, E: Shape<V, P, Q>, S: Scalar, const V: usize, const P: usize, const Q: usize>(

@@ -23,7 +23,7 @@ use sinew_engine::ratios::measure_volume_ratios;
 use sinew_engine::report::VolumeReport;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::schedule::{
-    ForceSystems, StepSchedule, StepSystems, activate_systems, declare_inputs,
+    ForceSchedule, ForceSystems, StepSchedule, StepSystems, activate_systems, declare_inputs,
 };
 use sinew_engine::step::StepFailure;
 use sinew_engine::vertex::{BodyId, Displacement};
@@ -34,7 +34,7 @@ use std::marker::PhantomData;
 use std::sync::{Arc, MutexGuard};
 
 use super::moduli::{ClusterIndex, ClusterPressure, PredictedPressure};
-use super::row::{LawRow, Measure};
+use super::row::{Measure, PlacedLaw};
 use super::rules::VolumeMeasure;
 
 /// Elements of `V` vertices that keep means of their volumes, as slices.
@@ -72,20 +72,42 @@ pub(crate) trait MeanLaw<S: Scalar, const V: usize>: 'static {
     ) -> Self::Columns<'a>;
 }
 
+/// What measures the means of the law at this place of the table. All laws with means write columns of the same types, each
+/// for elements of its own; they follow each other in the order of the table, whichever of them a world has.
+#[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
+struct InPlace(usize);
+
+/// The places of the laws whose means a world measures.
+#[derive(Resource, Debug, Default)]
+struct MeasuredPlaces(Vec<usize>);
+
 /// Puts the measuring of means of a law into the schedules.
 pub(crate) fn activate<L: MeanLaw<S, V>, S: Scalar, const V: usize>(
     world: &mut World,
-    row: &'static LawRow,
+    PlacedLaw { row, place }: PlacedLaw,
 ) {
     let Some(Measure { name, volume }) = row.measure else { return };
     let means = MeanVolumes { law: row.info.name, volume, ..MeanVolumes::<S, V>::default() };
     world.insert_resource(MeansOf::<L, S, V>(means, PhantomData));
     let new = activate_systems(world, name, |schedule| {
-        schedule.add_systems(measure::<L, S, V>.in_set(ForceSystems::Measure));
+        schedule
+            .add_systems(measure::<L, S, V>.in_set(ForceSystems::Measure).in_set(InPlace(place)));
     });
     if new {
-        world.resource_mut::<Schedules>().entry(StepSchedule).add_systems(
-            report::<L, S, V>.in_set(StepSystems::Report).after(measure_volume_ratios::<S>),
+        let mut places = world.get_resource_or_init::<MeasuredPlaces>();
+        let others = places.0.clone();
+        places.0.push(place);
+        let schedules = world.resource_mut::<Schedules>().into_inner();
+        for other in others {
+            let (first, second) = (InPlace(place.min(other)), InPlace(place.max(other)));
+            schedules.entry(ForceSchedule).configure_sets(first.before(second));
+            schedules.entry(StepSchedule).configure_sets(first.before(second));
+        }
+        schedules.entry(StepSchedule).add_systems(
+            report::<L, S, V>
+                .in_set(StepSystems::Report)
+                .in_set(InPlace(place))
+                .after(measure_volume_ratios::<S>),
         );
         // what it writes follows from the displacements and what the law itself declares
         declare_inputs(world, name, &[]);

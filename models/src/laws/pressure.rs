@@ -1,5 +1,5 @@
 //! Follower pressure: on every triangle of a surface, pressure times deformed area along the normal,
-//! a third to each vertex.
+//! a third to each vertex. The faces of ten-node tetrahedra are curved; what acts there is in [`crate::element::face`].
 //!
 //! With deformed edges `d_1 = x_1 - x_0`, `d_2 = x_2 - x_0`, rest edges `E_a`, displacements `u` relative to
 //! rest, `w_a = d_a - E_a` and mean displacement `m`:
@@ -23,10 +23,15 @@
 //! The tangent is indefinite by itself, and left out of the semidefinite stand-ins.
 //!
 //! The potential is booked apart from elastic energy ([`LawInfo::is_load`]).
+//!
+//! A [`Pressure`] names flat triangles. Those that lie in the face of a ten-node tetrahedron, between three of its vertices, are
+//! taken for what they cover of that face: three corners for all of it, others for a quarter.
 
 use bevy_ecs::prelude::*;
 use sinew_engine::columns::single_table;
 use sinew_engine::compiled_here;
+use sinew_engine::element::TETRAHEDRON_FACES;
+use sinew_engine::isoparametric::{Tetrahedron10Vertices, middle_of};
 use sinew_engine::lanes::{Lanes, MAX_LANES};
 use sinew_engine::law::{
     DisabledLaws, EvaluationRequest, LawBuffer, LawBuffers, LawInfo, RecoveringBodies, Span,
@@ -34,8 +39,7 @@ use sinew_engine::law::{
 };
 use sinew_engine::load::{LoadTime, Pressure, SweptVolumes};
 use sinew_engine::order::Order;
-use sinew_engine::row::VertexRow;
-use sinew_engine::scalar::{Real, Scalar, add, cross, dot, scale, sub};
+use sinew_engine::scalar::{Real, Scalar, add, cross, scale, sub};
 use sinew_engine::schedule::{
     ForceSystems, Input, StepSchedule, StepSystems, activate_law_of_systems, declare_inputs,
 };
@@ -43,8 +47,10 @@ use sinew_engine::topology::Topology;
 use sinew_engine::vertex::{Displacement, RestPosition};
 use sinew_engine::workers::Workers;
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::time::Instant;
 
+use crate::element::face::{self, PAIRS, PARTS, POINTS, Points, skew};
 use crate::element::membrane::TriangleTangent;
 use crate::frame::columns::{LawColumns, TangentSum, add_vertices, evaluate_span, load_vertices};
 use crate::frame::row::{self, Elements, InRecovery, LawRow, PlacedLaw, mark};
@@ -62,14 +68,9 @@ use crate::frame::triangles::add_tangent;
 /// ```
 #[inline(always)]
 pub fn swept_volume<R: Real>(edges: &[[R; 3]; 2], u: &[[R; 3]; 3]) -> R {
-    let [a, b] = *edges;
     let w = [sub(u[1], u[0]), sub(u[2], u[0])];
-    let mean = add(u[0], add(u[1], u[2]));
-    let rest = dot(mean, cross(a, b));
-    let first = dot(mean, add(cross(a, w[1]), cross(w[0], b)));
-    let second = dot(mean, cross(w[0], w[1]));
-    let sum = (R::from_f64(1.0 / 3.0)).mul_add(second, R::from_f64(0.5).mul_add(first, rest));
-    R::from_f64(1.0 / 6.0) * sum
+    // a point in the middle, of half the area of the edges
+    R::from_f64(1.0 / 6.0) * face::swept(add(u[0], add(u[1], u[2])), edges, &w)
 }
 
 /// Force (N) of `pressure` (Pa) on each of the three vertices.
@@ -87,8 +88,7 @@ pub fn tangent<R: Real>(edges: &[[R; 3]; 2], u: &[[R; 3]; 3], pressure: R) -> Tr
     let arms = [add(a, b), sub(add(a, a), b), sub(a, add(b, b))];
     let mut off = [[R::ZERO; 9]; 3];
     for i in 0..3 {
-        let [x, y, z] = scale(arms[i], c);
-        off[i] = [R::ZERO, -z, y, z, R::ZERO, -x, -y, x, R::ZERO];
+        off[i] = skew(scale(arms[i], c));
     }
     TriangleTangent { diagonal: [[R::ZERO; 9]; 3], off }
 }
@@ -119,22 +119,88 @@ fn activate_law<S: Scalar>(world: &mut World, law: PlacedLaw) {
     declare_inputs(world, law.row.info.name, &[Input::Watch(pressures_changed::<S>)]);
 }
 
-/// The triangles of all [`Pressure`] entities in the order of evaluation.
+/// The faces of all [`Pressure`] entities in the order of evaluation.
 #[derive(Resource, Debug, Default)]
 struct PressureFaces<S> {
     /// What they were made of.
     sources: Vec<(Order, Pressure)>,
     revision: u64,
-    /// Vertex rows, ascending within a triangle.
-    nodes: Vec<[u32; 3]>,
-    /// Tangent blocks, block `i` opposite vertex `i`.
-    blocks: Vec<[u32; 3]>,
-    /// Components of the rest edges (m).
-    edges: [Vec<S>; 6],
-    /// 1, or -1 where ascending rows turned a triangle over.
+    /// Flat ones, vertex rows ascending within a triangle, block `i` opposite vertex `i`.
+    flat: FaceColumns<S, 3, 3, 2>,
+    /// Those of ten-node tetrahedra, rows of corners ascending, blocks of [`PAIRS`].
+    curved: FaceColumns<S, 6, 15, 5>,
+    /// What the ranges of the law's buffer are.
+    spans: Vec<PressureSpan>,
+}
+
+/// A range of the law's buffer.
+#[derive(Clone, Copy, Debug)]
+struct PressureSpan {
+    /// Its pressure.
+    source: u32,
+    /// One of the [`PARTS`] of curved faces; none for flat ones.
+    part: Option<u8>,
+}
+
+/// Faces of `V` vertices with `P` pairs of them and `E` vectors between them.
+#[derive(Debug)]
+struct FaceColumns<S, const V: usize, const P: usize, const E: usize> {
+    nodes: Vec<[u32; V]>,
+    /// Tangent blocks.
+    blocks: Vec<[u32; P]>,
+    /// Components of the vectors from the first vertex to the others at rest (m).
+    edges: [[Vec<S>; 3]; E],
+    /// 1, or -1 where the order of rows turned a face over.
     sign: Vec<S>,
-    /// Source of every range of the law's buffer.
-    source_of_span: Vec<u32>,
+}
+
+impl<S, const V: usize, const P: usize, const E: usize> Default for FaceColumns<S, V, P, E> {
+    fn default() -> Self {
+        let edges = std::array::from_fn(|_| std::array::from_fn(|_| Vec::new()));
+        Self { nodes: Vec::new(), blocks: Vec::new(), edges, sign: Vec::new() }
+    }
+}
+
+impl<S: Scalar, const V: usize, const P: usize, const E: usize> FaceColumns<S, V, P, E> {
+    fn push(&mut self, face: &Face<V, P>, rest: &[RestPosition]) {
+        let x = face.nodes.map(|v| rest[v as usize].0);
+        for (columns, end) in self.edges.iter_mut().zip(&x[1..]) {
+            for (column, value) in columns.iter_mut().zip((*end - x[0]).to_array()) {
+                column.push(S::from_f64(value));
+            }
+        }
+        self.nodes.push(face.nodes);
+        self.blocks.push(face.blocks);
+        self.sign.push(if face.flipped { -S::ONE } else { S::ONE });
+    }
+
+    /// Rest vectors, displacements and signs of the faces from `first` on.
+    #[inline(always)]
+    fn shape<L: Lanes<Scalar = S>>(
+        &self,
+        displacement: &[[S; 4]],
+        first: usize,
+    ) -> ([[L; 3]; E], [[L; 3]; V], L) {
+        let mut edges = [[L::ZERO; 3]; E];
+        for a in 0..E {
+            for x in 0..3 {
+                edges[a][x] = L::load(&self.edges[a][x][first..]);
+            }
+        }
+        let u = load_vertices(displacement, &self.nodes[first..]);
+        (edges, u, L::load(&self.sign[first..]))
+    }
+}
+
+/// A face by its vertex rows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+struct Face<const V: usize, const P: usize> {
+    /// One of the [`PARTS`] of a curved face, 0 for a flat one.
+    part: u8,
+    nodes: [u32; V],
+    blocks: [u32; P],
+    /// Whether it looks the other way than the triangle that was named.
+    flipped: bool,
 }
 
 /// Puts the law into the force schedule of a world; call it when a [`Pressure`] is added. Changes of
@@ -184,31 +250,39 @@ fn collect_faces<S: Scalar>(world: &mut World) {
         sources.into_iter().map(|(order, p)| (order, p.clone())).collect();
     let mut faces = PressureFaces::<S> { revision, ..Default::default() };
     let mut buffer = LawBuffer::default();
+    let named = sources.iter().flat_map(|(_, pressure)| &pressure.faces);
+    let curved = curved_faces(world, named.map(|t| t.map(|row| row.0)));
     let mut rests = world.query::<&RestPosition>();
     let rest = single_table(rests.contiguous_iter(world)).unwrap_or(&[]);
     let topology = world.resource::<Topology>();
-    for (source, (_, pressure)) in sources.iter().enumerate() {
-        let first = faces.nodes.len();
-        // an edge that no element has any more carries nothing
-        let mut own: Vec<_> =
-            pressure.faces.iter().filter_map(|&t| ascending(t, topology)).collect();
-        own.sort_unstable_by_key(|(nodes, _, _)| *nodes);
-        for (nodes, blocks, flipped) in own {
-            let x = nodes.map(|v| rest[v as usize].0);
-            let edges = [x[1] - x[0], x[2] - x[0]];
-            for (column, value) in
-                faces.edges.iter_mut().zip(edges.iter().flat_map(|e| e.to_array()))
-            {
-                column.push(S::from_f64(value));
+    for (source, (_, pressure)) in (0..).zip(&sources) {
+        let (mut flat, mut bent) = (Vec::new(), Vec::new());
+        for face in &pressure.faces {
+            let t = face.map(|row| row.0);
+            // an edge that no element has any more carries nothing
+            match curved.get(&sorted(t)) {
+                Some(face) => bent.extend(face.seen_from(t, topology)),
+                None => flat.extend(ascending(t, topology)),
             }
-            faces.nodes.push(nodes);
-            faces.blocks.push(blocks);
-            faces.sign.push(if flipped { -S::ONE } else { S::ONE });
         }
-        let nodes = &faces.nodes;
+        flat.sort_unstable();
+        bent.sort_unstable();
+        let (first, first_curved) = (faces.flat.nodes.len(), faces.curved.nodes.len());
+        flat.iter().for_each(|face| faces.flat.push(face, rest));
+        bent.iter().for_each(|face| faces.curved.push(face, rest));
+        let nodes = &faces.flat.nodes;
         let spans = Span::cut(first..nodes.len(), topology, |i| &nodes[i]);
-        faces.source_of_span.resize(buffer.spans.len() + spans.len(), source as u32);
+        faces.spans.extend(spans.iter().map(|_| PressureSpan { source, part: None }));
         buffer.spans.extend(spans);
+        let (nodes, mut end) = (&faces.curved.nodes, first_curved);
+        for same in bent.chunk_by(|a, b| a.part == b.part) {
+            let own = end..end + same.len();
+            end = own.end;
+            let spans = Span::cut(own, topology, |i| &nodes[i]);
+            let part = Some(same[0].part);
+            faces.spans.extend(spans.iter().map(|_| PressureSpan { source, part }));
+            buffer.spans.extend(spans);
+        }
     }
     faces.sources = sources;
     if let Some(mut own) = world.resource::<LawBuffers<S>>().get(ROW.info.name) {
@@ -219,13 +293,73 @@ fn collect_faces<S: Scalar>(world: &mut World) {
 
 /// A triangle with its rows in ascending order, the blocks of its edges, and whether that turned it
 /// over; `None` when an edge is in no element.
-fn ascending(t: [VertexRow; 3], topology: &Topology) -> Option<([u32; 3], [u32; 3], bool)> {
-    let t = t.map(|row| row.0);
-    let mut nodes = t;
-    nodes.sort_unstable();
-    let flipped = ![[0, 1, 2], [1, 2, 0], [2, 0, 1]].map(|p| p.map(|i| nodes[i])).contains(&t);
+fn ascending(t: [u32; 3], topology: &Topology) -> Option<Face<3, 3>> {
+    let nodes = sorted(t);
     let [a, b, c] = nodes;
-    Some((nodes, [topology.block(b, c)?, topology.block(a, c)?, topology.block(a, b)?], flipped))
+    let blocks = [topology.block(b, c)?, topology.block(a, c)?, topology.block(a, b)?];
+    Some(Face { part: 0, nodes, blocks, flipped: !is_turned(t, nodes) })
+}
+
+fn sorted(mut t: [u32; 3]) -> [u32; 3] {
+    t.sort_unstable();
+    t
+}
+
+/// Whether two triangles of the same vertices have the same orientation.
+fn is_turned(a: [u32; 3], b: [u32; 3]) -> bool {
+    [[0, 1, 2], [1, 2, 0], [2, 0, 1]].iter().any(|turn| turn.map(|i| b[i]) == a)
+}
+
+/// What a triangle covers of the face of a ten-node tetrahedron.
+#[derive(Clone, Copy, Debug)]
+struct Cover {
+    /// The face, rows of its corners ascending.
+    nodes: [u32; 6],
+    /// One of its [`PARTS`].
+    part: u8,
+}
+
+impl Cover {
+    /// The part of the face as it looks from where the rows of the triangle turn to the left; `None` when an edge is in no
+    /// element.
+    fn seen_from(&self, triangle: [u32; 3], topology: &Topology) -> Option<Face<6, 15>> {
+        let Self { nodes, part } = *self;
+        let mut blocks = [0; 15];
+        for (block, [a, b]) in blocks.iter_mut().zip(PAIRS) {
+            *block = topology.block(nodes[a], nodes[b])?;
+        }
+        let own = PARTS[usize::from(part)].map(|i| nodes[i]);
+        Some(Face { part, nodes, blocks, flipped: !is_turned(triangle, own) })
+    }
+}
+
+/// Those of some triangles that lie in faces of ten-node tetrahedra, by their sorted rows.
+fn curved_faces(
+    world: &mut World,
+    triangles: impl Iterator<Item = [u32; 3]>,
+) -> BTreeMap<[u32; 3], Cover> {
+    let mut elements = world.query::<&Tetrahedron10Vertices>();
+    let mut elements = elements.iter(world).peekable();
+    let mut covers = BTreeMap::new();
+    if elements.peek().is_none() {
+        return covers;
+    }
+    let asked: BTreeSet<[u32; 3]> = triangles.map(sorted).collect();
+    for Tetrahedron10Vertices(own) in elements {
+        for mut corners in TETRAHEDRON_FACES {
+            corners.sort_unstable_by_key(|&v| own[v]);
+            let [a, b, c] = corners;
+            let local = [a, b, c, middle_of(a, b), middle_of(b, c), middle_of(c, a)];
+            let nodes = local.map(|v| own[v]);
+            for (part, triangle) in (0..).zip(PARTS) {
+                let key = sorted(triangle.map(|i| nodes[i]));
+                if asked.contains(&key) {
+                    covers.insert(key, Cover { nodes, part });
+                }
+            }
+        }
+    }
+    covers
 }
 
 fn evaluate<S: Scalar>(
@@ -246,28 +380,43 @@ fn evaluate<S: Scalar>(
     let displacement = bytemuck::TransparentWrapper::peel_slice(u);
     let pressures: Vec<f64> =
         faces.sources.iter().map(|(_, p)| p.pressure * p.curve.value(time.0)).collect();
-    let of_span = |i: usize| pressures[faces.source_of_span[i] as usize];
     let exact = request.tangent.filter(|&kind| kind == TangentKind::Exact);
     // forces need the volumes too
     let energy = request.force || request.energy;
     let own = EvaluationRequest { energy, force: request.force, tangent: exact };
-    let work = 6 + 20 * usize::from(exact.is_some());
-    workers.for_each(&mut buffer.spans, faces.nodes.len() * work, |i, span| {
-        let loaded = LoadedFaces { faces: &faces, displacement, pressure: S::from_f64(of_span(i)) };
-        // the energy is the volume, for now
-        if recovering.contains(span.body) {
-            let volume = EvaluationRequest { energy, force: false, tangent: None };
-            evaluate_span(&loaded, &volume, &workers, span);
-            span.force.clear();
-        } else {
-            evaluate_span(&loaded, &own, &workers, span);
-        }
-    });
+    // the energy is the volume, for now
+    let volume = EvaluationRequest { energy, force: false, tangent: None };
+    let count = faces.flat.nodes.len() + 10 * faces.curved.nodes.len();
+    workers.for_each(
+        &mut buffer.spans,
+        count * (6 + 20 * usize::from(exact.is_some())),
+        |i, span| {
+            let PressureSpan { source, part } = faces.spans[i];
+            let pressure = S::from_f64(pressures[source as usize]);
+            let recovers = recovering.contains(span.body);
+            let request = if recovers { &volume } else { &own };
+            match part {
+                None => {
+                    let loaded = FlatFaces { faces: &faces.flat, displacement, pressure };
+                    evaluate_span(&loaded, request, &workers, span);
+                }
+                Some(part) => {
+                    let points = &POINTS[usize::from(part)];
+                    let loaded =
+                        CurvedFaces { faces: &faces.curved, displacement, pressure, points };
+                    evaluate_span(&loaded, request, &workers, span);
+                }
+            }
+            if recovers {
+                span.force.clear();
+            }
+        },
+    );
     if energy {
         swept.0.clear();
         swept.0.extend(pressures.iter().map(|&p| [p, 0.0]));
-        for (span, &source) in buffer.spans.iter_mut().zip(&faces.source_of_span) {
-            let [pressure, volume] = &mut swept.0[source as usize];
+        for (span, PressureSpan { source, .. }) in buffer.spans.iter_mut().zip(&faces.spans) {
+            let [pressure, volume] = &mut swept.0[*source as usize];
             *volume += span.energy;
             span.energy *= if recovering.contains(span.body) { 0.0 } else { -*pressure };
         }
@@ -275,45 +424,72 @@ fn evaluate<S: Scalar>(
     buffer.time = start.elapsed();
 }
 
-/// Faces under one pressure (Pa).
-struct LoadedFaces<'a, S> {
-    faces: &'a PressureFaces<S>,
+/// Flat faces under one pressure (Pa).
+struct FlatFaces<'a, S> {
+    faces: &'a FaceColumns<S, 3, 3, 2>,
     displacement: &'a [[S; 4]],
     pressure: S,
 }
 
-impl<S: Scalar> LoadedFaces<'_, S> {
-    /// Rest edges, displacements and signs of the triangles from `first` on.
-    #[inline(always)]
-    fn shape<L: Lanes<Scalar = S>>(&self, first: usize) -> ([[L; 3]; 2], [[L; 3]; 3], L) {
-        let mut edges = [[L::ZERO; 3]; 2];
-        for a in 0..2 {
-            for x in 0..3 {
-                edges[a][x] = L::load(&self.faces.edges[3 * a + x][first..]);
-            }
-        }
-        let u = load_vertices(self.displacement, &self.faces.nodes[first..]);
-        (edges, u, L::load(&self.faces.sign[first..]))
-    }
-}
-
-impl<S: Scalar> LawColumns<S> for LoadedFaces<'_, S> {
+impl<S: Scalar> LawColumns<S> for FlatFaces<'_, S> {
     /// Adds the volumes.
     #[inline(always)]
     fn add_energy<L: Lanes<Scalar = S>>(&self, first: usize, sums: &mut [f64; MAX_LANES]) {
-        let (edges, u, sign) = self.shape::<L>(first);
+        let (edges, u, sign) = self.faces.shape::<L>(self.displacement, first);
         (sign * swept_volume(&edges, &u)).accumulate(sums);
     }
     #[inline(always)]
     fn add_forces<L: Lanes<Scalar = S>>(&self, first: usize, to: &mut [[S; 4]], row: usize) {
-        let (edges, u, sign) = self.shape::<L>(first);
+        let (edges, u, sign) = self.faces.shape::<L>(self.displacement, first);
         let f = force(&edges, &u, sign * L::splat(self.pressure));
         add_vertices([f; 3], to, row, &self.faces.nodes[first..]);
     }
     #[inline(always)]
     fn add_tangent<L: Lanes<Scalar = S>>(&self, first: usize, to: &mut TangentSum<S>) {
-        let (edges, u, sign) = self.shape::<L>(first);
+        let (edges, u, sign) = self.faces.shape::<L>(self.displacement, first);
         let t = tangent(&edges, &u, sign * L::splat(self.pressure));
         add_tangent(&t, to.span, &self.faces.nodes, &self.faces.blocks, first);
+    }
+}
+
+/// One part each of curved faces under one pressure (Pa).
+struct CurvedFaces<'a, S> {
+    faces: &'a FaceColumns<S, 6, 15, 5>,
+    displacement: &'a [[S; 4]],
+    pressure: S,
+    points: &'a Points,
+}
+
+impl<S: Scalar> LawColumns<S> for CurvedFaces<'_, S> {
+    const WIDE: bool = false;
+    /// Adds the volumes.
+    #[inline(always)]
+    fn add_energy<L: Lanes<Scalar = S>>(&self, first: usize, sums: &mut [f64; MAX_LANES]) {
+        let (rest, u, sign) = self.faces.shape::<L>(self.displacement, first);
+        (sign * face::swept_volume(self.points, &rest, &u)).accumulate(sums);
+    }
+    #[inline(always)]
+    fn add_forces<L: Lanes<Scalar = S>>(&self, first: usize, to: &mut [[S; 4]], row: usize) {
+        let (rest, u, sign) = self.faces.shape::<L>(self.displacement, first);
+        let f = face::forces(self.points, &rest, &u, sign * L::splat(self.pressure));
+        add_vertices(f, to, row, &self.faces.nodes[first..]);
+    }
+    #[inline(always)]
+    fn add_tangent<L: Lanes<Scalar = S>>(&self, first: usize, to: &mut TangentSum<S>) {
+        let (rest, u, sign) = self.faces.shape::<L>(self.displacement, first);
+        let arms = face::tangent(self.points, &rest, &u, sign * L::splat(self.pressure));
+        let (nodes, blocks) = (&self.faces.nodes[first..], &self.faces.blocks[first..]);
+        let (start, span) = (to.span.blocks.start, &mut *to.span);
+        for (i, [a, b]) in PAIRS.into_iter().enumerate() {
+            // the block of a pair belongs to its lower row; the other one is its transpose
+            let mut turn = [S::ONE; MAX_LANES];
+            for (turn, nodes) in turn.iter_mut().zip(&nodes[..L::COUNT]) {
+                if nodes[a] > nodes[b] {
+                    *turn = -S::ONE;
+                }
+            }
+            let block = skew(scale(arms[i], L::load(&turn)));
+            L::add_blocks(&block, &mut span.off_diagonal, start, blocks, i);
+        }
     }
 }

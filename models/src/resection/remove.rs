@@ -166,6 +166,9 @@ impl Resection {
         if mass == MassPolicy::Recompute {
             own.sum_masses::<S>(world, &soft, &touched, &mut report);
         }
+        if !own.connectivity.ordered.tetrahedra10().is_empty() {
+            own.sum_weight_shifts::<S>(world, &soft, &touched);
+        }
         if !touched.unused_triangles.is_empty() || !touched.unused_edges.is_empty() {
             report.pressure_faces = own.drop_pressures(world, body);
         }

@@ -7,7 +7,7 @@ use sinew_engine::load::Pressure;
 use sinew_engine::row::VertexRow;
 use sinew_engine::scalar::{Scalar, sub};
 use sinew_engine::topology::Topology;
-use sinew_engine::vertex::{Mass, Velocity};
+use sinew_engine::vertex::{Mass, Velocity, WeightShift};
 
 use super::report::RemovalReport;
 use super::state::{ModuliData, Vertices, numbers};
@@ -130,6 +130,30 @@ impl BodyResection {
             if !connectivity.uses_vertex(v) {
                 velocity[row] = Velocity::default();
             }
+        }
+    }
+
+    /// Sums what the weight of the touched vertices is beside that of their masses again: over what is left even where masses
+    /// are kept, so that the weight of the body stays that of its mass.
+    pub(super) fn sum_weight_shifts<S: Scalar>(
+        &self,
+        world: &mut World,
+        soft: &SoftBody,
+        touched: &Touched,
+    ) {
+        let connectivity = &self.connectivity;
+        let mut query = world.query();
+        let vertices = Vertices::<S>::of(&mut query, world, soft.index);
+        let rest_of = |v| vertices.rest(v);
+        let round = self.round(&touched.vertices, &connectivity.round_vertex);
+        let matter = soft.matter(&connectivity.ordered, &rest_of);
+        let sums = matter.weight_shifts(Items::Only(&touched.vertices), &round);
+        let v0 = world.resource::<Topology>().bodies[soft.index].vertices.start;
+        let mut query = world.query::<&mut WeightShift<S>>();
+        let Some(mut shift) = single_table(query.contiguous_iter_mut(world)) else { return };
+        let shift = shift.bypass_change_detection();
+        for (&v, sum) in touched.vertices.iter().zip(sums) {
+            shift[(v + v0) as usize].0 = S::from_f64(sum);
         }
     }
 

@@ -34,7 +34,7 @@ use sinew_engine::scalar::Scalar;
 use sinew_engine::schedule::{Executor, ForceSchedule, evaluate_dampers, has_dampers};
 use sinew_engine::step::install_engine;
 use sinew_engine::topology::{BodyRows, Topology};
-use sinew_engine::vertex::{BodyId, Displacement, ElasticForce, Mass, RestPosition};
+use sinew_engine::vertex::{BodyId, Displacement, ElasticForce, Mass, RestPosition, WeightShift};
 use std::collections::BTreeMap;
 
 /// Largest difference of each quantity, over its largest value in the new body (or in the old one,
@@ -322,12 +322,14 @@ fn snapshot<S: Scalar>(world: &mut World, body: usize) -> Snapshot {
     }
     let energy = world.resource::<ElasticEnergy>().by_body[body];
     all.insert("energy", Values::from([(("body", Vec::new(), 0), vec![energy])]));
-    let mut vertices = world.query::<(&Mass<S>, &ElasticForce<S>)>();
-    if let Some((mass, force)) = single_table(vertices.contiguous_iter(world)) {
+    let mut vertices = world.query::<(&Mass<S>, &WeightShift<S>, &ElasticForce<S>)>();
+    if let Some((mass, shift, force)) = single_table(vertices.contiguous_iter(world)) {
         let own = rows.vertices_and_rows();
         let own = own.map(|(vertex, row)| (row.index(), ("vertex", vec![vertex.0], 0)));
         let masses = own.clone().map(|(row, key)| (key, vec![mass[row].0.to_f64()]));
         all.insert("mass", masses.collect());
+        let shifts = own.clone().map(|(row, key)| (key, vec![shift[row].0.to_f64()]));
+        all.insert("weight", shifts.collect());
         let forces = own.map(|(row, key)| (key, force[row].0[..3].iter().map(|x| x.to_f64())));
         all.insert("force", forces.map(|(key, force)| (key, force.collect())).collect());
     }

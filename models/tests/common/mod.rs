@@ -1,6 +1,8 @@
 //! Shared by the integration tests: small dense linear algebra and the worst-error bookkeeping.
 #![allow(dead_code, reason = "each test binary uses its own part")]
 
+#[path = "../../../tests/common/bodies.rs"]
+pub mod bodies;
 #[path = "../../../tests/common/json.rs"]
 pub mod json;
 
