@@ -74,6 +74,7 @@ impl Totals {
         v.final_smallest_j = volume.smallest_ratio;
         v.inverted_max = v.inverted_max.max(volume.inverted);
         v.inverted_final = volume.inverted;
+        v.compressed_max = v.compressed_max.max(simulation.compressed_elements());
         if volume.largest_mean_change > 0.0 {
             let before = v.largest_mean_change.unwrap_or(0.0);
             v.largest_mean_change = Some(volume.largest_mean_change.max(before));

@@ -586,6 +586,8 @@ pub struct VolumeSummary {
     pub inverted_max: u64,
     /// Tetrahedra with J <= 0 at the end.
     pub inverted_final: u64,
+    /// Most elements at one time of models that soften in compression with a principal stretch below 0.7.
+    pub compressed_max: u64,
     /// Largest magnitude of the mean of J - 1 over a cluster, of all steps; none without clusters.
     pub largest_mean_change: Option<f64>,
 }
