@@ -12,6 +12,7 @@ use sinew_contact::set::ContactSet;
 use sinew_contact::tool::Tool;
 use sinew_engine::by_precision;
 use sinew_engine::columns::single_table;
+use sinew_engine::compression::CompressionReport;
 use sinew_engine::connectivity::ElementKind;
 use sinew_engine::fnv::Fnv64;
 use sinew_engine::lanes::InstructionSet;
@@ -701,6 +702,13 @@ impl Simulation {
     /// Volume ratios after the last step.
     pub fn volume_report(&self) -> &VolumeReport {
         self.world().resource()
+    }
+
+    /// Elements that were pressed far together after the last step: those of the bodies whose model
+    /// [softens](sinew_models::body::Model::softens) there, with a principal stretch below
+    /// [`COMPRESSED`](sinew_engine::compression::COMPRESSED). Such a body resists too little.
+    pub fn compressed_elements(&self) -> u64 {
+        self.world().get_resource::<CompressionReport>().map_or(0, CompressionReport::compressed)
     }
 
     /// Smallest area ratio of membranes after the last step; infinite without membranes.

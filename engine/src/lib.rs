@@ -5,6 +5,7 @@
 //! columns as slices. `ARCHITECTURE.md` at the root of the repository says how the parts work together.
 
 pub mod columns;
+pub mod compression;
 pub mod connectivity;
 pub mod element;
 pub mod element_kind;

@@ -523,7 +523,20 @@ pub struct LoadTime(pub f64);
 #[derive(Resource, Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct SweptVolumes(pub Vec<[f64; 2]>);
 
+/// Rest area of the faces of every [`Pressure`] times the extent of their body (m^3), in their [`Order`]: what the volumes that
+/// they sweep are measured by.
+#[derive(Resource, Clone, Debug, Default, PartialEq)]
+pub struct PressureReach(pub Vec<f64>);
+
 impl SweptVolumes {
+    /// Places of the pressures that swept more than their reach, or no number.
+    pub fn beyond(&self, PressureReach(reach): &PressureReach) -> Vec<usize> {
+        let both = self.0.iter().zip(reach).enumerate();
+        let within = |([_, volume], reach): ([f64; 2], f64)| volume.abs() <= reach;
+        let far = both.filter(|(_, (own, reach))| !within((**own, **reach)));
+        far.map(|(place, _)| place).collect()
+    }
+
     /// Work (J) from an earlier evaluation to this one, by the trapezoidal rule.
     pub fn work_since(&self, before: &Self) -> f64 {
         let ways = self.0.iter().zip(&before.0);

@@ -112,13 +112,24 @@ pub fn point_ratios<S: Scalar, const N: usize, const Q: usize>(
     nodes: &[u32; N],
     rest: &PointsRest<S, Q>,
 ) -> [f64; Q] {
+    point_gradients(derivatives, displacement, nodes, rest).map(|g| {
+        let mut ratio = [S::ZERO];
+        (<S::One as Real>::ONE + volume_change(&g)).store(&mut ratio);
+        ratio[0].to_f64()
+    })
+}
+
+/// Displacement gradients at the Gauss points of a solid element.
+pub(crate) fn point_gradients<S: Scalar, const N: usize, const Q: usize>(
+    derivatives: &Derivatives<S, N, 3, Q>,
+    displacement: &[Displacement<S>],
+    nodes: &[u32; N],
+    rest: &PointsRest<S, Q>,
+) -> [[S::One; 9]; Q] {
     let u = rows_of(Displacement::peel_slice(displacement), nodes);
     std::array::from_fn(|q| {
         let at = point_differences::<S::One, 4, _, _, _>(derivatives, &u, q);
-        let d = rest.gradients::<S::One>(q);
-        let mut ratio = [S::ZERO];
-        (<S::One as Real>::ONE + volume_change(&displacement_gradient(&d, &at))).store(&mut ratio);
-        ratio[0].to_f64()
+        displacement_gradient(&rest.gradients::<S::One>(q), &at)
     })
 }
 

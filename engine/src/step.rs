@@ -77,6 +77,22 @@ pub enum StepError {
         /// What is wrong.
         problem: String,
     },
+    /// A pressure blew a body up: nothing holds it any more.
+    #[error(
+        "pressure `{name}` burst body `{body}` in the step after t = {time} s: its elements would have {growth:.1e} times their rest \
+         size; the step was undone. A pressure of about Young's modulus or more has no equilibrium with models whose energy grows no \
+         faster than the volume: make it smaller, or use model = \"neo_hookean\" or \"svk_volume\""
+    )]
+    Burst {
+        /// Name of the pressure.
+        name: String,
+        /// Name of the body.
+        body: String,
+        /// Simulated time (s) at the start of the step.
+        time: f64,
+        /// Mean magnitude of deformed over rest volume of its solid elements, or over rest area of its membrane.
+        growth: f64,
+    },
     /// The integrator gave up.
     #[error("step {step} at t = {time} s failed: {reason}")]
     Diverged {

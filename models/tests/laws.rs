@@ -24,6 +24,7 @@ use sinew_engine::vertex::{BodyId, Displacement, ElasticForce};
 use sinew_engine::workers::Workers;
 use sinew_models::axes::site::{AxisSite, add_blocks, add_spread, local, spread_over};
 use sinew_models::body::{BodyDescription, BodyError, Model, VolumeRule, spawn_body};
+use sinew_models::element::precompute::RestTetrahedron;
 use sinew_models::element::tetrahedron::{Element, TetrahedronTangent};
 use sinew_models::frame::law::TetrahedronLaw;
 use sinew_models::frame::row::{
@@ -32,6 +33,7 @@ use sinew_models::frame::row::{
 use sinew_models::laws::LAWS;
 use sinew_models::laws::linear::Linear;
 use sinew_models::laws::pressure;
+use sinew_models::material::YoungPoisson;
 use std::collections::BTreeSet;
 
 fn tetrahedra() -> Mesh {
@@ -373,6 +375,45 @@ fn a_law_of_axes_of_another_crate_is_a_row() {
     let size = forces.as_flattened().iter().fold(0.0_f64, |most, f| most.max(f.abs()));
     for (f, k) in forces.as_flattened().iter().zip(product.as_flattened()) {
         assert!((f + k).abs() < 1e-12 * size, "{f} {k}");
+    }
+}
+
+/// What rows say of themselves at large strain is true of their energies: those that hold any pressure grow faster than the
+/// volume when an element is blown up, and those that soften resist a strong compression less and less.
+#[test]
+fn rows_know_their_energies_at_large_strain() {
+    let rest = RestTetrahedron::new([[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]);
+    let lame = YoungPoisson { poisson_ratio: 0.45, ..MATERIAL }.lame().unwrap();
+    let element = Element::<f64>::new(&rest.unwrap(), lame, false);
+    let stretched = |row: &LawRow, [x, y, z]: [f64; 3]| {
+        let energy = row.energy.unwrap();
+        energy(&element, &[[0.0; 3], [x - 1.0, 0.0, 0.0], [0.0, y - 1.0, 0.0], [0.0, 0.0, z - 1.0]])
+    };
+    let mut seen = 0;
+    for row in LAWS.iter().filter(|row| row.energy.is_some() && row.forces) {
+        let name = row.info.name;
+        if name == "compression term" {
+            continue;
+        }
+        let degree = (stretched(row, [1e4; 3]) / stretched(row, [1e3; 3])).log10();
+        assert_eq!(row.holds_pressure, degree > 3.5, "{name} grows with degree {degree}");
+        let [less, here, more] = [0.4, 0.45, 0.5].map(|s| stretched(row, [s, 1.0, 1.0]));
+        let bend = less - 2.0 * here + more;
+        assert_eq!(row.softens, bend < 0.0, "{name}: {bend}");
+        seen += 1;
+    }
+    assert!(seen > 15, "{seen}");
+    for model in Model::ALL {
+        let yields = [
+            Model::Linear,
+            Model::Corotational,
+            Model::WarpedStiffness,
+            Model::MassSpring,
+            Model::QuadraticSprings,
+        ];
+        assert_eq!(model.holds_pressure(), !yields.contains(&model), "{model:?}");
+        let soft = [Model::StVK, Model::CompressibleStVK, Model::StVKFem];
+        assert_eq!(model.softens(), soft.contains(&model), "{model:?}");
     }
 }
 

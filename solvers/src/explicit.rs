@@ -19,6 +19,7 @@
 //! * Displacements carry what their number type cannot hold (`low`) along, over substeps and steps:
 //!   in `f32`, `h v` is below the rounding of a displacement of metres.
 
+use crate::burst::check_pressures;
 use crate::settings::{Integrator, SolverSettings};
 use crate::simd::{VectorKernel, vectorised};
 use crate::stability::StabilityLimit;
@@ -362,6 +363,7 @@ impl<S: Scalar> ExplicitScratch<S> {
             let mut contact = contact.clone();
             let tried = self.attempt(world, settings, report, &mut contact, elastic, substeps);
             if let Some(growth) = tried {
+                check_pressures::<S>(world)?;
                 report.substeps = substeps;
                 report.refinements = refinement;
                 self.finish(world, report, growth, refinement > 0);

@@ -1,6 +1,7 @@
 //! Time integrators and linear solvers of Sinew. They know columns of vertices, sums of forces and tangents, and no
 //! law.
 
+mod burst;
 pub mod cg;
 pub mod cholesky;
 pub mod coarse;

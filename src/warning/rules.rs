@@ -4,6 +4,7 @@ use super::Level::{self, Note, Warning};
 use super::totals::RunTotals;
 use crate::simulation::Backend;
 use bevy_ecs::prelude::World;
+use sinew_engine::compression::COMPRESSED;
 use sinew_engine::precision::Precision;
 use sinew_solvers::settings::{Integrator, SolverSettings};
 
@@ -71,6 +72,10 @@ rules! {
     Warning "run.inverted" "elements": |run| run.totals.volume.inverted_max;
         |n| "up to {n} elements were turned inside out, {} at the end", run.totals.volume.inverted_final;
         "use model = \"svk_comp\", smaller steps or a finer mesh where it happens";
+    Warning "run.compression" "elements": |run| run.totals.volume.compressed_max;
+        |n| "up to {n} elements were pressed to less than {COMPRESSED} of their length, where St Venant-Kirchhoff resists far too \
+             little";
+        "forces there are too small: use model = \"neo_hookean\" or \"svk_volume\", which get stiffer as tissue does";
     Warning "run.cg.cap" "solver": |run| run.totals.sums.cg_caps;
         |n| "{n} linear solves stopped at the iteration cap";
         "raise solver.max_linear_iterations or linear_tolerance";

@@ -3,6 +3,7 @@
 use bevy_ecs::prelude::*;
 use serde::{Deserialize, Serialize};
 use sinew_contact::set::ContactSet;
+use sinew_engine::compression::CompressionReport;
 use sinew_engine::report::{ContactFigures, StepReport, StepTotals, VolumeReport};
 use sinew_engine::step::{StepClock, StepError, run_step};
 use sinew_models::axes::muscle::ActivationWork;
@@ -52,6 +53,10 @@ impl RunTotals {
         removals.flat_map(|(_, result)| result).for_each(|report| self.add_removal(report));
         self.add_energy(world, report, integrator);
         self.volume.add_step(world.resource(), world.resource::<StepClock>().time);
+        if let Some(compression) = world.get_resource::<CompressionReport>() {
+            let most = &mut self.volume.compressed_max;
+            *most = compression.compressed().max(*most);
+        }
         #[cfg(feature = "gpu")]
         if let Some(own) = world.get_resource::<sinew_gpu::GpuReport>() {
             self.gpu_stalled += u64::from(own.stalled);
@@ -227,6 +232,8 @@ pub struct VolumeSummary {
     pub inverted_max: u64,
     /// Tetrahedra with J <= 0 at the end.
     pub inverted_final: u64,
+    /// Most elements at one time of models that soften in compression with a principal stretch below 0.7.
+    pub compressed_max: u64,
     /// Largest magnitude of the mean of J - 1 over a cluster, of all steps; none without clusters.
     pub largest_mean_change: Option<f64>,
 }
@@ -239,6 +246,7 @@ impl Default for VolumeSummary {
             final_smallest_j: 1.0,
             inverted_max: 0,
             inverted_final: 0,
+            compressed_max: 0,
             largest_mean_change: None,
         }
     }

@@ -82,7 +82,11 @@ fn joined_cell_data(built: &BuiltScene) -> Vec<CellData> {
             joined.push(CellData { name, integer: true, ..CellData::default() });
         }
     }
+    let is_fibre =
+        |name: &str| built.bodies.iter().flat_map(fibre_data).any(|data| data.name == name);
     for array in &mut joined {
+        // a vector of length 0 is no direction
+        let missing = if is_fibre(&array.name) { 0.0 } else { f64::NAN };
         for (body, own) in built.bodies.iter().zip(&of_bodies) {
             let data = own.iter().find(|data| data.name == array.name);
             array.integer &= data.is_some_and(|data| data.integer);
@@ -93,7 +97,7 @@ fn joined_cell_data(built: &BuiltScene) -> Vec<CellData> {
                 if let Some(data) = data.filter(|_| kind.is_solid()) {
                     values.extend(&data.values[kind]);
                 }
-                values.resize(length, f64::NAN);
+                values.resize(length, missing);
             }
         }
     }
@@ -111,7 +115,8 @@ pub struct Writer {
     csv_path: PathBuf,
     /// Length of its whole rows (bytes).
     csv_length: u64,
-    /// All bodies at rest, membranes as its faces, with the cell data of the mesh files; NaN for bodies without it.
+    /// All bodies at rest, membranes as its faces, with the cell data of the mesh files, NaN for bodies without it, and the
+    /// directions of fibres, 0 for bodies without them.
     mesh: Mesh,
     /// Smallest altitude of a cell at rest (m).
     smallest: f64,
@@ -322,7 +327,9 @@ impl Writer {
             point_vectors: &[("displacement", &u), ("velocity", &v)],
             point_scalars: &[("held", &held)],
             cell_scalars: &[("J", &j), ("body", &of_body), ("index", &index)],
-            single_precision: fit_in_f32(&points, self.smallest) && fit_in_f32(&v, f64::INFINITY),
+            single_precision: fit_in_f32(&points, self.smallest)
+                && fit_in_f32(&v, f64::INFINITY)
+                && j.iter().all(|j| j.abs() <= f64::from(f32::MAX)),
             ..VtuData::of_mesh(&mesh)
         };
         self.appear(&name, |path| write_vtu(path, &data))?;

@@ -4,6 +4,7 @@ use bevy_ecs::bundle::NoBundleEffect;
 use bevy_ecs::prelude::*;
 use glam::DVec3;
 use sinew_engine::by_precision;
+use sinew_engine::compression::report_compression;
 use sinew_engine::connectivity::{ByKind, ElementKind, PerElement};
 use sinew_engine::element::{
     EdgeBlock, EdgeChange, EdgeTension, EdgeVertices, TetrahedronEdges, TriangleEdges,
@@ -140,6 +141,9 @@ fn spawn<S: Scalar>(world: &mut World, body: &BodyDescription) -> Result<Entity,
     let (layout, rest_of, rest) = (&layout, &rest_of, &rest);
     let part = SolidPart { layout, rest_of, rest, lame, compression, clusters, at };
     part.spawn_vertices::<S>(world, &masses, &shifts);
+    if body.model.softens() {
+        report_compression::<S>(world, at.body.0);
+    }
     part.spawn_edges::<S>(world, &mass_spring);
     let edge_rows = part.spawn_pooled_springs::<S>(world, &pooled);
     let law = model.law().map(|row| row::in_table(world, row).row);

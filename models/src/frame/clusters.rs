@@ -62,6 +62,8 @@ impl LawRow {
         Self {
             recovery: InRecovery::StandIn,
             energy: Some(|e, u| L::energy(&in_cluster(*e), u)),
+            holds_pressure: L::HOLDS_PRESSURE,
+            softens: L::SOFTENS,
             spawn: Some([
                 spawn_clustered::<ByClusters<L>, f64>,
                 spawn_clustered::<ByClusters<L>, f32>,

@@ -211,6 +211,8 @@ impl LawRow {
             tangent: L::contributes,
             recovery: InRecovery::StandIn,
             energy: Some(|e, u| L::energy(e, u)),
+            holds_pressure: L::HOLDS_PRESSURE,
+            softens: L::SOFTENS,
             ..Self::of_systems(LawInfo::elastic(name), elements, mark, activate)
         }
     }

@@ -46,6 +46,11 @@ pub trait TetrahedronLaw: Send + Sync + 'static {
     /// What its volume term is a function of, if it reads [`Element::pressure`]: the volume part of such a law can be that of
     /// several elements or points.
     const VOLUME: Option<VolumeMeasure> = None;
+    /// Whether its energy grows faster than the volume of an element that is blown up, that is faster than the third power of
+    /// displacements: then it holds any follower pressure, and otherwise the sum of both has no bound.
+    const HOLDS_PRESSURE: bool = true;
+    /// Whether its resistance to compression has a maximum, as that of St Venant-Kirchhoff has at a stretch of `1/sqrt 3`.
+    const SOFTENS: bool = false;
     /// Whether `Projected` clamps the eigenvalues of the St Venant-Kirchhoff stress; otherwise
     /// [`tangent`](Self::tangent) has a semidefinite form of its own.
     const STRESS_PROJECTION: bool = true;
@@ -66,6 +71,8 @@ pub trait TriangleLaw: Send + Sync + 'static {
     const FORCES: bool = true;
     /// Whether it is compiled for AVX-512 too ([`Kernel::WIDE`](sinew_engine::lanes::Kernel::WIDE)).
     const WIDE: bool = true;
+    /// As that of [`TetrahedronLaw`].
+    const HOLDS_PRESSURE: bool = true;
     /// Whether it contributes to a tangent of this kind.
     fn contributes(_: TangentKind) -> bool {
         true

@@ -34,6 +34,7 @@ impl LawRow {
         Self {
             tangent: L::contributes,
             recovery: InRecovery::Unchanged,
+            holds_pressure: L::HOLDS_PRESSURE,
             ..Self::of_systems(info, elements, [mark::<Quadrilateral<L>>; 2], activate)
         }
     }

@@ -111,6 +111,10 @@ pub struct LawRow {
     pub recovery: InRecovery,
     /// Whether it is a part of the damping matrix, and of nothing else.
     pub is_damper: bool,
+    /// Whether it holds any follower pressure ([`TetrahedronLaw::HOLDS_PRESSURE`]).
+    pub holds_pressure: bool,
+    /// Whether its resistance to compression has a maximum ([`TetrahedronLaw::SOFTENS`]).
+    pub softens: bool,
     /// Energy of one of its tetrahedra.
     pub energy: Option<TetrahedronEnergy>,
     /// Rows of the same law in other elements, and with its volume term by means.
@@ -168,6 +172,8 @@ impl LawRow {
             tangent: |_| true,
             recovery: if info.is_load { InRecovery::Unchanged } else { InRecovery::Silent },
             is_damper: false,
+            holds_pressure: true,
+            softens: false,
             energy: None,
             family: &[],
             measure: None,
@@ -198,6 +204,11 @@ impl LawRow {
     /// This law with another conduct in recovery.
     pub const fn in_recovery(self, recovery: InRecovery) -> Self {
         Self { recovery, ..self }
+    }
+
+    /// This law, whose energy grows no faster than the volume under a pressure.
+    pub const fn yielding_to_pressure(self) -> Self {
+        Self { holds_pressure: false, ..self }
     }
 
     /// This law with what takes the stiffness from an entity of a removed element. Columns of this crate need none.

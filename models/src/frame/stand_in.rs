@@ -18,6 +18,7 @@ pub struct Corotational;
 impl TetrahedronLaw for Corotational {
     const WIDE: bool = false;
     const NAME: &'static str = "corotational";
+    const HOLDS_PRESSURE: bool = false;
     type Mark = Self;
     const STRESS_PROJECTION: bool = false;
     const VOLUME: Option<VolumeMeasure> = Some(VolumeMeasure::TraceOfStretch);

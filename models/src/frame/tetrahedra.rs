@@ -53,6 +53,8 @@ impl LawRow {
             tangent: L::contributes,
             recovery: if L::STANDS_IN { InRecovery::StandIn } else { InRecovery::Silent },
             energy: Some(|e, u| L::energy(e, u)),
+            holds_pressure: L::HOLDS_PRESSURE,
+            softens: L::SOFTENS,
             ..Self::of_systems(info, elements, [mark::<L::Mark>; 2], activate)
         }
     }

@@ -41,6 +41,7 @@ impl LawRow {
             forces: L::FORCES,
             tangent: L::contributes,
             recovery: InRecovery::Unchanged,
+            holds_pressure: L::HOLDS_PRESSURE,
             ..Self::of_systems(info, elements, [mark::<L::Mark>; 2], activate)
         }
     }

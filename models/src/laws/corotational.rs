@@ -50,6 +50,7 @@ pub static WARPED_TETRAHEDRA: LawRow = LawRow::tetrahedra::<WarpedStiffness>().w
 impl TetrahedronLaw for WarpedStiffness {
     const WIDE: bool = false;
     const NAME: &'static str = "warped stiffness";
+    const HOLDS_PRESSURE: bool = false;
     type Mark = Self;
     const STRESS_PROJECTION: bool = false;
     #[inline(always)]

@@ -58,6 +58,7 @@ family! {
 impl TetrahedronLaw for Linear {
     const WIDE: bool = false;
     const NAME: &'static str = "linear elasticity";
+    const HOLDS_PRESSURE: bool = false;
     type Mark = Self;
     const STRESS_PROJECTION: bool = false;
     const VOLUME: Option<VolumeMeasure> = Some(VolumeMeasure::TraceOfStrain);

@@ -93,6 +93,7 @@ impl TriangleLaw for BiquadraticMembrane {
 
 impl TriangleLaw for QuadraticMembrane {
     const NAME: &'static str = "quadratic membrane";
+    const HOLDS_PRESSURE: bool = false;
     type Mark = Self;
     energy_of!(quadratic);
     tangent_of!(quadratic);
@@ -101,6 +102,7 @@ impl TriangleLaw for QuadraticMembrane {
 impl TriangleLaw for LinearMembrane {
     const WIDE: bool = false;
     const NAME: &'static str = "linear membrane";
+    const HOLDS_PRESSURE: bool = false;
     type Mark = Self;
     energy_of!(linear);
     #[inline(always)]
@@ -112,6 +114,7 @@ impl TriangleLaw for LinearMembrane {
 impl TriangleLaw for CorotationalMembrane {
     const WIDE: bool = false;
     const NAME: &'static str = "corotational membrane";
+    const HOLDS_PRESSURE: bool = false;
     type Mark = Self;
     energy_of!(corotational);
     tangent_of!(corotational);

@@ -133,6 +133,20 @@ impl Model {
         self.has(Elements::Tetrahedra, VolumeRule::Clusters)
     }
 
+    /// Whether it holds any follower pressure: its energy grows faster than the volume of what is blown up. Others burst from a
+    /// pressure of about Young's modulus on.
+    pub fn holds_pressure(self) -> bool {
+        match self {
+            Self::MassSpring => quadratic::EDGE_SPRINGS.holds_pressure,
+            _ => self.law().is_none_or(|row| row.holds_pressure),
+        }
+    }
+
+    /// Whether its resistance to compression has a maximum, and is far too small long before it.
+    pub fn softens(self) -> bool {
+        self.law().is_some_and(|row| row.softens)
+    }
+
     fn has(self, elements: Elements, volume: VolumeRule) -> bool {
         self.law().is_some_and(|row| row.in_elements(elements, volume).is_some())
     }

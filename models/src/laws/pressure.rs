@@ -37,13 +37,14 @@ use sinew_engine::law::{
     DisabledLaws, EvaluationRequest, LawBuffer, LawBuffers, LawInfo, RecoveringBodies, Span,
     TangentKind,
 };
-use sinew_engine::load::{LoadTime, Pressure, SweptVolumes};
+use sinew_engine::load::{LoadTime, Pressure, PressureReach, SweptVolumes};
 use sinew_engine::order::Order;
+use sinew_engine::row::VertexRow;
 use sinew_engine::scalar::{Real, Scalar, add, cross, scale, sub};
 use sinew_engine::schedule::{
     ForceSystems, Input, StepSchedule, StepSystems, activate_law_of_systems, declare_inputs,
 };
-use sinew_engine::topology::Topology;
+use sinew_engine::topology::{BodyRows, Topology};
 use sinew_engine::vertex::{Displacement, RestPosition};
 use sinew_engine::workers::Workers;
 
@@ -213,6 +214,7 @@ fn activate_law_of_pressure<S: Scalar>(world: &mut World) {
     if !world.contains_resource::<PressureFaces<S>>() {
         world.insert_resource(PressureFaces::<S>::default());
         world.init_resource::<SweptVolumes>();
+        world.init_resource::<PressureReach>();
         world.init_resource::<LoadTime>();
         // alone between the two stages, so that it is ordered against whatever Prepare holds
         let mut schedules = world.resource_mut::<Schedules>();
@@ -255,7 +257,9 @@ fn collect_faces<S: Scalar>(world: &mut World) {
     let mut rests = world.query::<&RestPosition>();
     let rest = single_table(rests.contiguous_iter(world)).unwrap_or(&[]);
     let topology = world.resource::<Topology>();
+    let mut reach = PressureReach::default();
     for (source, (_, pressure)) in (0..).zip(&sources) {
+        reach.0.push(reach_of(pressure, topology, rest));
         let (mut flat, mut bent) = (Vec::new(), Vec::new());
         for face in &pressure.faces {
             let t = face.map(|row| row.0);
@@ -285,6 +289,7 @@ fn collect_faces<S: Scalar>(world: &mut World) {
         }
     }
     faces.sources = sources;
+    world.insert_resource(reach);
     if let Some(mut own) = world.resource::<LawBuffers<S>>().get(ROW.info.name) {
         *own = buffer;
     }
@@ -298,6 +303,27 @@ fn ascending(t: [u32; 3], topology: &Topology) -> Option<Face<3, 3>> {
     let [a, b, c] = nodes;
     let blocks = [topology.block(b, c)?, topology.block(a, c)?, topology.block(a, b)?];
     Some(Face { part: 0, nodes, blocks, flipped: !is_turned(t, nodes) })
+}
+
+/// Rest area of the faces times the extents of their bodies (m^3).
+fn reach_of(pressure: &Pressure, topology: &Topology, rest: &[RestPosition]) -> f64 {
+    let areas = |face: &[VertexRow; 3]| {
+        let [a, b, c] = face.map(|row| rest[row.index()].0);
+        (face[0].0, 0.5 * (b - a).cross(c - a).length())
+    };
+    let areas: Vec<(u32, f64)> = pressure.faces.iter().map(areas).collect();
+    let of_body = |rows: &BodyRows| {
+        let own = areas.iter().filter(|(row, _)| rows.vertices.contains(row));
+        let area: f64 = own.map(|(_, area)| area).sum();
+        if area == 0.0 {
+            return 0.0;
+        }
+        let rows = rows.vertices.start as usize..rows.vertices.end as usize;
+        let corners =
+            rest[rows].iter().map(|x| (x.0, x.0)).reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)));
+        area * corners.map_or(0.0, |(low, high)| low.distance(high))
+    };
+    topology.bodies.iter().map(of_body).sum()
 }
 
 fn sorted(mut t: [u32; 3]) -> [u32; 3] {

@@ -149,6 +149,7 @@ pub static TETRAHEDRA: LawRow = LawRow::tetrahedra::<QuadraticSprings>();
 
 impl TetrahedronLaw for QuadraticSprings {
     const NAME: &'static str = "quadratic springs";
+    const HOLDS_PRESSURE: bool = false;
     type Mark = Self;
     const FOLDS_VOLUME: bool = false;
     const STRESS_PROJECTION: bool = false;
@@ -258,6 +259,7 @@ pub static EDGE_SPRINGS: LawRow = LawRow::of_systems(
     [mark::<MassSpring>; 2],
     [activate_mass_spring::<f64>, activate_mass_spring::<f32>],
 )
+.yielding_to_pressure()
 // on bodies that never recover, or beside a solid that does
 .in_recovery(InRecovery::Unchanged);
 

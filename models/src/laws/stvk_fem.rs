@@ -66,6 +66,7 @@ pub static TETRAHEDRA: LawRow =
 impl TetrahedronLaw for StVKFem {
     const WIDE: bool = false;
     const NAME: &'static str = "St Venant-Kirchhoff by finite elements";
+    const SOFTENS: bool = true;
     type Mark = Self;
     #[inline(always)]
     fn energy<R: Real>(e: &Element<R>, u: &Nodes<R>) -> R {

@@ -42,6 +42,7 @@ pub struct FusedStVK;
 
 impl TetrahedronLaw for FusedStVK {
     const NAME: &'static str = "fused St Venant-Kirchhoff";
+    const SOFTENS: bool = true;
     type Mark = Self;
     #[inline(always)]
     fn energy<R: Real>(e: &Element<R>, u: &Nodes<R>) -> R {

@@ -46,6 +46,7 @@ mod step;
 mod touch;
 mod tr_bdf2;
 
+use crate::burst::check_pressures;
 use crate::integrator::Integrator;
 use crate::settings::SolverSettings;
 use crate::state::{evaluate, position, read_rest, vector, write_state};
@@ -153,6 +154,9 @@ impl<S: Scalar> Step<'_, S> {
         self.check_finite()?;
         self.find_local_stiffness();
         let end = follower_energies(self.world, &self.scratch.iterate);
+        if end.is_some() {
+            check_pressures::<S>(self.world)?;
+        }
         self.finish();
         if let (Some(start), Some(end)) = (start, end) {
             self.book_followers(start, end);

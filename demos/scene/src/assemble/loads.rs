@@ -11,6 +11,10 @@ use crate::warning::{Level, Warning};
 use sinew::engine::load::{Load, Pressure};
 use std::collections::HashMap;
 
+/// Part of Young's modulus from which a pressure on a model that does not hold any pressure is told: bodies of such models were
+/// quiet at half of it.
+const UNHELD: f64 = 0.3;
+
 /// A load of a scene.
 pub(super) fn load(
     key: &Key,
@@ -65,6 +69,22 @@ pub(super) fn pressure(
             format!("pressure `{}`", entry.name),
             format!("{} Pa is more than Young's modulus, {young} Pa", entry.pressure),
             "check its unit; such a pressure crushes or bursts the body",
+        ));
+    }
+    let model = built.bodies[body].model;
+    if solid && !model.holds_pressure() && entry.pressure.abs() > UNHELD * young {
+        let times = entry.pressure.abs() / young;
+        built.warnings.push(Warning::new(
+            "scene.pressure.unbounded",
+            Level::Warning,
+            format!("pressure `{}`", entry.name),
+            format!(
+                "{} Pa is {times:.2} times Young's modulus, and the energy of model = \"{}\" grows more slowly than the work of \
+                 a pressure: from some value on nothing holds the body",
+                entry.pressure,
+                model.name()
+            ),
+            "use model = \"neo_hookean\" or \"svk_volume\", or a smaller pressure",
         ));
     }
     let pressure = entry.pressure * share;
