@@ -12,6 +12,7 @@ mod gpu_scenes;
 mod material_fields;
 #[cfg(feature = "render")]
 mod measure;
+mod keys;
 mod modes;
 #[cfg(feature = "render")]
 mod pictures;

@@ -18,7 +18,7 @@ use sinew::models::material::field::{MaterialArrays, MaterialField};
 use sinew::models::resection::{Region, Removal, RemovalReport};
 use sinew::simulation::{BodyHandle, MaterialChange, Simulation};
 use sinew_scene::assemble::{
-    BuiltBody, BuiltMembrane, body_mass, count_membrane_vertices, warn_of_findings,
+    BuiltBody, BuiltMembrane, count_membrane_vertices, warn_of_findings,
 };
 use std::borrow::Cow;
 use std::collections::HashSet;
@@ -157,7 +157,7 @@ impl Embedding {
         };
         let simulation = &mut self.built.simulation;
         let handle = simulation.add_body(&own)?;
-        let mass = body_mass(&own, &checked, membrane.as_ref(), || simulation.masses(handle));
+        let mass = simulation.masses(handle).iter().sum();
         let (report, used_vertices) = (checked.report, checked.used_vertices);
         warn_of_findings(name, &report, material, locks, &mut self.built.warnings);
         self.buffers.push(Buffers::default());

@@ -4,6 +4,7 @@ mod checkpoint;
 mod facts;
 mod log;
 mod totals;
+mod verdict;
 mod warnings;
 
 use crate::assemble::{BuildOptions, BuiltScene, build};
@@ -21,6 +22,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 use totals::Totals;
+use verdict::untrue;
 use warnings::run_warnings;
 
 /// How a scene is run.
@@ -111,7 +113,7 @@ pub fn run(
     let mut failure = None;
     for done in first..=steps {
         let interrupted = options.interrupt.as_ref().is_some_and(|i| i.load(Ordering::Relaxed));
-        failure = match run.step(done, interrupted || done == steps) {
+        failure = match run.step(done, done == steps) {
             Ok(failure) => failure,
             // no room, or the folder is gone: what is there is kept whole
             Err(error) => Some(format!("interrupted in step {done} of {steps}: {error}")),
@@ -123,9 +125,11 @@ pub fn run(
             failure =
                 written.err().map(|e| format!("interrupted after step {done} of {steps}: {e}"));
         }
-        if interrupted && done < steps {
-            let message = || format!("interrupted after step {done} of {steps}");
-            failure = failure.or_else(|| Some(message()));
+        if interrupted && done < steps && failure.is_none() {
+            let message = format!("interrupted after step {done} of {steps}");
+            // after the checkpoint, which knows nothing of them: a run that goes on writes what one would that never stopped
+            let written = run.out_of_turn(done);
+            failure = Some(written.err().map_or(message.clone(), |e| format!("{message}: {e}")));
         }
         if failure.is_some() {
             break;
@@ -138,7 +142,9 @@ pub fn run(
     if failure.is_none() {
         checkpoints.iter().for_each(Checkpoints::remove);
     }
-    failure = failure.or_else(|| untrue(&run.built, &run.totals));
+    let untrue = if failure.is_none() { untrue(&run.built, &run.totals) } else { None };
+    let untrusted = untrue.is_some();
+    failure = failure.or(untrue);
 
     let SceneRun { built, mut totals, writer, probes, .. } = run;
     let clock = Instant::now();
@@ -160,7 +166,17 @@ pub fn run(
     files.extend(options.record.iter().map(|log| format!("{} (log)", log.path.display())));
     files.extend(targets.iter().map(|path| path.display().to_string()));
     let final_probes = probe::columns(&built.probes).into_iter().zip(probes).collect();
-    let facts = RunFacts { loaded, built, totals, start, setup, failure, final_probes, files };
+    let facts = RunFacts {
+        loaded,
+        built,
+        totals,
+        start,
+        setup,
+        failure,
+        untrusted,
+        final_probes,
+        files,
+    };
     let found = run_warnings(&facts);
     let summary = facts.summary(found);
     for path in &targets {
@@ -189,13 +205,15 @@ fn begin<'a>(
             return Err(RunError::Option { option, found, remedy: "give --out DIR as well" });
         };
         let (state, damaged) = checkpoint::last(folder, loaded, &built)?;
-        observer.resumed(state.as_ref().map(|state| state.done), &damaged);
         if let Some(state) = state {
-            let first = state.done + 1;
-            let writer = Some(Writer::resume(folder, name, &mut built, state.writer.clone())?);
+            let (done, of_writer) = (state.done, state.writer.clone());
+            // what is told, and what is taken off the files, comes after all that may be refused
             let (totals, probes) = state.resume(&mut built)?;
-            return Ok((SceneRun { built, totals, writer, observer, probes }, first));
+            let writer = Some(Writer::resume(folder, name, &mut built, of_writer)?);
+            observer.resumed(Some(done), &damaged);
+            return Ok((SceneRun { built, totals, writer, observer, probes }, done + 1));
         }
+        observer.resumed(None, &damaged);
     }
     let writer = match &options.out {
         // a run that was to go on has told already that it begins at its start
@@ -207,36 +225,6 @@ fn begin<'a>(
     run.record(0)?;
     run.frame()?;
     Ok((run, 1))
-}
-
-/// Part of the steps above which a run whose bodies were halted counts as failed, and how many there must be.
-const HALTED: (f64, u64) = (0.25, 5);
-/// Energy from nowhere, over all that was put in, above which a run counts as failed.
-const GAIN: f64 = 0.1;
-
-/// Why a run that came to its end is not to be trusted, if so.
-fn untrue(built: &BuiltScene, totals: &Totals) -> Option<String> {
-    let (steps, halted) = (totals.step_times.count() as f64, totals.solver.halted_steps);
-    if halted >= HALTED.1 && halted as f64 > HALTED.0 * steps {
-        return Some(format!(
-            "in {halted} of {steps} steps a body was halted because no state of lower energy was found, so it \
-             hardly moved; loads, motions or units are far beyond what the material holds: make them smaller, \
-             or use a smaller dt"
-        ));
-    }
-    if !built.plan.settings.integrator.facts().dynamic {
-        return None;
-    }
-    let gain = -totals.dissipated();
-    let put_in = totals.energy.put_in();
-    // false for NaN
-    let within = gain <= GAIN * put_in;
-    (!within).then(|| {
-        format!(
-            "the bodies end with {gain:.2e} J more than the {put_in:.2e} J that loads and motions put in; use a \
-             smaller dt or integrator = \"safe\""
-        )
-    })
 }
 
 impl SceneRun<'_> {
@@ -276,6 +264,17 @@ impl SceneRun<'_> {
         }
         self.observer.step(done, time, &mut self.built);
         Ok(failure)
+    }
+
+    /// Writes the row and the frame of a step at which none is due.
+    fn out_of_turn(&mut self, done: u64) -> Result<(), RunError> {
+        if !done.is_multiple_of(self.built.plan.probe_every) {
+            self.record(done)?;
+        }
+        if !done.is_multiple_of(self.built.plan.frame_every) {
+            self.frame()?;
+        }
+        Ok(())
     }
 
     /// Writes a frame, if files are asked for.

@@ -48,7 +48,7 @@ macro_rules! rules {
 rules! {
     Warning "run.inverted" "elements": |run| run.totals.volume.inverted_max;
         |n| "up to {n} elements were turned inside out, {} at the end", run.totals.volume.inverted_final;
-        "use model = \"svk_comp\", smaller steps or a finer mesh where it happens";
+        "make loads and motions smaller or slower there, or use smaller steps or a finer mesh";
     Warning "run.cg.cap" "solver": |run| run.totals.sums.cg_caps;
         |n| "{n} linear solves stopped at the iteration cap";
         "raise solver.max_linear_iterations or linear_tolerance";
