@@ -587,6 +587,10 @@ impl<R: BufRead> Replay<R> {
                 if format!("{:016x}", done.hash) != *hash {
                     return Err(differs(simulation, &read));
                 }
+                if read.vertices.is_some_and(|marks| marks != vertex_marks(simulation)) {
+                    let what = "its hash is that of the state, the marks of its vertices are not: it is damaged";
+                    return Err(ReplayError::Line { line, what: what.into() });
+                }
                 done.hashes += 1;
             }
             done.whole |= read.end;

@@ -71,7 +71,7 @@ macro_rules! rules {
 rules! {
     Warning "run.inverted" "elements": |run| run.totals.volume.inverted_max;
         |n| "up to {n} elements were turned inside out, {} at the end", run.totals.volume.inverted_final;
-        "use model = \"svk_comp\", smaller steps or a finer mesh where it happens";
+        "make loads and motions smaller or slower there, or use smaller steps or a finer mesh";
     Warning "run.compression" "elements": |run| run.totals.volume.compressed_max;
         |n| "up to {n} elements were pressed to less than {COMPRESSED} of their length, where St Venant-Kirchhoff resists far too \
              little";

@@ -66,6 +66,9 @@ enum Command {
     Run(RunArguments),
     /// Simulate a scene and make a page with a player of it, in a build with the feature `render` also pictures and films.
     Render(Box<render::RenderArguments>),
+    /// Benches are of `sinew-lab`.
+    #[command(hide = true, disable_help_flag = true)]
+    Bench(Elsewhere),
     /// Do again what `sinew run --record` wrote, and stop at the first state that differs.
     Replay(ReplayArguments),
     /// Check a scene or a mesh without simulating it.
@@ -134,6 +137,9 @@ struct RunArguments {
     /// Steps between the hashes of --record.
     #[arg(long, value_name = "N", default_value_t = 10, requires = "record", value_parser = clap::value_parser!(u64).range(1..))]
     hash_every: u64,
+    /// The whole report: settings, times, accuracy.
+    #[arg(long, short, conflicts_with = "quiet")]
+    verbose: bool,
     /// No progress bar and no report.
     #[arg(long, short)]
     quiet: bool,
@@ -175,6 +181,19 @@ impl BuildArguments {
             instruction_set: self.instruction_set,
         }
     }
+}
+
+/// Whatever is given to a command that is not in this program.
+#[derive(Args)]
+struct Elsewhere {
+    #[arg(trailing_var_arg = true, allow_hyphen_values = true, hide = true)]
+    _arguments: Vec<String>,
+}
+
+/// Tells where a command is; 2, as for a wrong command line.
+fn elsewhere(told: &str) -> ExitCode {
+    eprintln!("error: {told}");
+    ExitCode::from(2)
 }
 
 #[derive(Args)]
@@ -375,6 +394,11 @@ fn main() -> ExitCode {
     exit_code(match Cli::parse().command {
         Command::Run(arguments) => run_scene(arguments),
         Command::Render(arguments) => render::render_scene(*arguments),
+        Command::Bench(_) => {
+            return elsewhere(
+                "benches are a command of their own, `sinew-lab`: cargo run --release -p sinew-benches -- bench",
+            );
+        }
         Command::Replay(arguments) => replay_log(&arguments),
         Command::Check(arguments) => check_scene_or_mesh(&arguments),
         Command::Validate(arguments) => validate_cases(arguments),
@@ -422,13 +446,21 @@ fn run_scene(arguments: RunArguments) -> Outcome {
     let mut progress = Progress::default();
     let observer: &mut dyn Observer = if arguments.quiet { &mut Silent } else { &mut progress };
     let summary = match &arguments.page {
-        Some(page) => run_to_page(&scene, &options, page, observer)?,
-        None => run(&scene, &options, observer)?,
+        Some(page) => run_to_page(&scene, &options, page, observer),
+        None => run(&scene, &options, observer),
     };
+    let summary = summary.inspect_err(|_| {
+        // what is there would pass for what this run wrote
+        if let Some(folder) = options.out.iter().find(|f| f.join("summary.json").is_file()) {
+            eprintln!("warning: what is in {} is of an earlier run", folder.display());
+        }
+    })?;
     if print_json {
         sayln!("{}", serde_json::to_string_pretty(&summary)?);
-    } else if !arguments.quiet {
+    } else if arguments.verbose {
         say!("{summary}");
+    } else if !arguments.quiet {
+        say!("{}", summary.brief());
     }
     if let Some(failure) = &summary.failure {
         eprintln!("error: {}: {failure}", arguments.scene.display());

@@ -51,7 +51,7 @@ pub struct RenderArguments {
     /// Width and height (pixels).
     #[arg(long, value_name = "WxH", default_value = "1280x720", value_parser = size)]
     size: [u32; 2],
-    /// Colours: displacement, strain, stress, energy, volume, pressure (of contact), error (against a quarter of the
+    /// Colours: displacement, strain, stress, energy, volume (or J), pressure (of contact), error (against a quarter of the
     /// step) or none.
     #[arg(long, visible_alias = "colour", default_value = "displacement", value_parser = quantity)]
     color: Quantity,

@@ -99,7 +99,9 @@ fn carry_out(command: SweepCommand) -> Result<ExitCode, Box<dyn Error>> {
         }
         SweepCommand::Run { folder, shard, jobs, wait, retry, stale, quiet } => {
             let stale = Duration::try_from_secs_f64(stale).map_err(|e| format!("--stale: {e}"))?;
-            let claim = ClaimOptions { wait, stale };
+            // also where nothing else is told
+            let told: Option<fn(&str)> = Some(|why| eprintln!("{why}"));
+            let claim = ClaimOptions { wait, stale, told };
             let interrupt = interrupt()?;
             let request = ShardRequest { folder, shard, jobs, claim, retry, interrupt };
             let last = std::sync::Mutex::new(Instant::now());

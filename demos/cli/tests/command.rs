@@ -36,8 +36,56 @@ fn bad_input_returns_one_and_a_wrong_command_line_two() {
     check(&["simulate"], 2, "", "Usage");
     check(&["run", &shipped("liver"), "--integrator", "magic"], 2, "", "newton");
     // each command names the other
-    check(&["bench"], 2, "", "Usage");
+    check(
+        &["bench", "kernels", "--quick"],
+        2,
+        "",
+        "`sinew-lab`: cargo run --release -p sinew-benches -- bench",
+    );
+    #[cfg(not(feature = "render"))]
+    check(&["render", "x.toml", "--html", "x.html"], 2, "", "--features sinew-cli/render");
     check(&["--help"], 0, "sinew-lab", "");
+}
+
+/// A report in a few lines, the verdict and the warnings first; `-v` tells all.
+#[test]
+fn a_report_begins_with_what_matters() {
+    let liver = shipped("liver");
+    let brief = check(&["run", &liver, "--steps", "3"], 0, "", "");
+    let lines: Vec<&str> = brief.lines().collect();
+    assert!(lines[0].starts_with("liver: 30.0 ms simulated in"), "{brief}");
+    assert_eq!(&lines[1..4], ["", "Warnings", "  none"], "{brief}");
+    assert!(
+        brief.contains("tool.mean_displacement (m)") && !brief.contains("state hash"),
+        "{brief}"
+    );
+    assert!(lines.len() < 32, "{brief}");
+    let whole = check(&["run", &liver, "--steps", "3", "-v"], 0, "state hash", "");
+    assert!(whole.contains("time per system") && whole.contains("linearisation"), "{whole}");
+    // a sheet has no volume
+    let drum = std::fs::read_to_string(shipped("membrane_drum")).unwrap();
+    let sheet = drum.split("[[body]]").take(2).collect::<Vec<_>>().join("[[body]]");
+    let path = file("sheet_alone.toml");
+    std::fs::write(&path, sheet.replace("duration = 1.5", "duration = 0.01")).unwrap();
+    let sheet = check(&["run", path.to_str().unwrap()], 0, "there are no solid elements", "");
+    assert!(!sheet.contains("inf"), "{sheet}");
+}
+
+/// A scene that cannot be built leaves a folder alone, and says of what its files are.
+#[test]
+fn a_folder_of_an_earlier_run_is_not_taken_for_that_of_one_that_failed() {
+    let out = file("earlier").display().to_string();
+    let _ = std::fs::remove_dir_all(&out);
+    let path = file("earlier.toml");
+    let scene = std::fs::read_to_string(shipped("cantilever")).unwrap();
+    std::fs::write(&path, &scene).unwrap();
+    let path = path.display().to_string();
+    check(&["run", &path, "--steps", "1", "--out", &out], 0, "", "");
+    std::fs::write(&path, scene.replace("\"x0\"", "\"x9\"")).unwrap();
+    check(&["run", &path, "--out", &out], 1, "", "is of an earlier run");
+    let _ = std::fs::remove_dir_all(&out);
+    let told = sinew(&["run", &path, "--out", &out]);
+    assert!(!String::from_utf8_lossy(&told.stderr).contains("earlier run"));
 }
 
 #[test]
@@ -210,6 +258,10 @@ fn render_writes_a_page_and_refuses_what_it_cannot_draw() {
     let adapter = ["render", &bar, "--png", "x", "--adapter", "no such adapter"];
     check(&adapter, 1, "", "graphics adapter");
     check(&["render"], 2, "", "Usage");
+    check(&["render", &bar], 1, "", "there is nothing to draw: give --html FILE");
+    check(&["render", &bar, "--picture", "x.svg"], 1, "", "pictures are PNG");
+    let late = ["render", &bar, "--picture", "x.png", "--at", "99", "--color", "J"];
+    check(&late, 1, "", "--at: `99` is not understood; the scene runs from 0 to 2 s");
 }
 
 /// A run that takes long, its folder, and its first rows on the way.

@@ -72,6 +72,52 @@ fn planned(name: &str, of: &str) -> (PathBuf, String) {
     (folder, out)
 }
 
+/// A parameter that changes nothing would fill a table with noise.
+#[test]
+fn parameters_without_effect_are_refused_by_name() {
+    let grid = |key: &str| format!("sampling = {{ kind = \"grid\" }}\n[parameters]\n{key}\n");
+    let refused = |name: &str, scene: &str, of: &str, words: &[&str]| {
+        let folder = folder(name);
+        let study = study(&folder, of);
+        std::fs::write(folder.join("octahedron.toml"), scene).unwrap();
+        let out = text(&folder.join("S")).to_string();
+        words
+            .iter()
+            .for_each(|word| drop(check(&["plan", text(&study), "--out", &out], 1, "", word)));
+    };
+    let young = grid("\"body.ball.material.young_modulus\" = [2e3, 4e3]");
+    let of_field = SCENE.replace("young_modulus = 8e3", "young_modulus_field = \"stiff\"");
+    refused("field", &of_field, &young, &["young_modulus_field", "cannot be swept", "study.toml"]);
+    let tolerance = grid("\"solver.newton_tolerance\" = [1e-6, 1e-8]");
+    refused(
+        "idle",
+        SCENE,
+        &tolerance,
+        &["it has no effect", "does not iterate", "newton_tolerance"],
+    );
+    // with an integrator for which it counts it is a parameter
+    planned("counts", &(tolerance + "\"solver.integrator\" = [\"safe\", \"newton\"]\n"));
+}
+
+/// What the study spreads evenly is drawn evenly, whatever it spans, and what it spreads by logarithms is not.
+#[test]
+fn plots_have_the_scale_of_the_study_and_round_ticks() {
+    let of = r#"
+        sampling = { kind = "latin-hypercube", runs = 6, seed = 1 }
+        [parameters]
+        "body.0.material.young_modulus" = { min = 4e3, max = 2.2e4, scale = "log" }
+        "body.0.material.density" = { min = 100.0, max = 2000.0 }
+    "#;
+    let (_, sweep) = planned("scales", of);
+    check(&["run", &sweep], 0, "6 runs", "");
+    table(&sweep);
+    let page = std::fs::read_to_string(Path::new(&sweep).join("sweep.html")).unwrap();
+    assert!(page.contains("young_modulus (log)") && !page.contains("density (log)"), "{page}");
+    for tick in [">5000<", ">10000<", ">500<", ">1000<", ">1500<"] {
+        assert!(page.contains(tick), "{tick}: {page}");
+    }
+}
+
 /// The table of a sweep that is done.
 fn table(sweep: &str) -> String {
     let code = sinew(&["merge", sweep]).status.code();

@@ -1,10 +1,10 @@
 //! `sinew check`: everything that is looked at before the first step, and no step.
 
-use crate::assemble::{BuildOptions, build};
+use crate::assemble::{BuildOptions, BuiltBody, BuiltScene, MaterialRanges, build};
 use crate::error::{SceneError, SceneProblem};
-use crate::scene::LoadedScene;
+use crate::scene::{BodyEntry, LoadedScene, Mode};
 use crate::summary::{LoadSummary, PressureSummary};
-use crate::text::{counted, short};
+use crate::text::{counted, pressure, short};
 use crate::warning::{Level, Warning};
 use serde::Serialize;
 use sinew::engine::mesh::{CheckOptions, CheckReport, Mesh, MeshError, check};
@@ -66,57 +66,119 @@ fn check_scene(path: &Path, summary: &mut CheckSummary) -> Result<(), SceneError
         }
     })?;
     summary.warnings = built.all_warnings();
-    for body in &built.bodies {
-        summary.plan.push(format!(
-            "body `{}`: {} vertices, {}, E = {} Pa, nu = {}, {} kg/m^3",
-            body.name,
-            body.used_vertices.len(),
-            counted(&[
-                ("tetrahedra", body.mesh.tetrahedra.len()),
-                ("hexahedra", body.mesh.hexahedra.len()),
-            ]),
-            short(body.material.young_modulus),
-            body.material.poisson_ratio,
-            short(body.material.density),
-        ));
-        if let Some(m) = &body.membrane {
-            summary.plan.push(format!(
-                "membrane of `{}`: {}, {} m thick, E = {} Pa, nu = {}, {} kg/m^3",
-                body.name,
-                counted(&[("triangles", m.triangles.len()), ("quadrilaterals", m.quads.len())]),
-                short(m.settings.thickness),
-                short(m.settings.material.young_modulus),
-                m.settings.material.poisson_ratio,
-                short(m.settings.material.density),
-            ));
-        }
+    for (body, entry) in built.bodies.iter().zip(&loaded.scene.bodies) {
+        summary.plan.extend(about_body(body, entry));
         summary.meshes.push(body.report.clone());
     }
-    for c in &built.constraints {
-        let body = &built.bodies[c.body].name;
-        let count = c.vertices.len();
-        summary.plan.push(format!("constraint `{}`: {count} vertices of `{body}`", c.name));
-    }
-    for load in &built.loads {
-        let LoadSummary { name, body, vertices, .. } = &load.summary;
-        summary.plan.push(format!("load `{name}`: {vertices} vertices of `{body}`"));
-    }
-    for p in &built.pressures {
-        let PressureSummary { name, body, triangles, .. } = &p.summary;
-        summary.plan.push(format!("pressure `{name}`: {triangles} triangles of `{body}`"));
-    }
-    for probe in &built.probes {
-        let (body, count) = (&built.bodies[probe.body].name, probe.vertices.len());
-        summary.plan.push(format!("probe `{}`: {count} vertices of `{body}`", probe.name));
-    }
+    summary.plan.extend(about_what_acts(&built));
     let (steps, dt) = (built.plan.steps, built.plan.dt);
     summary.plan.push(match built.plan.mode {
-        crate::scene::Mode::Dynamic => format!("{steps} steps of {} s", short(dt)),
-        crate::scene::Mode::Static => format!("equilibrium in {steps} load step(s)"),
+        Mode::Dynamic => format!("{steps} steps of {} s", short(dt)),
+        Mode::Static => format!("equilibrium in {steps} load step(s)"),
     });
     let limit = built.simulation.stable_step();
     summary.plan.push(format!("largest stable explicit step about {limit:.2e} s, at rest"));
     Ok(())
+}
+
+/// A body and its membrane, a line each.
+fn about_body(body: &BuiltBody, entry: &BodyEntry) -> Vec<String> {
+    let mut lines = Vec::new();
+    let vertices = body.used_vertices.len();
+    if body.mesh.is_solid() {
+        let ranges = MaterialRanges::new(&entry.material, &body.mesh);
+        lines.push(format!(
+            "body `{}`: {vertices} vertices, {}, {}",
+            body.name,
+            counted(&[
+                ("tetrahedra", body.mesh.tetrahedra.len()),
+                ("hexahedra", body.mesh.hexahedra.len()),
+            ]),
+            ranges.words(&body.material),
+        ));
+    } else {
+        lines.push(format!("body `{}`: {vertices} vertices, a membrane alone", body.name));
+    }
+    if let Some(m) = &body.membrane {
+        lines.push(format!(
+            "membrane of `{}`: {}, {} m thick, {}",
+            body.name,
+            counted(&[("triangles", m.triangles.len()), ("quadrilaterals", m.quads.len())]),
+            short(m.settings.thickness),
+            MaterialRanges::default().words(&m.settings.material),
+        ));
+    }
+    lines
+}
+
+/// Everything that holds, moves, touches, cuts or records, a line each.
+fn about_what_acts(built: &BuiltScene) -> Vec<String> {
+    let mut lines = Vec::new();
+    let name = |body: usize| &built.bodies[body].name;
+    let newtons = |force: [f64; 3]| {
+        let [x, y, z] = force.map(short);
+        format!("[{x}, {y}, {z}] N")
+    };
+    for c in &built.constraints {
+        let (count, times) = (c.vertices.len(), window(c.from, c.until));
+        let body = name(c.body);
+        lines.push(format!(
+            "constraint `{}`: {count} vertices of `{body}` {}{times}",
+            c.name, c.motion
+        ));
+    }
+    for load in &built.loads {
+        let LoadSummary { name, body, vertices, force } = &load.summary;
+        let force = newtons(*force);
+        lines.push(format!("load `{name}`: {force} on {vertices} vertices of `{body}`"));
+    }
+    for own in &built.pressures {
+        let PressureSummary { name, body, triangles, pressure: p } = &own.summary;
+        let p = pressure(*p);
+        lines.push(format!("pressure `{name}`: {p} on {triangles} triangles of `{body}`"));
+    }
+    for tool in &built.tools {
+        let friction = short(tool.friction);
+        lines.push(format!("tool `{}`: {}, friction {friction}", tool.name, tool.words));
+    }
+    for pull in &built.pulls {
+        let times = window(pull.from, pull.until);
+        lines.push(format!(
+            "pull `{}`: {} N/m on {} vertices of `{}`, the hand {}{times}",
+            pull.name,
+            short(pull.stiffness),
+            pull.rows.len(),
+            name(pull.body),
+            pull.motion
+        ));
+    }
+    for c in &built.contacts {
+        let [a, b] = c.bodies.map(name);
+        let of = if a == b { format!("`{a}` with itself") } else { format!("`{a}` and `{b}`") };
+        lines.push(format!("contact `{}`: {of}, friction {}", c.name, short(c.friction)));
+    }
+    for own in &built.resections {
+        let (name, body) = (&own.summary.name, &own.summary.body);
+        lines.push(format!("resection `{name}`: elements of `{body}` {}", own.words()));
+    }
+    for probe in &built.probes {
+        let (body, count) = (name(probe.body), probe.vertices.len());
+        let record: Vec<&str> = probe.record.iter().map(|own| own.key).collect();
+        let of = if record.iter().any(|key| key.starts_with("tool_") || key.starts_with("pull_")) {
+            String::new()
+        } else {
+            format!("{count} vertices of `{body}`, ")
+        };
+        lines.push(format!("probe `{}`: {of}{}", probe.name, record.join(", ")));
+    }
+    lines
+}
+
+/// Times (s) from which and until which something acts, where it does not always.
+fn window(from: f64, until: f64) -> String {
+    let from = if from > 0.0 { format!(", from {from} s") } else { String::new() };
+    let until = if until.is_finite() { format!(", until {until} s") } else { String::new() };
+    from + &until
 }
 
 fn check_mesh(path: &Path, summary: &mut CheckSummary) -> Result<(), MeshError> {
@@ -127,12 +189,47 @@ fn check_mesh(path: &Path, summary: &mut CheckSummary) -> Result<(), MeshError> 
         Err(error) => *error.report,
     };
     summary.meshes.push(report);
+    if !mesh.is_solid() && mesh.triangles.len() + mesh.quads.len() > 0 {
+        summary.warnings.push(Warning::new(
+            SURFACE_ONLY,
+            Level::Warning,
+            "elements",
+            "there are faces but no tetrahedra or hexahedra: it is no solid body, a membrane at most",
+            recipe(path),
+        ));
+    }
     Ok(())
+}
+
+/// Code of the warning about a mesh without solid elements.
+const SURFACE_ONLY: &str = "check.surface-only";
+
+/// How to fill a surface, with the file's own name.
+fn recipe(path: &Path) -> String {
+    let file = path.file_name().unwrap_or_default().to_string_lossy();
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+    format!(
+        "give it a thickness in a scene, membrane = {{ thickness = 0.001 }}, or fill it with tetrahedra:
+    Gmsh: write {stem}.geo
+        Merge \"{file}\";
+        Surface Loop(1) = Surface{{:}};
+        Volume(1) = {{1}};
+        Physical Volume(\"body\") = {{1}};
+        Physical Surface(\"surface\") = Surface{{:}};
+      and run: gmsh -3 {stem}.geo -o {stem}.msh
+    TetGen: tetgen -pq1.2 {file}
+    then: sinew check {stem}.msh (or {stem}.1.node); more in docs/own-mesh.md"
+    )
 }
 
 impl fmt::Display for CheckSummary {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let verdict = if self.usable { "can be simulated" } else { "CANNOT be simulated" };
+        let surface = self.warnings.iter().any(|w| w.code == SURFACE_ONLY);
+        let verdict = match (self.usable, surface) {
+            (true, true) => "a surface only, no solid body",
+            (true, false) => "can be simulated",
+            (false, _) => "CANNOT be simulated",
+        };
         writeln!(f, "{} ({}): {verdict}", self.file, self.kind)?;
         if let Some(error) = &self.error {
             writeln!(f, "  error: {error}")?;

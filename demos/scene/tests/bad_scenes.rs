@@ -583,3 +583,48 @@ fn uniform_springs_need_their_constant() {
         says(&format!("{keys}: {message}"), words);
     }
 }
+
+/// What people write from habit is answered with what it is called here.
+#[test]
+fn habits_are_answered_with_what_to_write() {
+    const MATERIAL: &str =
+        "material = { young_modulus = 1e5, poisson_ratio = 0.4, density = 1000.0 }";
+    let told = |from: &str, to: &str, words: &[&str]| {
+        assert_eq!(GOOD.matches(from).count(), 1, "`{from}` must occur once");
+        says(&attempt(&GOOD.replace(from, to)).unwrap_err().to_string(), words);
+    };
+    for (key, meant) in [("E", "young_modulus"), ("nu", "poisson_ratio"), ("rho", "density")] {
+        let words = [&*format!("unknown key `{key}`"), &*format!("called `{meant}` here")];
+        told(MATERIAL, &format!("material = {{ {key} = 1.0 }}"), &words);
+    }
+    told("dt = 0.01", "timestep = 0.01", &["called `dt` here"]);
+    told(MATERIAL, "material = \"liver\"", &["line 12", "material = { preset = \"liver\" }"]);
+    for (text, number) in [
+        ("5 kPa", "5000 (Pa)"),
+        ("0.1 MPa", "100000 (Pa)"),
+        ("5e3Pa", "5000 (Pa)"),
+        ("1.06 g/cm^3", "1060 (kg/m^3)"),
+        ("3 mm", "0.003 (m)"),
+    ] {
+        told("young_modulus = 1e5", &format!("young_modulus = \"{text}\""), &["write ", number]);
+    }
+    told("young_modulus = 1e5", "young_modulus = \"soft\"", &["\"soft\", expected a number"]);
+    told(
+        "poisson_ratio = 0.4",
+        "poisson_ratio = 0.5",
+        &["up to 0.4999 with volume = \"clusters\""],
+    );
+    told("poisson_ratio = 0.4", "poisson_ratio = 0.49995", &["volume = \"clusters\""]);
+    // a mesh in millimetres and a box in metres
+    let far = GOOD.replace("[0.2, 0.04, 0.04]", "[200.0, 40.0, 40.0]").replace(
+        "{ group = \"x0\" }",
+        "{ box = { min = [-0.1, -0.1, -0.1], max = [-0.01, 0.1, 0.1] } }",
+    );
+    says(&attempt(&far).unwrap_err().to_string(), &["no vertex", "to [200.0000", "scale by 0.001"]);
+    let mesh = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/corpus/binary.stl");
+    let message = LoadedScene::read(&mesh).unwrap_err().to_string();
+    says(
+        &message,
+        &["binary.stl: this is a mesh, not a scene", "mesh = \"binary.stl\"", "sinew check"],
+    );
+}

@@ -1,7 +1,10 @@
 //! Files that someone or something damaged: every reader and the scenes answer with a mesh, a run or a typed error,
 //! never with a panic, a long wait or a number that is not finite.
 //!
-//! The seeds are the files of `tests/corpus`. `SINEW_FUZZ_CASES` sets the cases of every test, `SINEW_FUZZ_SEED`
+//! Beside them stand scenes made up at random: every kind of body, law and integrator, with tools, contacts, pulls, pressures and
+//! cuts, well and badly proportioned.
+//!
+//! The seeds of damaged files are those of `tests/corpus`. `SINEW_FUZZ_CASES` sets the cases of every test, `SINEW_FUZZ_SEED`
 //! the first of them: a failure prints the seed that makes it again.
 
 #![allow(
@@ -128,13 +131,21 @@ fn corpus(extension: &str) -> Vec<Vec<u8>> {
 
 /// Runs `case` on damaged files and says from which seed one comes that it does not survive.
 fn survive(extension: &str, cases: u64, mut case: impl FnMut(&[u8]) -> bool) {
-    let number = |name: &str| std::env::var(name).ok().and_then(|n| n.parse::<u64>().ok());
-    let cases = number("SINEW_FUZZ_CASES").unwrap_or(cases);
-    let first = number("SINEW_FUZZ_SEED").unwrap_or(0);
     let seeds = corpus(extension);
     for seed in &seeds {
         assert!(case(seed), "a file of the corpus is refused");
     }
+    survive_seeds(extension, cases, |seed| {
+        // every other file has one changed number and is otherwise whole
+        case(&damaged(&mut Random(seed << 8), &seeds, seed % 2 == 0))
+    });
+}
+
+/// Runs `case` on many seeds, some of which it accepts, and says which it does not survive.
+fn survive_seeds(what: &str, cases: u64, mut case: impl FnMut(u64) -> bool) {
+    let number = |name: &str| std::env::var(name).ok().and_then(|n| n.parse::<u64>().ok());
+    let cases = number("SINEW_FUZZ_CASES").unwrap_or(cases);
+    let first = number("SINEW_FUZZ_SEED").unwrap_or(0);
     struct Told(u64);
     impl Drop for Told {
         fn drop(&mut self) {
@@ -146,13 +157,11 @@ fn survive(extension: &str, cases: u64, mut case: impl FnMut(&[u8]) -> bool) {
     let mut accepted = 0;
     for seed in first..first + cases {
         let _told = Told(seed);
-        // every other file has one changed number and is otherwise whole
-        let bytes = damaged(&mut Random(seed << 8), &seeds, seed % 2 == 0);
         let clock = Instant::now();
-        accepted += u64::from(case(&bytes));
+        accepted += u64::from(case(seed));
         assert!(clock.elapsed() < Duration::from_secs(20), "{:?}", clock.elapsed());
     }
-    println!("{extension}: {cases} cases, {accepted} accepted");
+    println!("{what}: {cases} cases, {accepted} accepted");
     // what is always or never refused tests one half only
     assert!(cases < 100 || (accepted > 0 && accepted < cases), "{accepted} of {cases} accepted");
 }
@@ -242,34 +251,219 @@ fn small(shape: &Generate) -> bool {
         && shape.sheet.as_ref().is_none_or(|s| product(&s.cells))
 }
 
+/// Whether a scene runs so many steps; what it says is said well, what it computed is finite.
+fn runs(text: &str, steps: u64, out: Option<&Path>) -> bool {
+    let told = |error: &dyn std::error::Error| {
+        is_told(&error.to_string(), "fuzz.toml");
+        false
+    };
+    let scene = match LoadedScene::parse(text, Path::new("fuzz.toml")) {
+        Ok(scene) => scene,
+        Err(error) => return told(&error),
+    };
+    // sizes that no machine has are refused soon; those that a machine has may take their time
+    let beyond = |s: &Generate| s.cuboid.as_ref().is_some_and(|s| s.cells.contains(&usize::MAX));
+    if !scene.scene.bodies.iter().flat_map(|b| &b.generate).all(|s| small(s) || beyond(s)) {
+        return true;
+    }
+    let build = BuildOptions { steps: Some(steps), threads: Some(1), ..BuildOptions::default() };
+    let options = RunOptions { build, out: out.map(Into::into), ..RunOptions::default() };
+    match run(&scene, &options, &mut Silent) {
+        Err(error) => told(&error),
+        Ok(summary) => {
+            let e = &summary.energy;
+            let finite = [e.elastic, e.kinetic, e.load_work, e.constraint_work];
+            assert!(finite.iter().all(|x| x.is_finite()), "{e:?}");
+            let report = summary.to_string() + &summary.brief().to_string();
+            assert!(!report.contains("NaN") && !report.contains(" inf"), "{report}");
+            summary.failure.inspect(|failure| is_told(failure, "")).is_none()
+        }
+    }
+}
+
 /// Scenes are built and carried on for two steps.
 #[test]
 fn scenes() {
-    survive("toml", 3000, |bytes| {
-        let Ok(text) = std::str::from_utf8(bytes) else { return false };
-        let told = |error: &dyn std::error::Error| {
-            is_told(&error.to_string(), "fuzz.toml");
-            false
-        };
-        let scene = match LoadedScene::parse(text, Path::new("fuzz.toml")) {
-            Ok(scene) => scene,
-            Err(error) => return told(&error),
-        };
-        // sizes that no machine has are refused soon; those that a machine has may take their time
-        let beyond =
-            |s: &Generate| s.cuboid.as_ref().is_some_and(|s| s.cells.contains(&usize::MAX));
-        if !scene.scene.bodies.iter().flat_map(|b| &b.generate).all(|s| small(s) || beyond(s)) {
-            return true;
+    survive("toml", 3000, |bytes| std::str::from_utf8(bytes).is_ok_and(|text| runs(text, 2, None)));
+}
+
+impl Random {
+    /// A number between two positive ones, its logarithm spread evenly.
+    fn log(&mut self, low: f64, high: f64) -> f64 {
+        let share = (self.next() >> 11) as f64 / (1_u64 << 53) as f64;
+        (low.ln() * (1.0 - share) + high.ln() * share).exp()
+    }
+
+    /// A vector of lengths about `size`.
+    fn vector(&mut self, size: f64) -> String {
+        let mut one = || (2.0 * (self.next() >> 11) as f64 / (1_u64 << 53) as f64 - 1.0) * size;
+        format!("[{:.6}, {:.6}, {:.6}]", one(), one(), one())
+    }
+
+    fn chance(&mut self, of: usize) -> bool {
+        self.below(of) == 0
+    }
+}
+
+/// A body of any kind, about a decimetre in size.
+fn random_body(random: &mut Random, name: &str) -> String {
+    let shape = random.pick(&[
+        "box = { size = [0.1, 0.08, 0.06], cells = [2, 1, 2] }",
+        "box = { size = [0.1, 0.1, 0.1], cells = [2, 2, 1], elements = \"hexahedra\" }",
+        "box = { size = [0.2, 0.02, 0.02], cells = [4, 1, 1], elements = \"irregular\", seed = 3 }",
+        "sphere = { radius = 0.05, shells = 2 }",
+        "cylinder = { radius = 0.03, length = 0.1, rings = 1, layers = 2 }",
+        "cup = { radius = 0.03, depth = 0.05, wall = 0.01, core = 2, rings = 1, layers = 1 }",
+        "sheet = { size = [0.1, 0.1], cells = [2, 2] }",
+        "disc = { radius = 0.05, rings = 2 }",
+        "balloon = { radius = 0.05, cuts = 2 }",
+    ]);
+    let flat = ["sheet", "disc", "balloon"].iter().any(|own| shape.starts_with(own));
+    let nu = random.pick(&["0.0", "0.3", "0.45", "0.45", "0.49", "0.4999"]);
+    let (young, density) = (random.log(1e2, 1e7), random.log(1e2, 1e4));
+    let mut text = format!(
+        "[[body]]\nname = \"{name}\"\ngenerate = {{ {shape} }}\ntranslate = {}\n\
+         material = {{ young_modulus = {young:e}, poisson_ratio = {nu}, density = {density:e} }}\n",
+        random.vector(0.1)
+    );
+    let model = random.pick(&[
+        "svk_comp",
+        "svk",
+        "svk_volume",
+        "neo_hookean",
+        "corotational",
+        "linear",
+        "svk_fem",
+        "tqs",
+        "corotational_warped",
+        "mass_spring",
+    ]);
+    if flat {
+        text += &format!("membrane = {{ thickness = {:e} }}\n", random.log(1e-4, 1e-2));
+    } else {
+        text += &format!("model = \"{model}\"\n");
+        if random.chance(3) {
+            text += "volume = \"clusters\"\n";
         }
-        let build = BuildOptions { steps: Some(2), threads: Some(1), ..BuildOptions::default() };
-        match run(&scene, &RunOptions { build, ..RunOptions::default() }, &mut Silent) {
-            Err(error) => told(&error),
-            Ok(summary) => {
-                let e = &summary.energy;
-                let finite = [e.elastic, e.kinetic, e.load_work, e.constraint_work];
-                assert!(finite.iter().all(|x| x.is_finite()), "{e:?}");
-                summary.failure.inspect(|failure| is_told(failure, "")).is_none()
-            }
+        if random.chance(5) {
+            text += "second_order = true\n";
         }
+        if random.chance(6) {
+            text += "membrane = { thickness = 0.001, surface = true }\n";
+        }
+        if random.chance(4) {
+            let (modulus, stress) = (random.log(1e2, 1e5), random.log(1e2, 1e5));
+            text += &format!(
+                "[[body.fibres]]\nname = \"f\"\nmodulus = {modulus:e}\ndirection = [1.0, 0.2, 0.0]\n\
+                 muscle = {{ peak_stress = {stress:e}, curve = {{ ramp = [0.0, 0.03] }} }}\n"
+            );
+        }
+    }
+    text
+}
+
+/// A scene of any kind.
+fn random_scene(seed: u64) -> String {
+    let mut random = Random(seed << 8 | 1);
+    let random = &mut random;
+    let integrator = random.pick(&[
+        "auto",
+        "auto",
+        "safe",
+        "safe",
+        "newton",
+        "bdf2",
+        "tr-bdf2",
+        "symplectic-euler",
+        "stormer-verlet",
+    ]);
+    let dt = random.log(1e-4, 3e-2);
+    let gravity = random.pick(&["[0.0, 0.0, -9.81]", "[0.0, 0.0, 0.0]", "[30.0, 0.0, 0.0]"]);
+    let mut text = format!(
+        "name = \"fuzz\"\ndt = {dt:e}\nduration = {:e}\ngravity = {gravity}\n\
+         solver = {{ integrator = \"{integrator}\", max_newton_iterations = 15 }}\noutput = {{ every = 2 }}\n",
+        20.0 * dt
+    );
+    let two = random.chance(2);
+    text += &random_body(random, "a");
+    if two {
+        text += &random_body(random, "b");
+        let friction = random.pick(&["0.0", "0.4"]);
+        text +=
+            &format!("[[contact]]\nname = \"c\"\nbodies = [\"a\", \"b\"]\nfriction = {friction}\n");
+    }
+    let box_round = "box = { min = [-9.0, -9.0, -9.0], max = [0.02, 9.0, 9.0] }";
+    if random.chance(2) {
+        text +=
+            &format!("[[constraint]]\nname = \"hold\"\nbody = \"a\"\nselect = {{ {box_round} }}\n");
+        if random.chance(2) {
+            let size = random.log(1e-3, 10.0);
+            let by = random.vector(size);
+            text += &format!(
+                "motion = {{ translate = {by} }}\ncurve = {{ ramp = [0.0, {:e}] }}\n",
+                6.0 * dt
+            );
+        }
+    }
+    if random.chance(2) {
+        let shape = random.pick(&[
+            "shape = \"sphere\"\nradius = 0.02",
+            "shape = \"half-space\"",
+            "shape = \"box\"\nhalf = [0.05, 0.05, 0.01]",
+            "shape = \"capsule\"\nradius = 0.01\nhalf_length = 0.05",
+        ]);
+        let (at, by) = (random.vector(0.15), random.vector(0.2));
+        text += &format!(
+            "[[tool]]\nname = \"t\"\n{shape}\nat = {at}\ntranslate = {by}\nfriction = 0.3\ncurve = {{ ramp = [0.0, {:e}] }}\n",
+            8.0 * dt
+        );
+    }
+    if random.chance(4) {
+        let (stiffness, by) = (random.log(1.0, 1e4), random.vector(0.3));
+        text += &format!(
+            "[[pull]]\nname = \"p\"\nbody = \"a\"\nselect = {{ all = true }}\nstiffness = {stiffness:e}\ntranslate = {by}\n"
+        );
+    }
+    if random.chance(3) {
+        let sign = random.pick(&["", "-"]);
+        let pressure = random.log(1.0, 1e5);
+        let on = random.pick(&["surface", "membrane"]);
+        text += &format!(
+            "[[pressure]]\nname = \"air\"\nbody = \"a\"\non = {{ {on} = true }}\npressure = {sign}{pressure:e}\n"
+        );
+    }
+    if random.chance(4) {
+        let centre = random.vector(0.1);
+        text += &format!(
+            "[[resection]]\nname = \"cut\"\nbody = \"a\"\nsphere = {{ centre = {centre}, radius = 0.06 }}\nfrom = {:e}\n",
+            3.0 * dt
+        );
+    }
+    text
+}
+
+/// Frames of a run hold finite numbers, cells without a value aside.
+fn frames_are_finite(out: &Path) {
+    for entry in std::fs::read_dir(out.join("frames")).unwrap() {
+        let path = entry.unwrap().path();
+        let mesh = Mesh::read(&path).unwrap();
+        assert!(mesh.points.iter().all(|p| p.is_finite()), "{}", path.display());
+    }
+    let rows = std::fs::read_to_string(out.join("fuzz.csv")).unwrap();
+    assert!(!rows.contains("NaN") && !rows.contains("inf,"), "{rows}");
+}
+
+/// Scenes of every kind run, or are refused, or fail in words; what they write is finite.
+#[test]
+fn scenes_made_up_at_random() {
+    let out = std::env::temp_dir().join(format!("sinew-fuzz-{}", std::process::id()));
+    survive_seeds("random scenes", 250, |seed| {
+        let files = seed % 10 == 0;
+        let done = runs(&random_scene(seed), 8, files.then_some(&*out));
+        if files && out.join("fuzz.csv").is_file() {
+            frames_are_finite(&out);
+            std::fs::remove_dir_all(&out).unwrap();
+        }
+        done
     });
 }

@@ -9,6 +9,7 @@ mod figures;
 mod fuzz;
 #[cfg(feature = "gpu")]
 mod gpu_scenes;
+mod keys;
 mod material_fields;
 mod measure;
 mod modes;

@@ -7,8 +7,10 @@ use sinew::engine::mesh::generate::box_tets;
 use sinew::engine::mesh::io::{VtuData, write_gmsh, write_vtk, write_vtu};
 use sinew::engine::mesh::{CellData, Mesh};
 use sinew_scene::assemble::{BuildOptions, build};
+use sinew_scene::check::check_file;
 use sinew_scene::error::{SceneError, SceneProblem};
 use sinew_scene::output::Writer;
+use sinew_scene::run::{RunOptions, Silent, run};
 use sinew_scene::scene::LoadedScene;
 use std::path::Path;
 
@@ -35,10 +37,15 @@ fn mesh() -> Mesh {
     mesh
 }
 
-fn scene(file: &str, material: &str) -> String {
+/// A bar with constants, those of which `fields` gives left out.
+fn scene(file: &str, fields: &str) -> String {
+    let constants = [("young_modulus", 1e4), ("poisson_ratio", 0.3), ("density", 1000.0)];
+    let own = constants.iter().filter(|(name, _)| !fields.contains(&format!("{name}_field")));
+    let own: Vec<String> = own.map(|(name, value)| format!("{name} = {value:?}")).collect();
     format!(
         "name = \"bar\"\ndt = 0.01\nduration = 0.02\n\n[[body]]\nname = \"bar\"\nmesh = \"{file}\"\n\
-         [body.material]\nyoung_modulus = 1e4\npoisson_ratio = 0.3\ndensity = 1000.0\n{material}\n"
+         [body.material]\n{}\n{fields}\n",
+        own.join("\n")
     )
 }
 
@@ -88,18 +95,57 @@ fn fields_of_every_format_reach_the_body_and_the_frames() {
 
     let error = attempt(&folder, &scene("a.vtu", "young_modulus_field = \"stifness\""));
     let message = error.map(|_| ()).unwrap_err().to_string();
-    says(&message, &["bar.toml, line 12", "`stifness`", "did you mean `stiffness`"]);
+    says(&message, &["bar.toml, line 11", "`stifness`", "did you mean `stiffness`"]);
     let error =
         attempt(&folder, &scene("a.vtu", "density_field = \"bad\"")).map(|_| ()).unwrap_err();
     assert!(matches!(error, SceneError::At { problem: SceneProblem::Field { .. }, .. }));
     let message = error.to_string();
     says(
         &message,
-        &["line 12", "density_field", "`bad`", "a.vtu", "tetrahedron 0", "density is -1"],
+        &["line 11", "density_field", "`bad`", "a.vtu", "tetrahedron 0", "density is -1"],
     );
     let text = scene("a.vtu", "density_field = \"bad\"")
         .replace("mesh = \"a.vtu\"", "generate = { sphere = { radius = 0.1, shells = 2 } }");
     let message = attempt(&folder, &text).map(|_| ()).unwrap_err().to_string();
     assert!(message.contains("no cell data"), "{message}");
+    std::fs::remove_dir_all(&folder).unwrap();
+}
+
+/// A constant that a field gives to every element has no effect: it is refused, and reports show the field.
+#[test]
+fn a_constant_beside_its_field_is_refused_and_the_field_is_shown() {
+    let folder = std::env::temp_dir().join(format!("sinew-field-beside-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    write_vtu(&folder.join("a.vtu"), &VtuData::of_mesh(&mesh())).unwrap();
+    let field = "young_modulus_field = \"stiffness\"";
+    let message = |text: &str| attempt(&folder, text).map(|_| ()).unwrap_err().to_string();
+    let both = scene("a.vtu", field) + "young_modulus = 4e3\n";
+    says(&message(&both), &["line 12", "material.young_modulus`", "leave it out"]);
+    // a membrane on the body takes it, and then it counts
+    let skin = "membrane = { thickness = 0.001, surface = true }";
+    let with_skin =
+        |text: &str| text.replace("[body.material]", &format!("{skin}\n[body.material]"));
+    let stiffness = attempt(&folder, &with_skin(&both)).unwrap().bodies[0].material.young_modulus;
+    assert_eq!(stiffness, 4e3);
+    let without = message(&with_skin(&scene("a.vtu", field)));
+    says(&without, &["`young_modulus` is missing", "membrane"]);
+    // membranes have one material
+    let of_skin = "membrane = { thickness = 0.001, surface = true, material = { poisson_ratio = 0.3, \
+                   density = 1000.0, young_modulus_field = \"stiffness\" } }";
+    let text = with_skin(&scene("a.vtu", "")).replace(skin, of_skin);
+    says(&message(&text), &["membrane.material.young_modulus_field", "no solid elements"]);
+
+    let loaded = LoadedScene::parse(&scene("a.vtu", field), &folder.join("bar.toml")).unwrap();
+    let build = BuildOptions { steps: Some(1), threads: Some(1), ..BuildOptions::default() };
+    let summary =
+        run(&loaded, &RunOptions { build, ..RunOptions::default() }, &mut Silent).unwrap();
+    let body = &summary.bodies[0];
+    assert_eq!(body.material_ranges.young_modulus, Some([1e4, 4e4]));
+    assert_eq!(body.material.young_modulus, 2.5e4);
+    for report in [summary.to_string(), summary.brief().to_string()] {
+        says(&report, &["E = 10 kPa to 40 kPa, nu = 0.3, 1000 kg/m^3"]);
+    }
+    std::fs::write(folder.join("bar.toml"), scene("a.vtu", field)).unwrap();
+    says(&check_file(&folder.join("bar.toml")).to_string(), &["E = 10 kPa to 40 kPa"]);
     std::fs::remove_dir_all(&folder).unwrap();
 }

@@ -63,7 +63,7 @@ fn run_whole(name: &str, steps: Option<u64>) -> (RunSummary, Table) {
 }
 
 /// Scenes that ship.
-const SHIPPED: &str = "cantilever crush drag elements fibre_bar fit_bar grasp incompressible liver liver_resection \
+pub const SHIPPED: &str = "cantilever crush drag elements fibre_bar fit_bar grasp incompressible liver liver_resection \
     membrane_drum muscle_bar palpation press_flat probe_fast side_by_side slender_cylinder \
     static_beam two_organs ventricle";
 

@@ -5,7 +5,8 @@ use crate::common::says;
 use sinew::engine::memory;
 use sinew::engine::mesh::Mesh;
 use sinew_scene::assemble::BuiltScene;
-use sinew_scene::assemble::{BuildOptions, build};
+use sinew_scene::assemble::{BuildOptions, WITHOUT_EFFECT, build};
+use sinew_scene::check::check_file;
 use sinew_scene::mesh_tool::{convert, read};
 use sinew_scene::run::{Observer, RunOptions, Silent, run};
 use sinew_scene::scene::LoadedScene;
@@ -98,7 +99,7 @@ fn a_crushing_pressure_is_told_and_bounded() {
     let out = folder("pressed");
     let summary = run_into(&text, &out);
     let e = &summary.energy;
-    assert!(e.load_work < 100.0 && e.kinetic < 1e-3, "{e:?}");
+    assert!(summary.untrusted && e.load_work < 100.0 && e.kinetic < 1e-3, "{e:?}");
     says(&summary.failure.clone().unwrap(), &["inside out"]);
     assert_eq!((summary.solver.totals.recovering, e.recovery), (0, 0.0));
     let code = |code: &str| summary.warnings.iter().any(|w| w.code == code);
@@ -381,4 +382,157 @@ fn far_compression_of_a_model_that_softens_is_told() {
         assert_eq!(summary.volume.compressed_max > 0, due);
         assert!(found.is_none_or(|w| w.message.contains("0.7") && w.remedy.contains("svk_volume")));
     }
+}
+
+/// A motion in millimetres is warned of before the run; the run says in its first line that it is worth nothing.
+#[test]
+fn a_motion_far_beyond_the_body_is_warned_of_and_not_trusted() {
+    let text = scene(LIVER, "gravity = [0.0, 0.0, 0.0]")
+        + "[[constraint]]\nname = \"tool\"\nselect = { group = \"x1\" }\n\
+           motion = { translate = [45.0, -30.0, 45.0] }\ncurve = { ramp = [0.0, 0.3] }\n";
+    let summary = run(&loaded(&text), &RunOptions::default(), &mut Silent).unwrap();
+    assert!(!summary.completed && summary.untrusted, "{summary}");
+    let told = summary.warnings.iter().find(|w| w.code == "scene.size.motion").unwrap();
+    says(&told.to_string(), &["constraint `tool`", "70.36 m", "703.6 times", "45 mm is 0.045"]);
+    for report in [summary.to_string(), summary.brief().to_string()] {
+        says(report.lines().next().unwrap(), &["NOT TO BE TRUSTED", "30 steps", "smaller"]);
+    }
+    // what the remedy asks for is trusted
+    let near = text.replace("[45.0, -30.0, 45.0]", "[0.045, -0.03, 0.045]");
+    let summary = run(&loaded(&near), &RunOptions::default(), &mut Silent).unwrap();
+    assert!(summary.completed, "{summary}");
+    assert!(summary.to_string().starts_with("t: 300.0 ms simulated in"), "{summary}");
+}
+
+/// A bar stretched to eight times its length keeps all elements in order; no tissue does.
+#[test]
+fn more_energy_than_a_body_can_hold_is_not_trusted() {
+    let stretched = |by: f64| {
+        let text = scene(LIVER, "gravity = [0.0, 0.0, 0.0]")
+            + "[[constraint]]\nname = \"end\"\nselect = { group = \"x1\" }\naxes = \"x\"\n\
+               curve = { ramp = [0.0, 0.3] }\nmotion = { translate = [BY, 0.0, 0.0] }\n";
+        let text = text.replace("BY", &format!("{by:?}"));
+        run(&loaded(&text), &RunOptions::default(), &mut Silent).unwrap()
+    };
+    let summary = stretched(0.7);
+    assert_eq!(summary.volume.inverted_max, 0);
+    says(&summary.failure.clone().unwrap(), &["stored up to", "units"]);
+    let summary = stretched(0.1);
+    assert!(summary.completed, "{summary}");
+}
+
+/// What a scene is made of stands in its check; what cannot be meant is warned of there.
+#[test]
+fn checks_list_what_acts_and_foretell_what_goes_wrong() {
+    let out = folder("check");
+    std::fs::create_dir_all(&out).unwrap();
+    let check = |text: &str| {
+        let file = out.join("scene.toml");
+        std::fs::write(&file, text).unwrap();
+        check_file(&file).to_string()
+    };
+    let ball = |radius: &str, at: &str| {
+        format!("[[tool]]\nname = \"ball\"\nshape = \"sphere\"\nradius = {radius}\nat = {at}\n")
+    };
+    let held = scene(LIVER, "gravity = [0.0, 0.0, 0.0]");
+    let acting = ball("0.01", "[0.05, 0.05, 0.112]")
+        + "translate = [0.0, 0.0, -0.02]\ncurve = { ramp = [0.0, 0.2] }\nfriction = 0.3\n\
+           [[pull]]\nname = \"hand\"\nselect = { group = \"x1\" }\nstiffness = 20.0\n\
+           [[contact]]\nname = \"fold\"\nself = \"b\"\nfriction = 0.1\n\
+           [[pressure]]\nname = \"air\"\non = { surface = true }\npressure = 50.0\n\
+           [[resection]]\nname = \"hole\"\nsphere = { centre = [0.1, 0.1, 0.1], radius = 0.01 }\nfrom = 0.1\n";
+    let all = check(&(held.clone() + &acting));
+    says(&all, &["tool `ball`: sphere of radius 0.01 m, moved by [0, 0, -0.02] m, friction 0.3"]);
+    says(&all, &["pull `hand`: 20 N/m on 9 vertices of `b`, the hand at rest"]);
+    says(
+        &all,
+        &[
+            "contact `fold`: `b` with itself, friction 0.1",
+            "pressure `air`: 50 Pa on 48 triangles of `b`",
+        ],
+    );
+    says(
+        &all,
+        &[
+            "resection `hole`: elements of `b` in a sphere of radius 0.01 m, from 0.1 s",
+            "0 warning(s)",
+        ],
+    );
+    for (tool, code, words) in [
+        // half in, all in and all around
+        (ball("0.02", "[0.05, 0.05, 0.11]"), "scene.tool.inside", "1 vertices of body `b`"),
+        (ball("0.01", "[0.03, 0.04, 0.025]"), "scene.tool.inside", "wholly inside of body `b`"),
+        (ball("0.01", "[0.05, 0.05, 0.2]"), "scene.tool.never", "never comes near"),
+        (ball("12.0", "[0.05, 0.05, 12.2]"), "scene.size.tool", "12 m from its centre"),
+        (
+            ball("0.01", "[0.05, 0.05, 0.12]")
+                + "translate = [0.0, 0.0, -20.0]\ncurve = { ramp = [0.0, 0.3] }\n",
+            "scene.size.motion",
+            "tool `ball`",
+        ),
+    ] {
+        says(&check(&(held.clone() + &tool)), &[&format!("warning [{code}] tool `ball`"), words]);
+    }
+    let falls = "name = \"t\"\ndt = 0.01\nduration = 1.0\n[[body]]\nname = \"b\"\n\
+                 generate = { sphere = { radius = 0.05, shells = 2 } }\nmaterial = { preset = \"liver\" }\n";
+    says(
+        &check(falls),
+        &["warning [scene.body.falls] body `b`", "4.905 m in 1.00 s", "half-space"],
+    );
+    let table = "[[tool]]\nname = \"table\"\nshape = \"half-space\"\nat = [0.0, 0.0, -0.1]\n";
+    says(&check(&(falls.to_string() + table)), &["0 warning(s)"]);
+    let long = falls.replace("dt = 0.01", "dt = 1.0");
+    says(&check(&long), &["warning [scene.step.long] scene: steps of 1.00 s", "dt = 0.01"]);
+    std::fs::remove_dir_all(out).unwrap();
+}
+
+/// A surface is no body; the check prints how it becomes one, with its own names.
+#[test]
+fn the_check_of_a_surface_says_how_to_fill_it() {
+    let out = folder("surface");
+    std::fs::create_dir_all(&out).unwrap();
+    let file = out.join("organ.stl");
+    std::fs::copy(Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/corpus/text.stl"), &file)
+        .unwrap();
+    let summary = check_file(&file);
+    let text = summary.to_string();
+    assert!(!text.contains("can be simulated"), "{text}");
+    says(
+        &text,
+        &["organ.stl (mesh): a surface only, no solid body", "gmsh -3 organ.geo -o organ.msh"],
+    );
+    says(&text, &["Merge \"organ.stl\";", "tetgen -pq1.2 organ.stl", "docs/own-mesh.md"]);
+    std::fs::remove_dir_all(out).unwrap();
+}
+
+/// Keys that change nothing are noted, whatever makes them idle.
+#[test]
+fn keys_without_effect_are_noted() {
+    let noted = |text: &str| {
+        let built = build(&loaded(text), &BuildOptions { threads: Some(1), ..Default::default() });
+        let own = built.unwrap().warnings.into_iter().filter(|w| w.code == WITHOUT_EFFECT);
+        own.map(|w| w.subject).collect::<Vec<_>>()
+    };
+    let none: [&str; 0] = [];
+    assert_eq!(noted(&scene(LIVER, "")), none);
+    let solver = |keys: &str| scene(LIVER, &format!("solver = {{ {keys} }}"));
+    assert_eq!(noted(&solver("newton_tolerance = 1e-6")), ["`solver.newton_tolerance`"]);
+    assert_eq!(noted(&solver("integrator = \"newton\", newton_tolerance = 1e-6")), none);
+    assert_eq!(noted(&solver("max_substeps = 10")), ["`solver.max_substeps`"]);
+    let explicit =
+        solver("integrator = \"symplectic-euler\", linear_tolerance = 1e-6, explicit_safety = 0.5");
+    assert_eq!(noted(&explicit), ["`solver.linear_tolerance`"]);
+    let springs = format!(
+        "{LIVER}\nmodel = \"mass_spring\"\nelement_method = \"uniform\"\nspring_constant = 9.0"
+    );
+    let of = |keys: &str| springs.replace("preset = \"liver\"", keys);
+    let constants = of("young_modulus = 1e4, poisson_ratio = 0.3, density = 1e3");
+    assert_eq!(
+        noted(&scene(&constants, "")),
+        ["`body[0].material.poisson_ratio`", "`body[0].material.young_modulus`"]
+    );
+    let late = scene(LIVER, "").replace("select = {", "from = 0.4\nselect = {");
+    assert_eq!(noted(&late), ["`constraint[0]`"]);
+    let seed = scene(LIVER, "").replace("cells = [2, 2, 2]", "cells = [2, 2, 2], seed = 3");
+    assert_eq!(noted(&seed), ["`body[0].generate.box.seed`"]);
 }

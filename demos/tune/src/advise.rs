@@ -1,6 +1,6 @@
 //! Which settings a scene should run with on this machine: a small search over integrator, step,
-//! tolerance, precision, evaluation, model and threads, held against a budget of wall time and an
-//! error.
+//! tolerance, precision, evaluation and threads, held against a budget of wall time and an
+//! error. The material stays what it is, models among it.
 //!
 //! The budget is the mean wall time per displayed frame, a frame being the `dt` of the scene file (two
 //! half steps make one frame); of a static scene it is the wall time to the equilibrium. The error is
@@ -444,9 +444,6 @@ impl AdviceSearch<'_> {
         }
         if cores > 1 {
             all.push(Choice { threads: Some(cores), ..choice.clone() });
-        }
-        if self.loaded.scene.bodies.iter().any(|b| b.model == Model::CompressibleStVK) {
-            all.push(Choice { model: Some(Model::StVK), ..choice.clone() });
         }
         if let Some(tolerance) = choice.linear_tolerance {
             for factor in [10.0, 0.01] {

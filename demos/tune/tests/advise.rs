@@ -42,6 +42,8 @@ fn a_generous_request_is_met_and_an_absurd_one_is_not() {
     let best = &advice.rows[advice.best];
     assert!(advice.met && best.error_percent.unwrap() <= 2.0, "{}", advice.text(true));
     assert!(advice.text(false).contains(&best.options));
+    // another energy is another material
+    assert!(advice.rows.iter().all(|row| row.choice.model.is_none()), "{}", advice.text(true));
     // the command makes the same choice
     let mut again = scene.clone();
     best.choice.apply(&mut again);

@@ -3,6 +3,7 @@
 use sinew_tune::sweep::SweepError;
 use sinew_tune::sweep::claim::{Claim, ClaimOptions};
 use std::path::PathBuf;
+use std::sync::Mutex;
 use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
@@ -17,7 +18,8 @@ fn a_claim_is_refused_while_its_process_lives_and_taken_over_when_it_is_dead() {
     let folder = folder("lives");
     let go = AtomicBool::new(false);
     let take = |stale| {
-        let options = ClaimOptions { wait: false, stale: Duration::from_millis(stale) };
+        let options =
+            ClaimOptions { stale: Duration::from_millis(stale), ..ClaimOptions::default() };
         Claim::take(&folder, "0-of-2", options, &go)
     };
     let mut first = take(60_000).unwrap().unwrap();
@@ -45,7 +47,7 @@ fn a_claim_is_refused_while_its_process_lives_and_taken_over_when_it_is_dead() {
 fn a_claim_of_another_host_is_dead_when_its_heart_stands_still_and_only_then() {
     let folder = folder("stale");
     let go = AtomicBool::new(false);
-    let options = ClaimOptions { wait: false, stale: Duration::from_millis(600) };
+    let options = ClaimOptions { stale: Duration::from_millis(600), ..ClaimOptions::default() };
     let mut far = Claim::take(&folder, "1-of-3", options, &go).unwrap().unwrap();
     far.holder.host = "far/boot/pid:[1]".into();
     far.write().unwrap();
@@ -59,8 +61,14 @@ fn a_claim_of_another_host_is_dead_when_its_heart_stands_still_and_only_then() {
     let start = Instant::now();
     let next = Claim::take(&folder, "1-of-3", options, &go).unwrap().unwrap();
     assert!(next.number == 2 && start.elapsed() >= options.stale);
-    // what was cut off while it was made counts as well
+    // what was cut off while it was made counts as well, and the wait for it is told
     std::fs::OpenOptions::new().write(true).open(next.path()).unwrap().set_len(3).unwrap();
+    static TOLD: Mutex<Vec<String>> = Mutex::new(Vec::new());
+    let options =
+        ClaimOptions { told: Some(|why| TOLD.lock().unwrap().push(why.into())), ..options };
     assert_eq!(Claim::take(&folder, "1-of-3", options, &go).unwrap().unwrap().number, 3);
+    let told = TOLD.lock().unwrap();
+    assert_eq!(told.len(), 1);
+    assert!(told[0].contains("shard 1/3") && told[0].contains("up to 0.6 s"), "{told:?}");
     std::fs::remove_dir_all(folder).unwrap();
 }

@@ -17,7 +17,7 @@ use sinew::models::material::YoungPoisson;
 use sinew::models::material::field::{MaterialArrays, MaterialField};
 use sinew::models::resection::{Region, Removal, RemovalReport};
 use sinew::simulation::{BodyHandle, MaterialChange, Simulation};
-use sinew_scene::assemble::{BuiltBody, BuiltMembrane, body_mass};
+use sinew_scene::assemble::{BuiltBody, BuiltMembrane};
 use std::borrow::Cow;
 use std::collections::HashSet;
 
@@ -153,7 +153,7 @@ impl Embedding {
         };
         let simulation = &mut self.built.simulation;
         let handle = simulation.add_checked_body(&own, &checked.report)?;
-        let mass = body_mass(&own, &checked, membrane.as_ref(), || simulation.masses(handle));
+        let mass = simulation.masses(handle).iter().sum();
         let (report, used_vertices) = (checked.report, checked.used_vertices);
         self.buffers.push(Buffers::default());
         self.built.bodies.push(BuiltBody {

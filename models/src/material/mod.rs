@@ -77,7 +77,7 @@ pub enum MaterialError {
     /// Poisson's ratio is 1/2 or more.
     #[error(
         "Poisson's ratio is {value}: it must be below 0.5, where the bulk modulus becomes infinite; \
-         use 0.45 to 0.49 for nearly incompressible tissue"
+         use 0.45 to 0.49, or for nearly incompressible tissue up to 0.4999 with volume = \"clusters\""
     )]
     PoissonRatioTooHigh {
         /// What was given.
@@ -94,8 +94,8 @@ pub enum MaterialError {
     },
     /// Poisson's ratio is between the largest usable value and 1/2.
     #[error(
-        "Poisson's ratio is {value}: above {MAX_POISSON_RATIO} displacement elements only lock; \
-         use 0.45 to 0.49, or a mixed (displacement and pressure) method, which Sinew does not have"
+        "Poisson's ratio is {value}: above {MAX_POISSON_RATIO} no element keeps its accuracy; \
+         use 0.45 to 0.49, or for nearly incompressible tissue up to 0.4999 with volume = \"clusters\""
     )]
     NearlyIncompressible {
         /// What was given.

@@ -1,7 +1,7 @@
 //! Bodies and their membranes.
 
 use super::body::{BuiltBody, BuiltMembrane};
-use super::materials::{cell_data, field_error, material};
+use super::materials::{MaterialUse, cell_data, field_error, material};
 use super::scene::BuiltScene;
 use super::select::group_cells;
 use super::{axes, meshes};
@@ -11,7 +11,7 @@ use crate::springs::{Matter, Springs};
 use sinew::engine::mesh::{CheckOptions, CheckedMesh, Mesh, check};
 use sinew::models::body::lumped::{HexahedronSprings, SpringRule, UniformSprings};
 use sinew::models::body::sheet::{MembraneModel, MembraneSettings, PlaneState};
-use sinew::models::body::{BodyDescription, MassRule, Model, VolumeRule};
+use sinew::models::body::{BodyDescription, Model, VolumeRule};
 use sinew::models::material::YoungPoisson;
 use std::sync::Arc;
 
@@ -25,8 +25,12 @@ pub(super) fn body(
     let thin = |mesh: &Mesh| {
         body.membrane.as_ref().filter(|m| !mesh.is_solid() && m.plane == PlaneState::Stress)
     };
-    let material =
-        |mesh: &Mesh| material(&key.at("material"), entry, thin(mesh).is_some(), body.volume);
+    let shared = body.membrane.as_ref().is_some_and(|m| m.material.is_none());
+    let material = |mesh: &Mesh| {
+        let solid = mesh.is_solid().then_some(mesh);
+        let of = MaterialUse { thin: thin(mesh).is_some(), volume: body.volume, solid, shared };
+        material(&key.at("material"), entry, of)
+    };
     let mesh_key = meshes::source(key, body);
     let prepared = key.loaded.prepared_mesh(body, || {
         let placed = meshes::placed(key, body)?;
@@ -86,8 +90,7 @@ pub(super) fn body(
         .simulation
         .add_checked_body(&description, &checked.report)
         .map_err(|e| mesh_key.error(e))?;
-    let mass =
-        body_mass(&description, &checked, membrane.as_ref(), || built.simulation.masses(handle));
+    let mass = built.simulation.masses(handle).iter().sum();
     Ok(BuiltBody {
         name: body.name.clone(),
         handle,
@@ -183,27 +186,6 @@ fn springs(
     }
 }
 
-/// Mass (kg) of a body: that of its elements, or of its vertices, which `masses` gives, where quadrature makes these.
-pub fn body_mass(
-    description: &BodyDescription<'_>,
-    checked: &CheckedMesh,
-    membrane: Option<&BuiltMembrane>,
-    masses: impl FnOnce() -> Vec<f64>,
-) -> f64 {
-    if description.masses == MassRule::Nodal {
-        return masses().iter().sum();
-    }
-    let mesh = &checked.mesh;
-    let solid = match description.density {
-        Some(density) => {
-            let tetrahedra = (0..mesh.tetrahedra.len()).map(|i| mesh.tetrahedron_volume(i));
-            let hexahedra = mesh.hexahedra.iter().map(|&h| mesh.hexahedron_volume(h));
-            let volumes = tetrahedra.chain(hexahedra).map(|volume| volume.unwrap_or(0.0));
-            volumes.zip(density).map(|(volume, rho)| rho * volume).sum()
-        }
-        None => checked.report.statistics.total_volume * description.material.density,
-    };
-    solid + membrane.map_or(0.0, |m| m.area * m.settings.surface().1)
 }
 
 /// The membrane of a body: its triangles and quadrilaterals, and what they are made of.
@@ -216,7 +198,9 @@ fn membrane(
     let material = match &entry.material {
         Some(own) => {
             let thin = entry.plane == PlaneState::Stress;
-            material(&key.at("material"), own, thin, VolumeRule::Elements)?
+            let (volume, shared) = (VolumeRule::Elements, false);
+            let of = MaterialUse { thin, volume, solid: None, shared };
+            material(&key.at("material"), own, of)?
         }
         None => base,
     };

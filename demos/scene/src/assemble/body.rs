@@ -24,7 +24,7 @@ pub struct BuiltBody {
     pub used_vertices: Vec<u32>,
     /// Material.
     pub material: YoungPoisson,
-    /// Sum of the masses of its elements, or of its vertices by nodal quadrature (kg).
+    /// Sum of the masses of its vertices (kg).
     pub mass: f64,
     /// Its membrane.
     pub membrane: Option<BuiltMembrane>,

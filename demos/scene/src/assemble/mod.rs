@@ -13,6 +13,7 @@ mod loads;
 mod materials;
 mod memory;
 mod meshes;
+mod outlook;
 mod plan;
 mod probes;
 mod pulls;
@@ -22,15 +23,17 @@ mod scene;
 mod select;
 mod tools;
 mod touch;
+mod without_effect;
 
-pub use bodies::body_mass;
 pub use body::{BuiltBody, BuiltMembrane};
 pub use conditions::{BuiltConstraint, BuiltLoad, BuiltPressure};
+pub use materials::MaterialRanges;
 pub use memory::SceneSnapshot;
 pub use meshes::generate;
 pub use removal::{BuiltResection, ResectionSummary, swept};
 pub use scene::{BuildOptions, BuiltScene, RunPlan};
 pub use touch::{BuiltContact, BuiltPull, BuiltTool};
+pub use without_effect::CODE as WITHOUT_EFFECT;
 
 use crate::error::{SceneError, SceneProblem};
 use crate::scene::LoadedScene;
@@ -88,6 +91,9 @@ pub fn build(loaded: &LoadedScene, options: &BuildOptions) -> Result<BuiltScene,
     checked.map_err(|source| of_simulation(loaded, source))?;
     warn_of_long_runs(&mut built);
     warn_of_volume(&mut built);
+    outlook::foretell(loaded, &mut built);
+    let notes = without_effect::notes(loaded, &built);
+    built.warnings.extend(notes);
     Ok(built)
 }
 

@@ -1,5 +1,6 @@
 //! Resections of a scene, built, and carried out step by step.
 
+use crate::text::{pressure, short};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use sinew::models::body::present::MassPolicy;
@@ -67,6 +68,36 @@ pub struct ResectionSummary {
 }
 
 impl BuiltResection {
+    /// What it removes, and when, in words.
+    pub fn words(&self) -> String {
+        let times = match (self.from > 0.0, self.until.is_finite()) {
+            (false, false) => String::new(),
+            (true, false) => format!(", from {} s", self.from),
+            (false, true) => format!(", until {} s", self.until),
+            (true, true) => format!(", from {} s until {} s", self.from, self.until),
+        };
+        let what = match &self.action {
+            Action::Once(_) => "by a list".to_string(),
+            Action::Always(Region::Sphere { radius, .. }) => {
+                format!("in a sphere of radius {} m", short(*radius))
+            }
+            Action::Always(Region::Strain { above }) => format!("strained above {}", short(*above)),
+            Action::Always(Region::Stress { above }) => {
+                format!("with a stress above {}", pressure(*above))
+            }
+            Action::Always(_) => "in a region".to_string(),
+            Action::Tool { path, radius } => {
+                let (first, last) = (path[0].0, path[path.len() - 1].0);
+                format!(
+                    "by a ball of radius {} m along a path of {} points, {first} s to {last} s",
+                    short(*radius),
+                    path.len()
+                )
+            }
+        };
+        what + &times
+    }
+
     /// Until when (s) it acts; what acts once has the past here afterwards.
     pub(crate) fn until(&self) -> f64 {
         self.until

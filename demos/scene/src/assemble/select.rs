@@ -3,7 +3,8 @@
 use super::body::BuiltBody;
 use crate::error::{SceneError, SceneProblem, hint};
 use crate::scene::{FacesEntry, Key, PatchRegion, Selection};
-use sinew::engine::mesh::{Group, Mesh, Patch, Surface};
+use glam::DVec3;
+use sinew::engine::mesh::{FindingCode, Group, Mesh, Patch, Surface};
 use std::collections::HashMap;
 
 /// The body of that name, or the only one.
@@ -110,10 +111,15 @@ fn listed(key: &Key, vertices: &[u32], body: &BuiltBody) -> Result<Vec<u32>, Sce
 
 fn bounds_remedy(body: &BuiltBody) -> String {
     match body.mesh.bounds() {
-        Some((low, high)) => format!(
-            "the body reaches from [{:.4}, {:.4}, {:.4}] to [{:.4}, {:.4}, {:.4}] m",
-            low.x, low.y, low.z, high.x, high.y, high.z
-        ),
+        Some((low, high)) => {
+            let mut findings = body.report.findings.iter();
+            let size = findings.find(|f| f.code == FindingCode::ImplausibleSize);
+            let scale = size.map_or(String::new(), |f| format!("; {}", f.remedy));
+            format!(
+                "the body reaches from [{:.4}, {:.4}, {:.4}] to [{:.4}, {:.4}, {:.4}] m{scale}",
+                low.x, low.y, low.z, high.x, high.y, high.z
+            )
+        }
         None => "the body has no points".into(),
     }
 }

@@ -127,6 +127,11 @@ impl BuiltPull {
         (self.entity, self.work) = (entity, work);
     }
 
+    /// Way (m) of the hand at a time (s).
+    pub(super) fn way_at(&self, t: f64) -> DVec3 {
+        self.way.at(t)
+    }
+
     /// What it did in the last step; no force while it does not act.
     pub fn report(&self, simulation: &Simulation) -> PullReport {
         let known = self.entity.and_then(|pull| simulation.pull_report(pull).copied());

@@ -6,7 +6,7 @@ use super::quantity::Quantity;
 use crate::assemble::BuildOptions;
 use crate::error::RunError;
 use crate::run::{Observer, RunOptions, Silent, run};
-use crate::scene::LoadedScene;
+use crate::scene::{LoadedScene, Mode};
 use crate::summary::RunSummary;
 use glam::Vec3;
 use sinew_render::RenderError;
@@ -168,14 +168,7 @@ pub fn render(
         ("--video", job.video.is_some()),
     ];
     let pictures = asked.into_iter().find(|(_, asked)| *asked).map(|(option, _)| option);
-    if pictures.is_none() && job.html.is_none() {
-        return Err(RenderError::Option {
-            option: "output",
-            found: "nothing".into(),
-            remedy: "give --png DIR, --video FILE, --html FILE or --picture FILE".into(),
-        }
-        .into());
-    }
+    check_job(scene, job, pictures.is_some() || job.html.is_some())?;
     #[cfg(not(feature = "render"))]
     if let Some(option) = pictures {
         return Err(RenderError::NoPictures(option).into());
@@ -208,6 +201,36 @@ pub fn render(
         super::draw::draw(scene, job, runs, gpu, &mut report)?;
     }
     Ok((report, summary))
+}
+
+/// Refuses, before the run, what could not be drawn after it.
+fn check_job(scene: &LoadedScene, job: &RenderJob, asked: bool) -> Result<(), RenderError> {
+    if !asked {
+        let nothing = "give --html FILE, --picture FILE, --png DIR or --video FILE";
+        return Err(RenderError::Empty(nothing.into()));
+    }
+    let refuse = |option, found: String, remedy: String| {
+        Err(RenderError::Option { option, found, remedy })
+    };
+    let ending = |path: &Path| path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
+    if let Some(path) = job.picture.as_ref().filter(|path| ending(path).as_deref() != Some("png")) {
+        let remedy = "pictures are PNG: give a name that ends in .png";
+        return refuse("--picture", path.display().to_string(), remedy.into());
+    }
+    let (end, of) = match scene.scene.mode {
+        Mode::Static => (Some(1.0), "the share of the loads is 0 to 1".to_string()),
+        Mode::Dynamic => {
+            let end = scene.scene.duration;
+            (end, format!("the scene runs from 0 to {} s", end.unwrap_or_default()))
+        }
+    };
+    match (job.at, end) {
+        // steps may end a little later
+        (Some(at), Some(end)) if !(-1e-9..=end * (1.0 + 1e-6)).contains(&at) => {
+            refuse("--at", at.to_string(), of)
+        }
+        _ => Ok(()),
+    }
 }
 
 /// Runs and records what the job asks for.

@@ -67,6 +67,8 @@ impl std::str::FromStr for Quantity {
     type Err = RenderError;
 
     fn from_str(text: &str) -> Result<Self, RenderError> {
+        // as reports and frames call it
+        let text = if text == "J" { "volume" } else { text };
         serde_json::from_value(text.into()).map_err(|_| RenderError::Option {
             option: "--color",
             found: text.into(),

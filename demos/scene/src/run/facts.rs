@@ -1,7 +1,7 @@
 //! What is known at the end of a run, and the summary of it.
 
 use super::totals::Totals;
-use crate::assemble::{BuiltBody, BuiltScene};
+use crate::assemble::{BuiltBody, BuiltScene, MaterialRanges};
 use crate::scene::{LoadedScene, Mode};
 use crate::summary::{
     AxesSummary, BodySummary, ConstraintSummary, Machine, MembraneSummary, RunSettings, RunSummary,
@@ -22,8 +22,10 @@ pub(super) struct RunFacts<'a> {
     pub start: Instant,
     /// Host time (s) until the first step.
     pub setup: f64,
-    /// Why it ended early.
+    /// Why it ended early, or is not to be trusted.
     pub failure: Option<String>,
+    /// It came to its end, and is not to be trusted.
+    pub untrusted: bool,
     /// Columns and last values of the probes.
     pub final_probes: Vec<(String, f64)>,
     /// What was written.
@@ -47,13 +49,14 @@ impl RunFacts<'_> {
         let bodies: Vec<_> = (0..self.built.bodies.len()).map(|i| self.body(i)).collect();
         let scene = self.scene(&bodies);
         let (constraints, settings) = (self.constraints(), self.settings());
-        let Self { mut built, totals, failure, final_probes, files, .. } = self;
+        let Self { mut built, totals, failure, untrusted, final_probes, files, .. } = self;
         let sums = built.simulation.totals().cloned().unwrap_or_default();
         let figures = sums.contact;
         RunSummary {
             schema: SCHEMA,
             completed: failure.is_none(),
             failure,
+            untrusted,
             scene,
             machine: Machine::this(),
             versions: Versions::this(),
@@ -172,6 +175,10 @@ impl RunFacts<'_> {
             worst_quality: statistics.worst_quality,
             preset: body.preset.clone(),
             material: body.material,
+            material_ranges: MaterialRanges::new(
+                &self.loaded.scene.bodies[index].material,
+                &body.mesh,
+            ),
             model: body.model,
             evaluation: body.evaluation,
             volume_rule: body.volume,

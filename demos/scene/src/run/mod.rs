@@ -109,7 +109,7 @@ pub fn run(
     let mut failure = None;
     for done in first..=steps {
         let interrupted = options.interrupt.as_ref().is_some_and(|i| i.load(Ordering::Relaxed));
-        failure = match run.step(done, interrupted || done == steps) {
+        failure = match run.step(done, done == steps) {
             Ok(failure) => failure,
             // no room, or the folder is gone: what is there is kept whole
             Err(error) => Some(format!("interrupted in step {done} of {steps}: {error}")),
@@ -121,9 +121,11 @@ pub fn run(
             failure =
                 written.err().map(|e| format!("interrupted after step {done} of {steps}: {e}"));
         }
-        if interrupted && done < steps {
-            let message = || format!("interrupted after step {done} of {steps}");
-            failure = failure.or_else(|| Some(message()));
+        if interrupted && done < steps && failure.is_none() {
+            let message = format!("interrupted after step {done} of {steps}");
+            // after the checkpoint, which knows nothing of them: a run that goes on writes what one would that never stopped
+            let written = run.out_of_turn(done);
+            failure = Some(written.err().map_or(message.clone(), |e| format!("{message}: {e}")));
         }
         if failure.is_some() {
             break;
@@ -136,7 +138,12 @@ pub fn run(
     if failure.is_none() {
         checkpoints.iter().for_each(Checkpoints::remove);
     }
-    failure = failure.or_else(|| run.built.simulation.verdict().err().map(|e| e.to_string()));
+    let untrue = match &failure {
+        None => run.built.simulation.verdict().err().map(|e| e.to_string()),
+        Some(_) => None,
+    };
+    let untrusted = untrue.is_some();
+    failure = failure.or(untrue);
 
     let SceneRun { built, mut totals, writer, probes, .. } = run;
     let clock = Instant::now();
@@ -155,7 +162,17 @@ pub fn run(
     files.extend(options.record.iter().map(|log| format!("{} (log)", log.path.display())));
     files.extend(targets.iter().map(|path| path.display().to_string()));
     let final_probes = probe::columns(&built.probes).into_iter().zip(probes).collect();
-    let facts = RunFacts { loaded, built, totals, start, setup, failure, final_probes, files };
+    let facts = RunFacts {
+        loaded,
+        built,
+        totals,
+        start,
+        setup,
+        failure,
+        untrusted,
+        final_probes,
+        files,
+    };
     let summary = facts.summary();
     for path in &targets {
         let error = |source| RunError::Write { path: path.clone(), source };
@@ -183,13 +200,15 @@ fn begin<'a>(
             return Err(RunError::Option { option, found, remedy: "give --out DIR as well" });
         };
         let (state, damaged) = checkpoint::last(folder, loaded, &built)?;
-        observer.resumed(state.as_ref().map(|state| state.done), &damaged);
         if let Some(state) = state {
-            let first = state.done + 1;
-            let writer = Some(Writer::resume(folder, name, &mut built, state.writer.clone())?);
+            let (done, of_writer) = (state.done, state.writer.clone());
+            // what is told, and what is taken off the files, comes after all that may be refused
             let (totals, probes) = state.resume(&mut built)?;
-            return Ok((SceneRun { built, totals, writer, observer, probes }, first));
+            let writer = Some(Writer::resume(folder, name, &mut built, of_writer)?);
+            observer.resumed(Some(done), &damaged);
+            return Ok((SceneRun { built, totals, writer, observer, probes }, done + 1));
         }
+        observer.resumed(None, &damaged);
     }
     let writer = match &options.out {
         // a run that was to go on has told already that it begins at its start
@@ -238,6 +257,17 @@ impl SceneRun<'_> {
         }
         self.observer.step(done, time, &mut self.built);
         Ok(failure)
+    }
+
+    /// Writes the row and the frame of a step at which none is due.
+    fn out_of_turn(&mut self, done: u64) -> Result<(), RunError> {
+        if !done.is_multiple_of(self.built.plan.probe_every) {
+            self.record(done)?;
+        }
+        if !done.is_multiple_of(self.built.plan.frame_every) {
+            self.frame()?;
+        }
+        Ok(())
     }
 
     /// Writes a frame, if files are asked for.

@@ -171,7 +171,7 @@ pub struct MaterialEntry {
     pub poisson_ratio: Option<f64>,
     /// Density (kg/m^3).
     pub density: Option<f64>,
-    /// Cell data of the mesh file with a Young's modulus (Pa) for every solid element.
+    /// Cell data of the mesh file with a Young's modulus (Pa) for every solid element, in place of `young_modulus`.
     pub young_modulus_field: Option<String>,
     /// Cell data with a Poisson's ratio (-) for every solid element.
     pub poisson_ratio_field: Option<String>,

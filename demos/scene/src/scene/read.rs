@@ -22,6 +22,62 @@ const MOST: f64 = 1e12;
 /// Largest number of any key, moduli among them; most keys have closer limits.
 const BEYOND: f64 = 1e18;
 
+/// Endings of mesh files.
+const MESHES: [&str; 8] = ["msh", "vtk", "vtu", "node", "ele", "face", "obj", "stl"];
+
+/// What people write for keys.
+const SYNONYMS: [(&str, &str); 15] = [
+    ("E", "young_modulus"),
+    ("e", "young_modulus"),
+    ("nu", "poisson_ratio"),
+    ("poisson", "poisson_ratio"),
+    ("rho", "density"),
+    ("g", "gravity"),
+    ("timestep", "dt"),
+    ("time_step", "dt"),
+    ("step", "dt"),
+    ("time", "duration"),
+    ("t_end", "duration"),
+    ("k", "stiffness"),
+    ("r", "radius"),
+    ("position", "at"),
+    ("tolerance", "linear_tolerance"),
+];
+
+/// Units that people write behind a number, with the factor to SI and the SI unit.
+const UNITS: [(&str, f64, &str); 19] = [
+    ("Pa", 1.0, "Pa"),
+    ("kPa", 1e3, "Pa"),
+    ("MPa", 1e6, "Pa"),
+    ("GPa", 1e9, "Pa"),
+    ("m", 1.0, "m"),
+    ("cm", 1e-2, "m"),
+    ("mm", 1e-3, "m"),
+    ("um", 1e-6, "m"),
+    ("s", 1.0, "s"),
+    ("ms", 1e-3, "s"),
+    ("us", 1e-6, "s"),
+    ("N", 1.0, "N"),
+    ("mN", 1e-3, "N"),
+    ("kN", 1e3, "N"),
+    ("kg/m^3", 1.0, "kg/m^3"),
+    ("kg/m3", 1.0, "kg/m^3"),
+    ("g/cm^3", 1e3, "kg/m^3"),
+    ("g/cm3", 1e3, "kg/m^3"),
+    ("deg", 1.0, "degrees"),
+];
+
+/// A text that holds a number and a unit, as the number that it means.
+fn without_unit(text: &str) -> Option<String> {
+    let end = text.find(|c: char| !(c.is_ascii_digit() || "+-.eE".contains(c)))?;
+    let number: f64 = text[..end].parse().ok()?;
+    let unit = text[end..].trim();
+    let (_, factor, si) = UNITS.iter().find(|(own, ..)| *own == unit)?;
+    // what a decimal fraction was is one again
+    let value: f64 = format!("{:.12e}", number * factor).parse().ok()?;
+    Some(format!("numbers have no unit, write {value} ({si})"))
+}
+
 /// Keys of a document and where they stand.
 #[derive(Clone, Debug, Default)]
 struct KeySpans {
@@ -159,6 +215,17 @@ impl LoadedScene {
     /// When it cannot be read, is not TOML, has an unknown key or a value of the wrong type; the
     /// values themselves are checked by [`crate::assemble::build`].
     pub fn read(path: &Path) -> Result<Self, SceneError> {
+        let extension = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
+        if extension.is_some_and(|own| MESHES.contains(&own.as_str())) && path.is_file() {
+            let place = Box::new(Place { file: path.into(), line: None, key: String::new() });
+            let name = path.file_name().unwrap_or_default().to_string_lossy();
+            let remedy = format!(
+                "name it in a scene, mesh = \"{name}\" in a [[body]]; `sinew check {}` looks at the mesh alone",
+                path.display()
+            );
+            let found = "this is a mesh, not a scene (TOML)".to_string();
+            return Err(SceneError::At { place, problem: SceneProblem::Value { found, remedy } });
+        }
         let utf8 =
             |error: std::string::FromUtf8Error| io::Error::new(io::ErrorKind::InvalidData, error);
         let text = read_file(path)
@@ -242,6 +309,11 @@ impl LoadedScene {
         option: impl Into<Cow<'static, str>>,
     ) {
         self.options.push((key.into(), option.into()));
+    }
+
+    /// Whether the file, an option of the command or a study gives a key.
+    pub(crate) fn gives(&self, key: &str) -> bool {
+        self.keys.spans.contains_key(key) || self.options.iter().any(|(own, _)| own == key)
     }
 
     /// Keeps the meshes of bodies once they were read and checked, for this scene and its clones, which may differ
@@ -436,6 +508,23 @@ impl Key<'_> {
     }
 }
 
+/// A text where a number or a table should stand.
+fn wrong_type(message: &str, key: &str) -> Option<SceneProblem> {
+    let rest = message.strip_prefix("invalid type: string ")?;
+    let (text, expected) = rest.rsplit_once(", expected ")?;
+    let value = text.trim_matches('"');
+    let remedy = if expected.starts_with("struct") {
+        let name = key.rsplit(['.', ']']).next().unwrap_or_default();
+        match name {
+            "material" => format!("write material = {{ preset = {text} }}, or give its constants"),
+            name => format!("give a table, {name} = {{ ... }}; demos/scenes/README.md has its keys"),
+        }
+    } else {
+        without_unit(value)?
+    };
+    Some(SceneProblem::Value { found: format!("the text {text} stands here"), remedy })
+}
+
 /// The parser's message, with a hint when a name is unknown.
 fn parse_error(text: &str, file: &Path, keys: &KeySpans, error: &toml::de::Error) -> SceneError {
     let message = error.message();
@@ -449,7 +538,13 @@ fn parse_error(text: &str, file: &Path, keys: &KeySpans, error: &toml::de::Error
         if let Some(rest) = message.strip_prefix(start) {
             let names = quoted(rest);
             if let Some((name, known)) = names.split_first() {
-                let hint = hint(kind, name, known.iter().map(String::as_str));
+                let meant = SYNONYMS.iter().find(|(own, key)| {
+                    own == name && kind == "key" && known.iter().any(|known| known == key)
+                });
+                let hint = match meant {
+                    Some((_, key)) => format!("it is called `{key}` here"),
+                    None => hint(kind, name, known.iter().map(String::as_str)),
+                };
                 let problem = SceneProblem::Unknown { kind, name: name.clone(), hint };
                 return SceneError::At { place, problem };
             }
@@ -459,6 +554,9 @@ fn parse_error(text: &str, file: &Path, keys: &KeySpans, error: &toml::de::Error
         // the span is that of the table
         let remedy = "add it; see demos/scenes/README.md for what it holds".into();
         let problem = SceneProblem::Missing { what: format!("key {name}"), remedy };
+        return SceneError::At { place, problem };
+    }
+    if let Some(problem) = wrong_type(message, &place.key) {
         return SceneError::At { place, problem };
     }
     let message = message

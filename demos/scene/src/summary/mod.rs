@@ -8,9 +8,10 @@ pub use crate::warning::totals::{
     ContactTotals, EnergySummary, SolverFigures, TouchEnergy, VolumeSummary,
 };
 pub use crate::warning::{Level, Warning};
+pub use text::Brief;
 pub use touch::{ForceSummary, PairSummary, PullSummary, ToolSummary, TouchSummary, Touched};
 
-use crate::assemble::ResectionSummary;
+use crate::assemble::{MaterialRanges, ResectionSummary};
 use serde::{Deserialize, Serialize};
 use sinew::engine::report::StepTotals;
 use sinew::models::axes::description::AxesDescription;
@@ -30,10 +31,12 @@ pub const SCHEMA: &str = "sinew-run/1";
 pub struct RunSummary {
     /// [`SCHEMA`].
     pub schema: &'static str,
-    /// Whether all steps were carried out.
+    /// Whether all steps were carried out, and nothing forbids to trust them.
     pub completed: bool,
     /// Why not.
     pub failure: Option<String>,
+    /// All steps were carried out, and `failure` says why their results are not to be trusted.
+    pub untrusted: bool,
     /// The scene.
     pub scene: SceneSummary,
     /// Where it ran.
@@ -226,8 +229,10 @@ pub struct BodySummary {
     pub worst_quality: f64,
     /// Preset of the material.
     pub preset: Option<String>,
-    /// Material.
+    /// Material; the mean of what a field of the mesh gives.
     pub material: YoungPoisson,
+    /// Ends of what fields of the mesh give to the elements; empty where the material is the same everywhere.
+    pub material_ranges: MaterialRanges,
     /// Energy.
     pub model: Model,
     /// Evaluation.

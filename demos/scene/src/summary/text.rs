@@ -1,7 +1,7 @@
 //! The summary of a run as text.
 
 use super::{
-    AxesSummary, BodySummary, MembraneSummary, RunSummary, SolverSummary, Warning, evaluation_name,
+    AxesSummary, BodySummary, Level, MembraneSummary, RunSummary, SolverSummary, Warning, evaluation_name,
 };
 use crate::assemble::ResectionSummary;
 use crate::text::{TextBlock, counted, line, pressure, seconds, short, write_blocks};
@@ -13,9 +13,7 @@ use std::fmt;
 impl fmt::Display for RunSummary {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(f, "{}: {}", self.scene.name, self.headline())?;
-        if let Some(failure) = &self.failure {
-            writeln!(f, "  error: {failure}")?;
-        }
+        self.write_warnings(f)?;
         write_blocks(f, &[self.what(), self.speed(), self.accuracy()])?;
         if !self.final_probes.is_empty() {
             writeln!(f, "\nResults at the end")?;
@@ -24,13 +22,109 @@ impl fmt::Display for RunSummary {
         for (name, value) in &self.final_probes {
             writeln!(f, "  {name:<0$}  {1:>9}", width.unwrap_or(0), short(*value))?;
         }
+        self.write_files(f)
+    }
+}
+
+/// A report in a few lines.
+pub struct Brief<'a>(&'a RunSummary);
+
+impl fmt::Display for Brief<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let run = self.0;
+        writeln!(f, "{}: {}", run.scene.name, run.headline())?;
+        run.write_warnings(f)?;
+        let mut block = TextBlock::new("What was simulated");
+        run.bodies.iter().for_each(|body| body.describe(&mut block));
+        run.touch.iter().for_each(|touch| touch.describe(&mut block));
+        let mut results = TextBlock::new("Results");
+        for c in run.constraints.iter().filter(|c| c.largest_reaction.is_some()) {
+            let largest = short(c.largest_reaction.unwrap_or(0.0));
+            line!(results, format!("hold {}", c.name), "largest reaction {largest} N");
+        }
+        let values = joined(&run.final_probes);
+        for (name, value) in values.iter().take(BRIEF) {
+            results.line(name, format!("{value} at the end"));
+        }
+        if values.len() > BRIEF {
+            line!(results, "", "and {} more", values.len() - BRIEF);
+        }
+        results.line("energy (J)", run.energy_balance());
+        results.line("volume ratio J", run.volume_words());
+        write_blocks(f, &[block, results])?;
+        run.write_files(f)?;
+        writeln!(f, "\n-v tells settings, times and accuracy as well")
+    }
+}
+
+/// Values of probes, those of a vector in one.
+fn joined(probes: &[(String, f64)]) -> Vec<(String, String)> {
+    let mut all: Vec<(String, String)> = Vec::new();
+    let mut rest = probes;
+    while let [(name, value), tail @ ..] = rest {
+        let vector = name.contains("_x (").then(|| name.replacen("_x (", "_y (", 1));
+        match (vector, tail) {
+            (Some(second), [(y, v), (_, w), others @ ..]) if *y == second => {
+                let [u, v, w] = [*value, *v, *w].map(short);
+                all.push((name.replacen("_x (", " (", 1), format!("[{u}, {v}, {w}]")));
+                rest = others;
+            }
+            _ => {
+                all.push((name.clone(), short(*value)));
+                rest = tail;
+            }
+        }
+    }
+    all
+}
+
+/// Values of probes in a brief report.
+const BRIEF: usize = 8;
+
+impl RunSummary {
+    /// The report in a few lines, for a terminal.
+    pub fn brief(&self) -> Brief<'_> {
+        Brief(self)
+    }
+
+    /// What happened, what does not let one trust it, and how many warnings there are.
+    fn headline(&self) -> String {
+        let total = seconds(self.timing.total_s);
+        let (done, steps) = (self.timing.step.count, self.settings.steps);
+        let mut line = match (&self.failure, self.timing.real_time_factor) {
+            (Some(failure), _) if self.untrusted => {
+                format!("NOT TO BE TRUSTED, though all {steps} steps were made: {failure}")
+            }
+            (Some(failure), _) => format!("FAILED after {done} of {steps} steps: {failure}"),
+            (None, Some(_)) => format!("{} simulated in {total}", seconds(self.timing.simulated_s)),
+            (None, None) => format!("equilibrium found in {total}"),
+        };
+        let unconverged = self.solver.figures.unconverged_steps;
+        if unconverged > 0 && self.failure.is_none() {
+            line += &format!("; {unconverged} of {done} steps did not converge");
+        }
+        let warnings = self.warnings.iter().filter(|w| w.level == Level::Warning).count();
+        match warnings {
+            0 => line,
+            1 => line + "; 1 warning",
+            more => format!("{line}; {more} warnings"),
+        }
+    }
+
+    /// Warnings, then notes.
+    fn write_warnings(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(f, "\nWarnings")?;
-        for Warning { code, level, subject, message, remedy } in &self.warnings {
-            writeln!(f, "  {} [{code}] {subject}: {message}\n    -> {remedy}", level.name())?;
+        for of in [Level::Warning, Level::Note] {
+            for Warning { code, subject, message, remedy, .. } in
+                self.warnings.iter().filter(|w| w.level == of)
+            {
+                writeln!(f, "  {} [{code}] {subject}: {message}\n    -> {remedy}", of.name())?;
+            }
         }
-        if self.warnings.is_empty() {
-            writeln!(f, "  none")?;
-        }
+        if self.warnings.is_empty() { writeln!(f, "  none") } else { Ok(()) }
+    }
+
+    fn write_files(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(f, "\nFiles")?;
         for file in &self.files {
             writeln!(f, "  {file}")?;
@@ -40,20 +134,6 @@ impl fmt::Display for RunSummary {
             writeln!(f, "  none; {advice}")?;
         }
         Ok(())
-    }
-}
-
-impl RunSummary {
-    fn headline(&self) -> String {
-        let total = seconds(self.timing.total_s);
-        match (self.completed, self.timing.real_time_factor) {
-            (false, _) => {
-                let steps = self.settings.steps;
-                format!("FAILED after {} of {steps} steps", self.timing.step.count)
-            }
-            (true, Some(_)) => format!("{} simulated in {total}", seconds(self.timing.simulated_s)),
-            (true, None) => format!("equilibrium found in {total}"),
-        }
     }
 
     fn what(&self) -> TextBlock {
@@ -238,21 +318,8 @@ impl RunSummary {
         block
             .line("safeguards", if used.is_empty() { "none used".into() } else { used.join(", ") });
         block.line("energy (J)", self.energy_balance());
-        let v = &self.volume;
-        let when = match self.scene.mode {
-            "static" => String::new(),
-            _ => format!(" at {} s", short(v.smallest_j_time)),
-        };
-        line!(
-            block,
-            "volume ratio J",
-            "smallest {}{when}, {} at the end; inverted elements: at most {}, {} at the end",
-            short(v.smallest_j),
-            short(v.final_smallest_j),
-            v.inverted_max,
-            v.inverted_final
-        );
-        if let Some(change) = v.largest_mean_change {
+        block.line("volume ratio J", self.volume_words());
+        if let Some(change) = self.volume.largest_mean_change {
             line!(
                 block,
                 "volume of clusters",
@@ -292,6 +359,28 @@ impl RunSummary {
             s.linearisation_error_mean,
             s.linearisation_error_max
         );
+    }
+
+    /// Smallest volume ratios, and how many elements were inside out.
+    fn volume_words(&self) -> String {
+        let v = &self.volume;
+        if self.scene.tetrahedra + self.scene.hexahedra == 0 {
+            return "there are no solid elements".into();
+        }
+        let when = match self.scene.mode {
+            "static" => String::new(),
+            _ => format!(" at {} s", short(v.smallest_j_time)),
+        };
+        let end = match v.final_smallest_j {
+            j if j.is_finite() => format!("{} at the end", short(j)),
+            _ => "no element is left at the end".into(),
+        };
+        format!(
+            "smallest {}{when}, {end}; inverted elements: at most {}, {} at the end",
+            short(v.smallest_j),
+            v.inverted_max,
+            v.inverted_final
+        )
     }
 
     /// Where energy came from and where it went.
@@ -352,7 +441,6 @@ impl BodySummary {
             self.source
         );
         if self.tetrahedra + self.hexahedra > 0 {
-            let m = &self.material;
             let preset =
                 self.preset.as_ref().map_or(String::new(), |name| format!(" (preset {name})"));
             let springs = self.element_method.filter(|_| self.model == Model::MassSpring);
@@ -363,10 +451,8 @@ impl BodySummary {
             line!(
                 block,
                 "",
-                "E = {}, nu = {}, {} kg/m^3{preset}; model {}, {}{clusters}",
-                pressure(m.young_modulus),
-                m.poisson_ratio,
-                short(m.density),
+                "{}{preset}; model {}, {}{clusters}",
+                self.material_ranges.words(&self.material),
                 self.model.name(),
                 evaluated(self.evaluation, springs)
             );

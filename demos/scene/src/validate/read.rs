@@ -45,12 +45,14 @@ fn collect(folder: &Path, files: &mut Vec<PathBuf>) -> Result<(), CaseError> {
 /// # Errors
 /// When there is none.
 pub fn reference_folder() -> Result<PathBuf, CaseError> {
-    let starts = [std::env::current_exe(), std::env::current_dir()];
+    // the checkout that one stands in comes before that of the program
+    let starts = [std::env::current_dir(), std::env::current_exe()];
     let starts: Vec<PathBuf> = starts.into_iter().flatten().collect();
     let above = starts.iter().flat_map(|start| start.ancestors());
     let built = Path::new(env!("CARGO_MANIFEST_DIR")).join("../reference");
-    let found = std::iter::once(built.clone())
-        .chain(above.map(|folder| folder.join("demos/reference")))
+    let found = above
+        .map(|folder| folder.join("demos/reference"))
+        .chain(std::iter::once(built.clone()))
         .find(|folder| folder.join("meshes").is_dir());
     found.ok_or(CaseError::NoReference { built, starts })
 }

@@ -29,11 +29,13 @@ pub struct ClaimOptions {
     pub wait: bool,
     /// Time without a heartbeat after which a process on another host is taken for dead.
     pub stale: Duration,
+    /// Is told, once, that and why the shard has to be waited for.
+    pub told: Option<fn(&str)>,
 }
 
 impl Default for ClaimOptions {
     fn default() -> Self {
-        Self { wait: false, stale: Duration::from_secs(60) }
+        Self { wait: false, stale: Duration::from_secs(60), told: None }
     }
 }
 
@@ -110,6 +112,24 @@ pub fn last(folder: &Path, shard: &str) -> Result<Option<(u32, PathBuf)>> {
     Ok(last)
 }
 
+/// Why a shard has to be waited for.
+fn waits_for(
+    shard: &str,
+    holder: Option<&Holder>,
+    lives: Option<bool>,
+    options: ClaimOptions,
+) -> String {
+    let shard = shard.replace("-of-", "/");
+    let holder = holder.map_or("a process that did not write its name".into(), Holder::name);
+    match lives {
+        Some(_) => format!("shard {shard} is held by {holder}: waits until that is done"),
+        None => format!(
+            "shard {shard} is claimed by {holder}, which may have died: waits up to {} s for a sign of life (--stale)",
+            options.stale.as_secs_f64()
+        ),
+    }
+}
+
 /// A shard that this process holds.
 pub struct Claim {
     folder: PathBuf,
@@ -137,6 +157,7 @@ impl Claim {
         std::fs::create_dir_all(&claims).map_err(io(&claims))?;
         // the last claim as it was when it last changed
         let mut watched: Option<(u32, Vec<u8>, Instant)> = None;
+        let mut told = options.told;
         while !stop.load(Ordering::Relaxed) {
             let last = last(folder, shard)?;
             let number = last.as_ref().map_or(0, |(number, _)| *number);
@@ -166,6 +187,9 @@ impl Claim {
                 let holder = holder.map_or("another process".into(), |h| h.name());
                 return Err(SweepError::Claimed { shard: shard.replace("-of-", "/"), holder });
             }
+            if let Some(tell) = told.take() {
+                tell(&waits_for(shard, holder.as_ref(), lives, options));
+            }
             std::thread::sleep(Duration::from_millis(100));
         }
         Ok(None)
@@ -180,7 +204,8 @@ impl Claim {
         };
         let (folder, shard) = (folder.to_path_buf(), shard.to_string());
         let mut claim = Self { folder, shard, path, file, holder: Holder::this(), number };
-        claim.write()?;
+        // an empty claim, as of a full disk, would have to be waited for
+        claim.write().inspect_err(|_| drop(std::fs::remove_file(&claim.path)))?;
         Ok(Some(claim))
     }
 

@@ -2,13 +2,14 @@
 
 use super::error::{Result, SweepError, io};
 use super::hash::Hash;
+use super::sampling::RangeScale;
 use super::study::{Kept, Study};
 use super::template::Template;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use sinew::engine::lanes::InstructionSet;
 use sinew::engine::memory::read_file;
-use sinew_scene::assemble::{BuildOptions, build};
+use sinew_scene::assemble::{BuildOptions, WITHOUT_EFFECT, build};
 use sinew_scene::probe;
 use sinew_scene::scene::LoadedScene;
 use sinew_scene::summary::Versions;
@@ -40,6 +41,9 @@ pub struct Header {
     pub probes: Kept,
     /// Keys of the scene that vary.
     pub parameters: Vec<String>,
+    /// How the values of each are spread, where the study says so.
+    #[serde(default)]
+    pub scales: Vec<Option<RangeScale>>,
     /// Columns of the probes.
     pub columns: Vec<String>,
     /// Number of runs.
@@ -77,8 +81,9 @@ type SceneInputs = BTreeMap<String, String>;
 /// # Errors
 /// Everything that is wrong with the study, a scene that cannot be built as it stands, and a folder that cannot be
 /// written.
-pub fn plan(study: &Path, folder: &Path) -> Result<Manifest> {
-    let study = Study::read(study)?;
+pub fn plan(file: &Path, folder: &Path) -> Result<Manifest> {
+    let study = Study::read(file)?;
+    refuse_idle(file, &study)?;
     let loaded = study.template.loaded();
     let scene_hash = Hash::of(read_file(&loaded.file).map_err(io(&loaded.file))?).text();
     let (base, columns) = files_of(loaded)?;
@@ -134,6 +139,7 @@ pub fn plan(study: &Path, folder: &Path) -> Result<Manifest> {
         instruction_set,
         probes: study.kept,
         parameters: study.parameters,
+        scales: study.scales,
         columns,
         runs: runs.len(),
         lines: Hash::of(&lines).text(),
@@ -141,6 +147,42 @@ pub fn plan(study: &Path, folder: &Path) -> Result<Manifest> {
     let text = serde_json::to_string(&header).unwrap_or_default() + "\n" + &lines;
     write_whole(&path_of(folder), text.as_bytes())?;
     Ok(Manifest { header, runs })
+}
+
+/// Runs that are built at most to see whether a parameter has an effect.
+const LOOKED_AT: usize = 64;
+
+/// Refuses a parameter that changes nothing in any run that is looked at.
+fn refuse_idle(file: &Path, study: &Study) -> Result<()> {
+    let every = study.runs.len().div_ceil(LOOKED_AT).max(1);
+    let mut idle: Option<Vec<(usize, String)>> = None;
+    for values in study.runs.iter().step_by(every) {
+        // what is no scene, or cannot be built, becomes a row with its error
+        let Ok(scene) = study.template.scene(&study.paths, values) else { return Ok(()) };
+        let options = BuildOptions { threads: Some(1), ..BuildOptions::default() };
+        let Ok(built) = build(&scene, &options) else { return Ok(()) };
+        let why = |key: &str| {
+            let mut notes = built.warnings.iter().filter(|w| w.code == WITHOUT_EFFECT);
+            let own = notes.find(|w| key.starts_with(w.subject.trim_matches('`')))?;
+            Some(own.message.clone())
+        };
+        let found = study.paths.iter().enumerate().filter_map(|(i, path)| {
+            let known = idle.as_ref().is_none_or(|idle| idle.iter().any(|own| own.0 == i));
+            why(&path.text()).filter(|_| known).map(|why| (i, why))
+        });
+        let found: Vec<_> = found.collect();
+        if found.is_empty() {
+            return Ok(());
+        }
+        idle = Some(found);
+    }
+    match idle.and_then(|idle| idle.into_iter().next()) {
+        None => Ok(()),
+        Some((i, why)) => {
+            let remedy = "leave it out, or change what makes it idle";
+            Err(SweepError::entry(file, None, &study.parameters[i], why, remedy))
+        }
+    }
 }
 
 fn path_of(folder: &Path) -> PathBuf {

@@ -1,6 +1,7 @@
 //! The page of a sweep: failures with their texts, scatter plots, the table.
 
 use super::manifest::Manifest;
+use super::sampling::RangeScale;
 use super::table::SweepTable;
 use crate::page::{Chart, Page};
 use crate::table::{Cell, Table, escape, three_digits};
@@ -34,7 +35,7 @@ pub(super) fn page(
     let mut page = Page::new(&title, &title, &about);
     page.add(format_args!("<style>{STYLE}</style>"));
     failures(&mut page, table, runs);
-    plots(&mut page, table, runs);
+    plots(&mut page, table, runs, &header.scales);
     page.table(&rows(table, runs));
     if runs > ROWS {
         page.paragraph("note", &format!("The first {ROWS} of {runs} runs; all are in table.csv."));
@@ -107,7 +108,7 @@ fn without_numbers(text: &str) -> String {
 }
 
 /// Every result over every parameter that varies.
-fn plots(page: &mut Page, table: &SweepTable, runs: usize) {
+fn plots(page: &mut Page, table: &SweepTable, runs: usize, scales: &[Option<RangeScale>]) {
     let varies = |cells: &[Option<f64>]| {
         let mut known = cells.iter().flatten();
         known.next().is_some_and(|first| known.any(|x| x != first))
@@ -115,7 +116,7 @@ fn plots(page: &mut Page, table: &SweepTable, runs: usize) {
     let numbers = |range: std::ops::Range<usize>| {
         range.filter_map(move |column| {
             let cells = table.numbers(column).filter(|cells| varies(cells))?;
-            Some((&table.cells.columns[column], cells))
+            Some((column, &table.cells.columns[column], cells))
         })
     };
     let parameters: Vec<_> = numbers(table.parameters.clone()).collect();
@@ -143,11 +144,12 @@ fn plots(page: &mut Page, table: &SweepTable, runs: usize) {
         page.paragraph("note", &notes.join(" "));
     }
     page.add("<div class=\"plots\">");
-    for (i, (result, y)) in shown.into_iter().enumerate() {
-        for (k, (parameter, x)) in parameters.iter().take(PLOTTED.0).enumerate() {
+    for (i, (_, result, y)) in shown.into_iter().enumerate() {
+        for (k, (column, parameter, x)) in parameters.iter().take(PLOTTED.0).enumerate() {
             let points: Vec<(usize, f64, f64)> =
                 (0..runs).step_by(every).filter_map(|row| Some((row, x[row]?, y[row]?))).collect();
-            if let Some(svg) = scatter(&points, parameter, result) {
+            let scale = scales.get(column - table.parameters.start).copied().flatten();
+            if let Some(svg) = scatter(&points, (parameter, scale), result) {
                 page.chart(&Chart { name: format!("{i}-{k}"), svg });
             }
         }
@@ -155,8 +157,46 @@ fn plots(page: &mut Page, table: &SweepTable, runs: usize) {
     page.add("</div>");
 }
 
-/// A scatter plot; the axis of a parameter over more than a decade is logarithmic.
-fn scatter(points: &[(usize, f64, f64)], parameter: &str, result: &str) -> Option<String> {
+/// Round numbers from `low` to `high` at which an axis has its ticks: at most seven, on a logarithmic axis over two decades and
+/// more the powers of ten alone.
+pub fn ticks((low, high): (f64, f64), log: bool) -> Vec<f64> {
+    // NaN and single values have no scale
+    let wide = high > low;
+    if !wide {
+        return vec![low];
+    }
+    let power = |x: f64| 10f64.powi(x as i32);
+    let within = |x: &f64| (low..=high).contains(x);
+    let mut found: Vec<f64> = Vec::new();
+    if log {
+        let (first, last) = (low.log10().floor(), high.log10().ceil());
+        let decades = last - first;
+        let parts: &[f64] = if decades <= 2.0 { &[1.0, 2.0, 5.0] } else { &[1.0] };
+        let every = (decades / 6.0).ceil().max(1.0) as usize;
+        let exponents = (first as i32..=last as i32).step_by(every);
+        let all = exponents.flat_map(|e| parts.iter().map(move |p| p * 10f64.powi(e)));
+        found.extend(all.filter(within));
+    }
+    if found.len() < 2 {
+        let rough = (high - low) / 5.0;
+        let unit = power(rough.log10().floor());
+        let step = [1.0, 2.0, 5.0, 10.0]
+            .iter()
+            .map(|p| p * unit)
+            .find(|&step| step >= rough)
+            .unwrap_or(rough);
+        let first = (low / step).ceil();
+        found = (0..8).map(|i| (first + f64::from(i)) * step).filter(within).collect();
+    }
+    found
+}
+
+/// A scatter plot; the axis of a parameter has the scale that the study gives it, else it is logarithmic over a decade and more.
+fn scatter(
+    points: &[(usize, f64, f64)],
+    (parameter, scale): (&str, Option<RangeScale>),
+    result: &str,
+) -> Option<String> {
     const SIZE: [f64; 2] = [360.0, 240.0];
     const MARGIN: [f64; 4] = [62.0, 12.0, 30.0, 40.0]; // left, right, top, bottom
     let ends = |of: fn(&(usize, f64, f64)) -> f64| {
@@ -167,7 +207,7 @@ fn scatter(points: &[(usize, f64, f64)], parameter: &str, result: &str) -> Optio
     if points.is_empty() || !(x.1 - x.0).is_finite() || !(y.1 - y.0).is_finite() {
         return None;
     }
-    let log = x.0 > 0.0 && x.1 >= 10.0 * x.0;
+    let log = x.0 > 0.0 && scale.map_or(x.1 >= 10.0 * x.0, |scale| scale == RangeScale::Log);
     let scaled = |x: f64| if log { x.ln() } else { x };
     let share =
         |v: f64, (low, high): (f64, f64)| if high > low { (v - low) / (high - low) } else { 0.5 };
@@ -202,8 +242,7 @@ fn scatter(points: &[(usize, f64, f64)], parameter: &str, result: &str) -> Optio
         SIZE[1] - 6.0,
         fitted(&name, SIZE[0] - 20.0)
     );
-    let middle = |(low, high): (f64, f64)| low + 0.5 * (high - low);
-    for v in if y.1 > y.0 { vec![y.0, middle(y), y.1] } else { vec![y.0] } {
+    for v in ticks(y, false) {
         let at = up(v);
         let _ = writeln!(
             svg,
@@ -213,15 +252,11 @@ fn scatter(points: &[(usize, f64, f64)], parameter: &str, result: &str) -> Optio
             three_digits(v)
         );
     }
-    let centre = if log { (x.0.ln() * 0.5 + x.1.ln() * 0.5).exp() } else { middle(x) };
-    for (v, anchor) in [(x.0, "start"), (centre, "middle"), (x.1, "end")]
-        .into_iter()
-        .skip(usize::from(x.0 == x.1) * 2)
-    {
+    for v in ticks(x, log) {
         let at = across(v);
         let _ = writeln!(
             svg,
-            "<path d=\"M{at:.1} {bottom}v4\" stroke=\"#999\"/><text x=\"{at:.1}\" y=\"{}\" text-anchor=\"{anchor}\">{}</text>",
+            "<path d=\"M{at:.1} {bottom}v4\" stroke=\"#999\"/><text x=\"{at:.1}\" y=\"{}\" text-anchor=\"middle\">{}</text>",
             bottom + 16.0,
             three_digits(v)
         );

@@ -1,7 +1,7 @@
 //! Values of parameters: lists, ranges, grids, latin hypercubes, cells of a list of runs.
 
 use super::hash::Hash;
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 /// A range of values.
@@ -20,7 +20,7 @@ pub struct ValueRange {
 }
 
 /// How values are spread over a range.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum RangeScale {
     /// Evenly.
@@ -45,6 +45,14 @@ pub enum Axis {
 }
 
 impl Axis {
+    /// How its values are spread, where a range says so.
+    pub fn scale(&self) -> Option<RangeScale> {
+        match self {
+            Self::Values(_) => None,
+            Self::Range { range, .. } => Some(range.scale),
+        }
+    }
+
     /// Points of a grid.
     pub fn points(&self) -> Vec<Value> {
         match self {

@@ -66,6 +66,8 @@ pub struct Study {
     pub parameters: Vec<String>,
     /// The same, found in the scene.
     pub paths: Vec<KeyPath>,
+    /// How the values of each are spread, where a range says so.
+    pub scales: Vec<Option<RangeScale>>,
     /// Values of every run.
     pub runs: Vec<Vec<Value>>,
     /// What is kept of probes.
@@ -111,7 +113,7 @@ impl Study {
         let scene = LoadedScene::read(&beside(document.scene.get_ref()))?;
         let template = Template::new(scene)?;
         let kept = document.results.probes;
-        let (parameters, paths, runs) = match &document.list {
+        let Sampled { parameters, paths, scales, runs } = match &document.list {
             Some(list) => {
                 if document.sampling.is_some() || !document.parameters.is_empty() {
                     let remedy = "keep `list`, or `[parameters]` with `sampling`";
@@ -126,7 +128,7 @@ impl Study {
             }
             None => sampled(&source, &document, &template)?,
         };
-        let study = Self { template, parameters, paths, runs, kept };
+        let study = Self { template, parameters, paths, scales, runs, kept };
         study.check_all(file)?;
         Ok(study)
     }
@@ -159,7 +161,13 @@ fn read_text(file: &Path) -> Result<String> {
     text.map_err(io(file))
 }
 
-type Sampled = (Vec<String>, Vec<KeyPath>, Vec<Vec<Value>>);
+/// Parameters and the values of every run.
+struct Sampled {
+    parameters: Vec<String>,
+    paths: Vec<KeyPath>,
+    scales: Vec<Option<RangeScale>>,
+    runs: Vec<Vec<Value>>,
+}
 
 /// Runs of a grid or a latin hypercube.
 fn sampled(source: &StudyFile, document: &Document, template: &Template) -> Result<Sampled> {
@@ -210,7 +218,8 @@ fn sampled(source: &StudyFile, document: &Document, template: &Template) -> Resu
             hypercube_runs(&axes, &names, limit(Some(runs))?, seed)
         }
     };
-    Ok((names, paths, runs))
+    let scales = axes.iter().map(Axis::scale).collect();
+    Ok(Sampled { parameters: names, paths, scales, runs })
 }
 
 /// Values of a parameter whose value in the scene is `present`.
@@ -331,5 +340,6 @@ fn read_list(file: &Path, template: &Template) -> Result<Sampled> {
             "give a heading of keys and a row for each run",
         ));
     }
-    Ok((names, paths, runs))
+    let scales = vec![None; names.len()];
+    Ok(Sampled { parameters: names, paths, scales, runs })
 }

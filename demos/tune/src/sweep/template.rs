@@ -74,7 +74,7 @@ fn inline(value: &Value, text: &mut String) {
 
 impl KeyPath {
     /// In the spelling of messages, `body[0].material.density`.
-    fn text(&self) -> String {
+    pub(super) fn text(&self) -> String {
         self.0.iter().fold(String::new(), |text, step| match step {
             KeyStep::Entry(i) => format!("{text}[{i}]"),
             KeyStep::Key(key) if text.is_empty() => key.clone(),
@@ -122,8 +122,10 @@ impl Template {
             return Err((format!("`{path}` cannot be swept, {why}"), "leave it out".into()));
         }
         let (mut at, mut steps, mut done) = (&self.value, Vec::new(), String::new());
+        let mut around = at;
         for name in normal.split('.') {
             let scene = if done.is_empty() { "a scene".to_string() } else { format!("`{done}`") };
+            around = at;
             let step = match at {
                 Value::Object(keys) => match keys.get(name) {
                     Some(value) => {
@@ -164,6 +166,13 @@ impl Template {
             };
             steps.push(step);
             done = if done.is_empty() { name.into() } else { format!("{done}.{name}") };
+        }
+        // a constant that every element has from an array
+        let name = normal.rsplit('.').next().unwrap_or_default();
+        let field = format!("{name}_field");
+        if at.is_null() && around.get(&field).is_some_and(|array| !array.is_null()) {
+            let found = format!("`{path}` cannot be swept, `{field}` gives it for every element");
+            return Err((found, format!("sweep `{field}`, or take it out of the scene")));
         }
         Ok(KeyPath(steps))
     }

@@ -1,0 +1,195 @@
+//! No key of a scene is without effect in silence: every number of every shipped scene is changed by a little, and either
+//! states or recorded results move, or `check` says why they do not.
+
+use sinew::snapshot::checksum;
+use sinew_scene::assemble::{BuildOptions, BuiltScene, WITHOUT_EFFECT, build};
+use sinew_scene::run::{Observer, RunOptions, run};
+use sinew_scene::scene::LoadedScene;
+use sinew_scene::{scene_folder, shipped_scene};
+use std::collections::BTreeMap;
+use toml::Value;
+
+/// Keys that steer output alone, each with its reason.
+const OUTPUT: [(&str, &str); 3] = [
+    ("output.", "frames and rows of the table"),
+    ("name", "the name of files"),
+    ("probe", "what is recorded; other numbers may give the same vertices"),
+];
+
+/// Keys that choose whole vertices or elements, or bound an error: only a larger change passes the next one.
+const STEPPED: [&str; 4] =
+    [".select.", "resection[", "solver.linear_tolerance", "solver.newton_tolerance"];
+
+/// Vectors of which only the direction counts: one of their numbers is enough.
+const DIRECTIONS: [&str; 4] = ["direction", "axis", "hinge_axis", "normal"];
+
+/// Steps of a run.
+const STEPS: f64 = 30.0;
+
+/// Everything that a run computed: states at the end, and probes at all times.
+#[derive(Default)]
+struct Results(Vec<u8>);
+
+impl Observer for Results {
+    fn row(&mut self, _: u64, _: f64, probes: &[f64]) {
+        self.0.extend(probes.iter().flat_map(|x| x.to_bits().to_le_bytes()));
+    }
+
+    fn step(&mut self, _: u64, _: f64, scene: &mut BuiltScene) {
+        self.0.extend(scene.simulation.state_hash().to_le_bytes());
+    }
+}
+
+/// A value in one line of TOML; the tables of a scene have plain keys, its texts no quotes.
+fn inline(value: &Value) -> String {
+    let list =
+        |open: &str, parts: Vec<String>, close: &str| format!("{open}{}{close}", parts.join(", "));
+    match value {
+        Value::Table(table) => list(
+            "{",
+            table.iter().map(|(key, own)| format!("{key} = {}", inline(own))).collect(),
+            "}",
+        ),
+        Value::Array(entries) => list("[", entries.iter().map(inline).collect(), "]"),
+        Value::String(text) => format!("{text:?}"),
+        Value::Float(x) => format!("{x:?}"),
+        Value::Integer(x) => x.to_string(),
+        Value::Boolean(x) => x.to_string(),
+        Value::Datetime(_) => unreachable!("scenes have no dates"),
+    }
+}
+
+/// A scene as text.
+fn text_of(scene: &Value) -> String {
+    let table = scene.as_table().unwrap();
+    table.iter().map(|(key, own)| format!("{key} = {}\n", inline(own))).collect()
+}
+
+/// A number for the results of a scene, or why it has none.
+fn results(scene: &Value) -> Result<u64, String> {
+    let loaded = LoadedScene::parse(&text_of(scene), &scene_folder().join("keys.toml"))
+        .map_err(|e| e.to_string())?;
+    let build = BuildOptions { threads: Some(1), ..BuildOptions::default() };
+    let mut results = Results::default();
+    let summary = run(&loaded, &RunOptions { build, ..RunOptions::default() }, &mut results)
+        .map_err(|e| e.to_string())?;
+    results.0.extend(summary.failure.unwrap_or_default().into_bytes());
+    Ok(checksum(&results.0))
+}
+
+/// A shipped scene in few steps on a coarse mesh, whose every key still means what it means there.
+fn coarse(name: &str) -> Value {
+    let text = std::fs::read_to_string(shipped_scene(name)).unwrap();
+    let mut scene: Value = toml::from_str(&text.replace("liver.msh", "liver_coarse.msh")).unwrap();
+    if let Some(duration) = scene.get("duration").and_then(Value::as_float) {
+        scene["dt"] = (duration / STEPS).into();
+    }
+    let finer = scene.clone();
+    for_each_number(&mut scene, "", &mut |path, value| {
+        let count = value.as_integer().filter(|_| path.contains(".generate."));
+        if let Some(count) = count {
+            *value = (count / 2).max(2).min(count).into();
+        }
+    });
+    // a selection may need the vertices of the fine mesh
+    if results(&scene).is_ok() { scene } else { finer }
+}
+
+/// Calls `change` with the path of every number.
+fn for_each_number(value: &mut Value, path: &str, change: &mut dyn FnMut(&str, &mut Value)) {
+    match value {
+        Value::Table(table) => {
+            for (key, value) in table.iter_mut() {
+                let path = if path.is_empty() { key.clone() } else { format!("{path}.{key}") };
+                for_each_number(value, &path, change);
+            }
+        }
+        Value::Array(entries) => {
+            for (i, value) in entries.iter_mut().enumerate() {
+                for_each_number(value, &format!("{path}[{i}]"), change);
+            }
+        }
+        Value::Integer(_) | Value::Float(_) => change(path, value),
+        _ => {}
+    }
+}
+
+/// Other values of a number, near ones first.
+fn others(value: &Value, stepped: bool) -> Vec<Value> {
+    match value {
+        Value::Integer(count) => vec![(count + 1).into(), (count - 1).into()],
+        Value::Float(x) => {
+            let near = if *x == 0.0 { vec![1e-4] } else { vec![x * 1.001] };
+            let far =
+                if stepped { vec![0.5 * x, 1.5 * x, x + 0.05, x - 0.05, 1e-9 * x] } else { vec![] };
+            near.into_iter().chain(far).map(Value::from).collect()
+        }
+        _ => Vec::new(),
+    }
+}
+
+/// Keys that change nothing and of which nothing is said, among those that `chosen` picks.
+fn silent(name: &str, chosen: impl Fn(&str) -> bool) -> Vec<String> {
+    let scene = coarse(name);
+    let base = results(&scene).unwrap();
+    let mut paths = Vec::new();
+    for_each_number(&mut scene.clone(), "", &mut |path, value| {
+        if chosen(path) && !OUTPUT.iter().any(|(own, _)| path.starts_with(own)) {
+            let stepped = STEPPED.iter().any(|own| path.contains(own));
+            paths.push((path.to_string(), others(value, stepped)));
+        }
+    });
+    let loaded = LoadedScene::parse(&text_of(&scene), &scene_folder().join("keys.toml")).unwrap();
+    let options = BuildOptions { threads: Some(1), ..BuildOptions::default() };
+    let warnings = build(&loaded, &options).unwrap().warnings;
+    let told = |path: &str| {
+        let own = warnings.iter().filter(|w| w.code == WITHOUT_EFFECT);
+        own.into_iter().any(|w| path.starts_with(w.subject.trim_matches('`')))
+    };
+    let moves = |(path, others): &(String, Vec<Value>)| {
+        others.iter().any(|other| {
+            let mut changed = scene.clone();
+            for_each_number(&mut changed, "", &mut |own, value| {
+                if own == path {
+                    *value = other.clone();
+                }
+            });
+            // an error says why
+            results(&changed) != Ok(base)
+        })
+    };
+    // the numbers of a direction are one key
+    let key = |path: &str| {
+        let vector = path.rsplit_once('[').map_or(path, |(vector, _)| vector).to_string();
+        let last = vector.rsplit('.').next().unwrap_or_default();
+        if DIRECTIONS.contains(&last) { vector } else { path.to_string() }
+    };
+    let mut keys: BTreeMap<String, bool> = BTreeMap::new();
+    for own in &paths {
+        let counts = keys.entry(key(&own.0)).or_default();
+        *counts = *counts || told(&own.0) || moves(own);
+    }
+    let still = keys.into_iter().filter(|(_, counts)| !counts);
+    still.map(|(key, _)| format!("{name}: {key}")).collect()
+}
+
+#[test]
+fn numbers_of_some_scenes_count_or_it_is_said_that_they_do_not() {
+    let none: [String; 0] = [];
+    assert_eq!(silent("fit_bar", |_| true), none);
+    assert_eq!(
+        silent("palpation", |path| path.starts_with("body") || path.contains("radius")),
+        none
+    );
+    assert_eq!(silent("muscle_bar", |path| path.contains("fibres") || path.contains("axes")), none);
+}
+
+#[test]
+#[ignore = "slow"]
+fn every_number_of_every_shipped_scene_counts_or_it_is_said_that_it_does_not() {
+    let mut found = Vec::new();
+    for name in crate::scenes::SHIPPED.split_whitespace() {
+        found.extend(silent(name, |_| true));
+    }
+    assert!(found.is_empty(), "{found:#?}");
+}
