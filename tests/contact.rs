@@ -621,7 +621,7 @@ fn converged_integrators_report_no_false_forces_between_bodies() {
             add("ball", &ball);
             let rows = simulation.group_rows(below, &block, "z0").unwrap();
             simulation.add_constraint(Constraint::hold("floor", rows));
-            let pair = BodyContact::new("pair", [0, 1]).with_friction(friction);
+            let pair = BodyContact::new("pair", [0, 1].map(BodyHandle)).with_friction(friction);
             let pair = simulation.add_body_contact(pair);
             simulation.set_solver(solver!(integrator, max_newton_iterations = 20));
             let mut peak = 0.0_f64;
@@ -1028,7 +1028,7 @@ fn friction_between_bodies_acts_in_explicit_integrators() {
         let upper = simulation.add_body(&BodyDescription::new("block", &block, SOFT)).unwrap();
         let floor = simulation.group_rows(lower, &table, "z0").unwrap();
         simulation.add_constraint(Constraint::hold("floor", floor));
-        let pair = BodyContact::new("pair", [0, 1]).with_friction(friction);
+        let pair = BodyContact::new("pair", [0, 1].map(BodyHandle)).with_friction(friction);
         let pair = simulation.add_body_contact(pair);
         let n = block.points.len();
         simulation.set_state(upper, &vec![DVec3::ZERO; n], &vec![DVec3::X * 0.4; n]).unwrap();
@@ -1058,7 +1058,7 @@ fn a_contact_falls_silent_with_the_last_face_of_a_body() {
     for alone in [false, true] {
         let (mut simulation, [_, pair]) = two_blocks(one_thread());
         if alone {
-            simulation.add_body_contact(BodyContact::new("self", [1, 1]));
+            simulation.add_body_contact(BodyContact::new("self", [1, 1].map(BodyHandle)));
         }
         simulation.steps(5);
         assert!(simulation.body_contact_report(pair).unwrap().force.length() > 0.0);

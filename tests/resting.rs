@@ -109,7 +109,7 @@ pub fn rest_on(upper: Kind, lower: Kind, integrator: Integrator, gap: f64, frict
     simulation.set_solver(solver!(integrator, mass_damping = 10.0));
     add(&mut simulation, "lower", lower, true, 0.0);
     let body = add(&mut simulation, "upper", upper, false, gap);
-    let pair = BodyContact::new("pair", [0, 1]).with_friction(friction);
+    let pair = BodyContact::new("pair", [0, 1].map(BodyHandle)).with_friction(friction);
     let pair = simulation.add_body_contact(pair);
     let mass: f64 = simulation.masses(body).iter().sum();
     let weight = 9.81 * mass;
@@ -185,7 +185,7 @@ fn a_membrane_apart_from_a_body_touches_nothing_and_leaves_nothing_out() {
             simulation.set_gravity(DVec3::ZERO);
             add(&mut simulation, "lower", lower, true, 0.0);
             add(&mut simulation, "upper", upper, false, gap);
-            simulation.add_body_contact(BodyContact::new("pair", [0, 1]));
+            simulation.add_body_contact(BodyContact::new("pair", [0, 1].map(BodyHandle)));
             for _ in 0..5 {
                 simulation.step().unwrap();
                 let contact = simulation.report().contact;
@@ -204,7 +204,8 @@ fn a_disc_slides_on_a_block() {
     simulation.set_solver(solver!(Integrator::Safe));
     add(&mut simulation, "lower", Kind::Tetrahedra, true, 0.0);
     let disc = add(&mut simulation, "upper", Kind::Open, false, 1e-4);
-    simulation.add_body_contact(BodyContact::new("pair", [0, 1]).with_friction(0.1));
+    simulation
+        .add_body_contact(BodyContact::new("pair", [0, 1].map(BodyHandle)).with_friction(0.1));
     let n = simulation.positions(disc).len();
     let still = vec![DVec3::ZERO; n];
     simulation.set_state(disc, &still, &vec![DVec3::new(0.3, 0.0, 0.0); n]).unwrap();

@@ -133,8 +133,16 @@ fn halted_bodies_and_energy_from_nowhere_are_not_trusted() {
         simulation.verdict()
     };
     assert_eq!(verdict(&|t| t.solver.halted_steps = 5), Ok(()));
-    let halted = Err(Untrusted::Halted { halted: 6, steps: 20 });
+    let halted = Err(Untrusted::Halted { halted: 6, by_contact: false, steps: 20 });
     assert_eq!(verdict(&|t| t.solver.halted_steps = 6), halted);
+    // the cause that is named is that of most of them
+    for (by_contact, cause) in [(3, "loads, motions or units"), (4, "bodies lie in each other")] {
+        let told = verdict(&|t| {
+            t.solver.halted_steps = 6;
+            t.solver.halted_by_contact = by_contact;
+        });
+        assert!(told.unwrap_err().to_string().contains(cause));
+    }
     assert_eq!(verdict(&|t| t.energy.dissipated = Some(-0.09)), Ok(()));
     let gain = Err(Untrusted::Energy { gain: 0.11, put_in: 1.0 });
     assert_eq!(verdict(&|t| t.energy.dissipated = Some(-0.11)), gain);

@@ -447,7 +447,7 @@ fn run_scene(arguments: RunArguments) -> Outcome {
     let observer: &mut dyn Observer = if arguments.quiet { &mut Silent } else { &mut progress };
     let summary = match &arguments.page {
         Some(page) => run_to_page(&scene, &options, page, observer),
-        None => run(&scene, &options, observer),
+        None => run(&scene, &options, observer).map_err(Into::into),
     };
     let summary = summary.inspect_err(|_| {
         // what is there would pass for what this run wrote

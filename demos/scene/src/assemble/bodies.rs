@@ -8,7 +8,7 @@ use super::{axes, meshes};
 use crate::error::SceneError;
 use crate::scene::{BodyEntry, Key, MembraneEntry, PreparedMesh, SpringMethod};
 use crate::springs::{Matter, Springs};
-use sinew::engine::mesh::{CheckOptions, CheckedMesh, Mesh, check};
+use sinew::engine::mesh::{CheckOptions, Mesh, check};
 use sinew::models::body::lumped::{HexahedronSprings, SpringRule, UniformSprings};
 use sinew::models::body::sheet::{MembraneModel, MembraneSettings, PlaneState};
 use sinew::models::body::{BodyDescription, Model, VolumeRule};
@@ -184,8 +184,6 @@ fn springs(
             .value("its masses are shared out otherwise than `masses` says", "leave `masses` out")),
         _ => Ok(Some(springs)),
     }
-}
-
 }
 
 /// The membrane of a body: its triangles and quadrilaterals, and what they are made of.

@@ -57,7 +57,10 @@ fn long_steps(built: &BuiltScene, found: &mut Vec<Warning>) {
         found.push(warning(
             "scene.step.long",
             "scene".into(),
-            format!("steps of {}: whatever is faster than some steps is damped away or missed", seconds(dt)),
+            format!(
+                "steps of {}: whatever is faster than some steps is damped away or missed",
+                seconds(dt)
+            ),
             "use dt = 0.01, or mode = \"static\" where only the state at rest is asked for",
         ));
     }
@@ -108,7 +111,12 @@ fn far_motions(built: &BuiltScene, end: f64, found: &mut Vec<Warning>) {
             let from = pose.position.clamp(bounds[0], bounds[1]);
             pose.position.distance(from).min(pose.position.distance(tool.start.position))
         });
-        told(format!("tool `{}`", own.name), way.fold(0.0, f64::max), size(bounds), "all bodies together");
+        told(
+            format!("tool `{}`", own.name),
+            way.fold(0.0, f64::max),
+            size(bounds),
+            "all bodies together",
+        );
     }
     for own in &built.pulls {
         let way = times().into_iter().map(|t| own.way_at(t).length()).fold(0.0, f64::max);
@@ -149,7 +157,11 @@ fn of_tool(built: &BuiltScene, own: &BuiltTool, on: Option<&str>, end: f64) -> V
         found.push(warning(
             "scene.size.tool",
             subject(),
-            format!("it reaches {} m from its centre, {} times the size of what it may touch", short(reach), short(reach / largest)),
+            format!(
+                "it reaches {} m from its centre, {} times the size of what it may touch",
+                short(reach),
+                short(reach / largest)
+            ),
             "check its unit: it is in metres, so 12 mm is 0.012",
         ));
     }
@@ -183,7 +195,11 @@ fn starts_inside(tool: &Tool, body: &BuiltBody, subject: String) -> Option<Warni
         }
     }
     let message = if count > 0 {
-        format!("{count} vertices of body `{}` are inside of it at the start, up to {} m deep", body.name, short(deepest))
+        format!(
+            "{count} vertices of body `{}` are inside of it at the start, up to {} m deep",
+            body.name,
+            short(deepest)
+        )
     } else if swallowed(tool, body) {
         format!("it starts wholly inside of body `{}`, where it touches nothing", body.name)
     } else {

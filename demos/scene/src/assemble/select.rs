@@ -3,7 +3,6 @@
 use super::body::BuiltBody;
 use crate::error::{SceneError, SceneProblem, hint};
 use crate::scene::{FacesEntry, Key, PatchRegion, Selection};
-use glam::DVec3;
 use sinew::engine::mesh::{FindingCode, Group, Mesh, Patch, Surface};
 use std::collections::HashMap;
 

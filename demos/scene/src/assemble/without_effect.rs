@@ -40,7 +40,13 @@ pub(super) fn notes(loaded: &LoadedScene, built: &BuiltScene) -> Vec<Warning> {
     }
     let note = |(key, why): (String, String)| {
         let remedy = "leave it out, or change what makes it idle";
-        Warning::new(CODE, Level::Note, format!("`{key}`"), format!("it has no effect: {why}"), remedy)
+        Warning::new(
+            CODE,
+            Level::Note,
+            format!("`{key}`"),
+            format!("it has no effect: {why}"),
+            remedy,
+        )
     };
     idle.found.into_iter().map(note).collect()
 }
@@ -53,7 +59,8 @@ fn of_solver(idle: &mut Idle, built: &BuiltScene) {
         idle.add("solver", &["newton_tolerance", "max_newton_iterations"], &why);
     }
     if facts.explicit {
-        let keys = ["linear_tolerance", "max_linear_iterations", "preconditioner", "linear_precision"];
+        let keys =
+            ["linear_tolerance", "max_linear_iterations", "preconditioner", "linear_precision"];
         idle.add("solver", &keys, &format!("{own} solves no linear system"));
     } else {
         let why = format!("{own} has no substeps");
@@ -128,7 +135,9 @@ fn of_body(idle: &mut Idle, path: &str, body: &BodyEntry, index: usize, built: &
 fn of_moduli(idle: &mut Idle, material: &str, body: &BodyEntry, built: &BuiltScene) {
     let why = match body.model {
         Model::Axes => "model \"axes\" takes the density only",
-        Model::MassSpring if body.springs.is_some() => "the constants of the springs are in their file",
+        Model::MassSpring if body.springs.is_some() => {
+            "the constants of the springs are in their file"
+        }
         Model::MassSpring if body.element_method == Some(SpringMethod::Uniform) => {
             "all springs have the constant `spring_constant`"
         }
@@ -170,7 +179,10 @@ fn of_times(idle: &mut Idle) {
         .into_iter()
         .filter_map(|(path, from, until, curve)| {
             if late(from) {
-                Some((path, format!("it acts from {} s, the scene ends at {end} s", from.unwrap_or(end))))
+                Some((
+                    path,
+                    format!("it acts from {} s, the scene ends at {end} s", from.unwrap_or(end)),
+                ))
             } else if gone(until) {
                 Some((path, format!("it acts until {} s, before the start", until.unwrap_or(0.0))))
             } else if curve.and_then(starts).is_some_and(|start| start >= end) {

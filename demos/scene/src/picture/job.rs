@@ -209,9 +209,8 @@ fn check_job(scene: &LoadedScene, job: &RenderJob, asked: bool) -> Result<(), Re
         let nothing = "give --html FILE, --picture FILE, --png DIR or --video FILE";
         return Err(RenderError::Empty(nothing.into()));
     }
-    let refuse = |option, found: String, remedy: String| {
-        Err(RenderError::Option { option, found, remedy })
-    };
+    let refuse =
+        |option, found: String, remedy: String| Err(RenderError::Option { option, found, remedy });
     let ending = |path: &Path| path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
     if let Some(path) = job.picture.as_ref().filter(|path| ending(path).as_deref() != Some("png")) {
         let remedy = "pictures are PNG: give a name that ends in .png";

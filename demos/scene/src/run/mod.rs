@@ -162,17 +162,8 @@ pub fn run(
     files.extend(options.record.iter().map(|log| format!("{} (log)", log.path.display())));
     files.extend(targets.iter().map(|path| path.display().to_string()));
     let final_probes = probe::columns(&built.probes).into_iter().zip(probes).collect();
-    let facts = RunFacts {
-        loaded,
-        built,
-        totals,
-        start,
-        setup,
-        failure,
-        untrusted,
-        final_probes,
-        files,
-    };
+    let facts =
+        RunFacts { loaded, built, totals, start, setup, failure, untrusted, final_probes, files };
     let summary = facts.summary();
     for path in &targets {
         let error = |source| RunError::Write { path: path.clone(), source };

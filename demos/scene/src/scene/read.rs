@@ -517,7 +517,9 @@ fn wrong_type(message: &str, key: &str) -> Option<SceneProblem> {
         let name = key.rsplit(['.', ']']).next().unwrap_or_default();
         match name {
             "material" => format!("write material = {{ preset = {text} }}, or give its constants"),
-            name => format!("give a table, {name} = {{ ... }}; demos/scenes/README.md has its keys"),
+            name => {
+                format!("give a table, {name} = {{ ... }}; demos/scenes/README.md has its keys")
+            }
         }
     } else {
         without_unit(value)?

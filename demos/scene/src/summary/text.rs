@@ -1,7 +1,8 @@
 //! The summary of a run as text.
 
 use super::{
-    AxesSummary, BodySummary, Level, MembraneSummary, RunSummary, SolverSummary, Warning, evaluation_name,
+    AxesSummary, BodySummary, Level, MembraneSummary, RunSummary, SolverSummary, Warning,
+    evaluation_name,
 };
 use crate::assemble::ResectionSummary;
 use crate::text::{TextBlock, counted, line, pressure, seconds, short, write_blocks};
@@ -36,7 +37,7 @@ impl fmt::Display for Brief<'_> {
         run.write_warnings(f)?;
         let mut block = TextBlock::new("What was simulated");
         run.bodies.iter().for_each(|body| body.describe(&mut block));
-        run.touch.iter().for_each(|touch| touch.describe(&mut block));
+        run.touch.iter().for_each(|touch| touch.touched.describe(&mut block));
         let mut results = TextBlock::new("Results");
         for c in run.constraints.iter().filter(|c| c.largest_reaction.is_some()) {
             let largest = short(c.largest_reaction.unwrap_or(0.0));
