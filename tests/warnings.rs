@@ -112,7 +112,7 @@ fn an_equilibrium_that_was_not_found_is_not_trusted() {
     simulation.set_solver(settings);
     simulation.step().unwrap();
     assert!(simulation.report().unconverged);
-    assert_eq!(codes(&simulation.warnings())[0], "run.newton.unconverged");
+    assert!(codes(&simulation.warnings()).contains(&"run.newton.unconverged"));
     let Err(Untrusted::NoEquilibrium { unconverged: 1, steps: 1, newton_step }) =
         simulation.verdict()
     else {
