@@ -28,7 +28,7 @@ fn each_bad_value_has_its_own_error_with_value_and_remedy() {
         (YoungPoisson { young_modulus: -3.0, ..GOOD }, "-3 Pa", "positive"),
         (YoungPoisson { poisson_ratio: -1.0, ..GOOD }, "is -1:", "above -1"),
         (YoungPoisson { poisson_ratio: 0.5, ..GOOD }, "is 0.5:", "below 0.5"),
-        (YoungPoisson { poisson_ratio: 0.49995, ..GOOD }, "0.49995", "mixed"),
+        (YoungPoisson { poisson_ratio: 0.49995, ..GOOD }, "0.49995", "clusters"),
         (YoungPoisson { density: 0.0, ..GOOD }, "density is 0 kg/m^3", "positive"),
     ];
     for (material, value, remedy) in cases {

@@ -130,7 +130,7 @@ fn a_run_whose_contact_did_not_converge_fails_and_says_so() {
     let path = file("laid.toml");
     std::fs::write(&path, text).unwrap();
     let path = path.display().to_string();
-    let out = check(&["run", &path], 1, "FAILED", "of them with something in contact");
+    let out = check(&["run", &path], 1, "NOT TO BE TRUSTED", "of them with something in contact");
     let remedy = "use integrator = \"auto\" or \"safe\", or a smaller dt";
     assert!(out.contains("run.newton.contact") || out.contains(remedy), "{out}");
     check(&["run", &path, "--integrator", "safe"], 0, "", "");

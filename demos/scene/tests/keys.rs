@@ -16,15 +16,14 @@ const OUTPUT: [(&str, &str); 3] = [
     ("probe", "what is recorded; other numbers may give the same vertices"),
 ];
 
-/// Keys that choose whole vertices or elements, or bound an error: only a larger change passes the next one.
-const STEPPED: [&str; 4] =
-    [".select.", "resection[", "solver.linear_tolerance", "solver.newton_tolerance"];
+/// Vectors whose numbers are one key: of directions the length does not count, and a body that meets nothing may stand
+/// anywhere.
+const VECTORS: [&str; 5] = ["direction", "axis", "hinge_axis", "normal", "translate"];
 
-/// Vectors of which only the direction counts: one of their numbers is enough.
-const DIRECTIONS: [&str; 4] = ["direction", "axis", "hinge_axis", "normal"];
-
-/// Steps of a run.
-const STEPS: f64 = 30.0;
+/// Steps of a run: enough for tools to reach what they touch, most of them in few.
+fn steps(name: &str) -> f64 {
+    if name == "press_flat" { 90.0 } else { 30.0 }
+}
 
 /// Everything that a run computed: states at the end, and probes at all times.
 #[derive(Default)]
@@ -82,7 +81,7 @@ fn coarse(name: &str) -> Value {
     let text = std::fs::read_to_string(shipped_scene(name)).unwrap();
     let mut scene: Value = toml::from_str(&text.replace("liver.msh", "liver_coarse.msh")).unwrap();
     if let Some(duration) = scene.get("duration").and_then(Value::as_float) {
-        scene["dt"] = (duration / STEPS).into();
+        scene["dt"] = (duration / steps(name)).into();
     }
     let finer = scene.clone();
     for_each_number(&mut scene, "", &mut |path, value| {
@@ -115,14 +114,14 @@ fn for_each_number(value: &mut Value, path: &str, change: &mut dyn FnMut(&str, &
 }
 
 /// Other values of a number, near ones first.
-fn others(value: &Value, stepped: bool) -> Vec<Value> {
+fn others(value: &Value) -> Vec<Value> {
     match value {
         Value::Integer(count) => vec![(count + 1).into(), (count - 1).into()],
         Value::Float(x) => {
-            let near = if *x == 0.0 { vec![1e-4] } else { vec![x * 1.001] };
-            let far =
-                if stepped { vec![0.5 * x, 1.5 * x, x + 0.05, x - 0.05, 1e-9 * x] } else { vec![] };
-            near.into_iter().chain(far).map(Value::from).collect()
+            let near = if *x == 0.0 { 1e-4 } else { x * 1.001 };
+            // what chooses whole vertices or elements, bounds an error or must reach something needs more
+            let all = [near, 0.5 * x, 1.5 * x, x + 0.05, x - 0.05, 1e-9 * x];
+            all.into_iter().map(Value::from).collect()
         }
         _ => Vec::new(),
     }
@@ -135,8 +134,7 @@ fn silent(name: &str, chosen: impl Fn(&str) -> bool) -> Vec<String> {
     let mut paths = Vec::new();
     for_each_number(&mut scene.clone(), "", &mut |path, value| {
         if chosen(path) && !OUTPUT.iter().any(|(own, _)| path.starts_with(own)) {
-            let stepped = STEPPED.iter().any(|own| path.contains(own));
-            paths.push((path.to_string(), others(value, stepped)));
+            paths.push((path.to_string(), others(value)));
         }
     });
     let loaded = LoadedScene::parse(&text_of(&scene), &scene_folder().join("keys.toml")).unwrap();
@@ -158,11 +156,15 @@ fn silent(name: &str, chosen: impl Fn(&str) -> bool) -> Vec<String> {
             results(&changed) != Ok(base)
         })
     };
-    // the numbers of a direction are one key
     let key = |path: &str| {
+        // the way of a tool that removes whole elements: most points of it may lie elsewhere by the size of one
+        if let Some((way, _)) = path.split_once(".path").filter(|_| path.starts_with("resection["))
+        {
+            return format!("{way}.path");
+        }
         let vector = path.rsplit_once('[').map_or(path, |(vector, _)| vector).to_string();
         let last = vector.rsplit('.').next().unwrap_or_default();
-        if DIRECTIONS.contains(&last) { vector } else { path.to_string() }
+        if VECTORS.contains(&last) { vector } else { path.to_string() }
     };
     let mut keys: BTreeMap<String, bool> = BTreeMap::new();
     for own in &paths {

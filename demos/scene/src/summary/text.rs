@@ -261,8 +261,10 @@ impl RunSummary {
             );
         }
         if t.substeps > 0 {
+            // without an end where all that moves is held
             let stable = s
                 .stable_step
+                .filter(|h| h.is_finite())
                 .map_or(String::new(), |h| format!(", smallest stable step {}", seconds(h)));
             line!(block, "substeps", "{} per step{stable}", per_step(t.substeps));
         }

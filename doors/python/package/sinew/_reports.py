@@ -147,7 +147,7 @@ class PullReport:
     """Weighted mean distance (m) of the patch from the place that it is drawn to."""
 
     work: float
-    """Work (J) done by the hand since it took hold, by the force at the end of every step."""
+    """Work (J) done by the hand since it took hold, by the force at the end of every step or explicit substep."""
 
 
 @dataclass(frozen=True)
