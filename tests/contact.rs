@@ -759,7 +759,8 @@ fn a_hand_goes_evenly_through_the_parts_of_a_step() {
         let rows = block.group_rows(block.body, &block.mesh, "z1").unwrap();
         let pull = block.add_pull(Pull::new("hand", rows, 10.0, 50.0));
         // to and fro beside the block, without touching it
-        let at = |step: u32| DVec3::new(0.067, if step % 2 == 0 { -0.1 } else { 0.16 }, 0.015);
+        let at =
+            |step: u32| DVec3::new(0.067, if step.is_multiple_of(2) { -0.1 } else { 0.16 }, 0.015);
         let ball = block.ball(0.002, at(0), 0.0);
         // a tool that appears cuts nothing
         block.step();
