@@ -80,9 +80,9 @@ fn quotes(stored: &GalleryFigures) -> Vec<(&'static str, String)> {
         ("../README.md", format!("An organ of {elements} tetrahedra")),
         ("../README.md", format!("{seconds:.0} s of simulated time")),
         ("../README.md", format!("| liver scene, {elements} tetrahedra,")),
-        ("../README.md", format!("| linearisation {error:.1} % |")),
+        ("../README.md", format!("| linearisation {error:.2} % |")),
         ("numbers.md", format!("| liver scene, {elements} tetrahedra,")),
-        ("numbers.md", format!("| linearisation {error:.1} % mean; no inverted element |")),
+        ("numbers.md", format!("| linearisation {error:.2} % mean; no inverted element |")),
     ]
 }
 
