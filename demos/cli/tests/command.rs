@@ -42,8 +42,6 @@ fn bad_input_returns_one_and_a_wrong_command_line_two() {
         "",
         "`sinew-lab`: cargo run --release -p sinew-benches -- bench",
     );
-    #[cfg(not(feature = "render"))]
-    check(&["render", "x.toml", "--html", "x.html"], 2, "", "--features sinew-cli/render");
     check(&["--help"], 0, "sinew-lab", "");
 }
 
