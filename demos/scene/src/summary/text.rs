@@ -397,9 +397,14 @@ impl RunSummary {
             0.0 => String::new(),
             value => format!(" {sign} {} {name}", short(value)),
         };
+        let own = dissipated - e.damping - contact.friction;
+        let share = match 100.0 * own / e.put_in() {
+            share if share >= 1.0 => format!(" ({share:.0} % of what was put in)"),
+            _ => String::new(),
+        };
         format!(
             "{} initial + {} loads + {} constraints{}{}{}{} = {} elastic + {} kinetic{}{} + {} damped + {} \
-             by the integrator",
+             by the integrator{share}",
             short(e.initial),
             short(e.load_work),
             short(e.constraint_work),
@@ -412,7 +417,7 @@ impl RunSummary {
             unless_zero("+", contact.stored, "in contacts"),
             unless_zero("+", contact.friction, "friction"),
             short(e.damping),
-            short(dissipated - e.damping - contact.friction)
+            short(own)
         )
     }
 }
