@@ -262,6 +262,10 @@ pub(crate) fn refused(error: GpuError) -> StepError {
     StepError::Backend { backend: "gpu", reason: error.to_string() }
 }
 
+/// The columns as the last step read them; kept, because a large body's would be millions of fresh bytes a step.
+#[derive(Resource, Default)]
+struct HostColumns<S: Scalar>(NodeState<S>);
+
 /// What the safe steps of all bodies of a world share.
 struct StepOfBodies<'a, S: Scalar> {
     world: &'a mut World,
@@ -319,6 +323,20 @@ impl GpuBackend {
         report: &mut StepReport,
         device: &mut GpuReport,
     ) -> Result<(), StepError> {
+        let mut columns = world.remove_resource::<HostColumns<S>>().unwrap_or_default();
+        let result = self.step_from(world, settings, &mut columns.0, report, device);
+        world.insert_resource(columns);
+        result
+    }
+
+    fn step_from<S: Scalar>(
+        &mut self,
+        world: &mut World,
+        settings: &SolverSettings,
+        node: &mut NodeState<S>,
+        report: &mut StepReport,
+        device: &mut GpuReport,
+    ) -> Result<(), StepError> {
         if let Some(error) = self.readback.lost.take() {
             return Err(refused(error));
         }
@@ -330,7 +348,6 @@ impl GpuBackend {
         }
         self.make_resident::<S>(world, settings, device).map_err(refused)?;
         self.apply_pressures(world);
-        let mut node = NodeState::<S>::default();
         node.read(world);
         let rows: Vec<_> = world
             .resource::<Topology>()
@@ -339,14 +356,14 @@ impl GpuBackend {
             .map(|b| b.vertices.start as usize..b.vertices.end as usize)
             .collect();
         if settings.integrator.is_explicit() {
-            let outputs = self.explicit_steps(world, settings, &node, &rows, report)?;
+            let outputs = self.explicit_steps(world, settings, node, &rows, report)?;
             world.remove_resource::<VolumesReported>();
             device.state_read = true;
             self.accept(world, node, rows, outputs, "accept_explicit");
             return Ok(());
         }
         let volumes = world.resource::<VolumeReport>().clone();
-        if self.needs_columns(world, &node, &rows, &volumes) {
+        if self.needs_columns(world, node, &rows, &volumes) {
             self.bring_columns_up_to_date::<S>(world).map_err(refused)?;
             node.read(world);
         }
@@ -357,21 +374,16 @@ impl GpuBackend {
             .enumerate()
             .map(|(i, rows)| {
                 let state = self.bodies[i].recovery;
-                BodyShape::of(&volumes, i, state.hold(&node, rows.clone()))
+                BodyShape::of(&volumes, i, state.hold(node, rows.clone()))
             })
             .collect();
         let loads = match settings.recovery {
-            true => self.loads_of_beginners(world, &node, &shapes),
+            true => self.loads_of_beginners(world, node, &shapes),
             false => vec![0.0; rows.len()],
         };
         let mut outputs: Vec<BodyOutput> = Vec::with_capacity(rows.len());
-        let mut step = StepOfBodies {
-            world: &mut *world,
-            settings,
-            node: &node,
-            volumes: &volumes,
-            read_back,
-        };
+        let mut step =
+            StepOfBodies { world: &mut *world, settings, node, volumes: &volumes, read_back };
         for (i, rows) in rows.iter().enumerate() {
             let state = (shapes[i], loads[i]);
             outputs.push(self.safe_step(&mut step, i, rows.clone(), state, report, device)?);
@@ -469,12 +481,12 @@ impl GpuBackend {
     fn accept<S: Scalar>(
         &mut self,
         world: &mut World,
-        node: NodeState<S>,
+        node: &mut NodeState<S>,
         rows: Vec<Range<usize>>,
         outputs: Vec<BodyOutput>,
         kernel: &'static str,
     ) {
-        let (mut u, mut v): (Rows<S>, Rows<S>) = (node.u, node.v);
+        let (u, v): (&mut Rows<S>, &mut Rows<S>) = (&mut node.u, &mut node.v);
         let read_back = outputs.iter().all(|output| !output.u.is_empty());
         for ((rows, output), resident) in rows.into_iter().zip(outputs).zip(&mut self.bodies) {
             widen(&mut u[rows.clone()], &output.u);
@@ -489,7 +501,7 @@ impl GpuBackend {
             resident.carries_low = kernel == "accept_explicit";
         }
         if read_back {
-            write_state(world, &u, &v);
+            write_state(world, u, v);
         }
         self.mark_columns(world, !read_back);
     }
@@ -624,67 +636,76 @@ impl Resident {
     ) -> bool {
         let narrow = |x: &[S; 4]| x.map(|x| x.to_f64() as f32);
         let loaded = &self.body.elements.loaded_rows;
-        let vertices = vertex_constants(node, rows.clone(), body, loaded);
-        if vertices != self.vertices {
-            self.body.write_vertices(context, &vertices);
+        if renew(&mut self.vertices, vertex_constants(node, rows.clone(), body, loaded)) {
+            self.body.write_vertices(context, &self.vertices);
             self.kept = None;
-            self.vertices = vertices;
         }
-        let refresh = |slot, known: &mut Vec<[f32; 4]>, now: Vec<[f32; 4]>| {
-            if *known != now {
-                self.body.write_rows(context, slot, &now);
-                *known = now;
+        let device = &self.body;
+        let refresh = |slot, known: &mut Vec<[f32; 4]>, now: &[[S; 4]]| {
+            let changed = renew(known, now.iter().map(narrow));
+            if changed {
+                device.write_rows(context, slot, known);
             }
+            changed
         };
         if !behind {
             let [u, v] = &mut self.state;
-            let now: Vec<_> = node.u[rows.clone()].iter().map(narrow).collect();
-            self.carries_low &= now == *u;
-            refresh(RowSlot::U, u, now);
-            refresh(RowSlot::V, v, node.v[rows.clone()].iter().map(narrow).collect());
+            self.carries_low &= !refresh(RowSlot::U, u, &node.u[rows.clone()]);
+            refresh(RowSlot::V, v, &node.v[rows.clone()]);
         }
-        refresh(
-            RowSlot::Load,
-            &mut self.load,
-            node.external[rows.clone()].iter().map(narrow).collect(),
-        );
+        refresh(RowSlot::Load, &mut self.load, &node.external[rows.clone()]);
         // free unknowns have no target: theirs is the displacement, so that it does not change with it
         let mut moves = false;
-        let mut target = Vec::with_capacity(rows.len());
-        for (local, (row, vertex)) in rows.zip(&self.vertices).enumerate() {
+        let place = &self.place;
+        let targets = rows.zip(&self.vertices).enumerate().map(|(local, (row, vertex))| {
             let mut own = [0.0; 4];
             for k in (0..3).filter(|k| vertex.held >> k & 1 == 1) {
-                let is = if behind { self.place[local][k] } else { node.u[row][k].to_f64() as f32 };
+                let is = if behind { place[local][k] } else { node.u[row][k].to_f64() as f32 };
                 let massless = !node.fixed[row].holds(k);
                 own[k] = if massless { is } else { node.prescribed[row][k].to_f64() as f32 };
                 moves |= own[k] != is;
             }
-            target.push(own);
+            own
+        });
+        if renew(&mut self.target, targets) {
+            device.write_rows(context, RowSlot::Target, &self.target);
         }
-        refresh(RowSlot::Target, &mut self.target, target);
         moves
     }
 }
 
-/// What the device has to know of the vertices of a body.
-pub(crate) fn vertex_constants<S: Scalar>(
-    node: &NodeState<S>,
+/// Puts numbers in the place of others without asking for memory; whether any is different.
+fn renew<T: PartialEq>(known: &mut Vec<T>, now: impl ExactSizeIterator<Item = T>) -> bool {
+    if known.len() != now.len() {
+        known.clear();
+        known.extend(now);
+        return true;
+    }
+    let mut changed = false;
+    for (known, now) in known.iter_mut().zip(now) {
+        if *known != now {
+            *known = now;
+            changed = true;
+        }
+    }
+    changed
+}
+
+/// What the device has to know of the vertices of a body; pressure acts on the rows `loaded`, which ascend.
+pub(crate) fn vertex_constants<'a, S: Scalar>(
+    node: &'a NodeState<S>,
     rows: Range<usize>,
-    body: &BodyRows,
-    loaded: &[u32],
-) -> Vec<VertexConstants> {
-    let constants = |(row, &piece): (usize, &u32)| VertexConstants {
+    body: &'a BodyRows,
+    loaded: &'a [u32],
+) -> impl ExactSizeIterator<Item = VertexConstants> + 'a {
+    let mut loaded = loaded.iter().peekable();
+    rows.zip(&body.piece).enumerate().map(move |(local, (row, &piece))| VertexConstants {
         mass: node.mass[row].to_f64() as f32,
         // without mass and element nothing says where it should go
         held: if node.mass[row] == S::ZERO { 7 } else { u32::from(node.fixed[row].0) },
         piece,
-        loaded: 0,
-    };
-    let mut vertices: Vec<_> = rows.zip(&body.piece).map(constants).collect();
-    for &row in loaded {
-        vertices[row as usize].loaded = 1;
-    }
-    vertices
+        loaded: u32::from(loaded.next_if(|&&own| own as usize == local).is_some()),
+    })
 }
 
 /// Rows of the device in the number type of the columns.

@@ -28,8 +28,9 @@ const MAX_AGGREGATES: usize = 341;
 const MODES: usize = 6;
 /// Rows of a pivot, as in inverse.wgsl.
 const PIVOT: u32 = 32;
-/// Aggregates that a workgroup sums over, and rows of the inverse that it multiplies with, as in coarse.wgsl.
-const LANES: u32 = 16;
+/// Aggregates that a workgroup sums over, and rows of the inverse that it multiplies with: 64 threads each, as in
+/// coarse.wgsl.
+const SHARED: u32 = 4;
 
 /// `Coarse` of prelude.wgsl.
 #[repr(C)]
@@ -83,7 +84,7 @@ impl CoarsePlan {
             return None;
         }
         let unknowns = (MODES * aggregates.count) as u32;
-        let (stride, groups) = (unknowns.next_multiple_of(PIVOT), unknowns.div_ceil(LANES));
+        let (stride, groups) = (unknowns.next_multiple_of(PIVOT), unknowns.div_ceil(SHARED));
         Some(Self { aggregates, stride, groups })
     }
 }
@@ -199,7 +200,7 @@ impl Coarse {
 
     /// Forces on aggregates and their motions, by kernels of [`START`] and so on.
     pub fn apply(&self, [_, restrict, motions]: [&'static str; 3], pass: &mut Pass<'_>) {
-        self.dispatch(restrict, [self.aggregates.div_ceil(LANES), 1], pass);
+        self.dispatch(restrict, [self.aggregates.div_ceil(SHARED), 1], pass);
         self.dispatch(motions, [self.groups, 1], pass);
     }
 

@@ -15,14 +15,32 @@
 @group(0) @binding(8) var<storage, read> inverse: array<f32>;
 @group(0) @binding(9) var<storage, read_write> motions: array<f32>;    // forces, then motions
 
-const LANES: u32 = 16u;
+// Threads of an aggregate or a row of the inverse; four of these share a workgroup. As in coarse.rs.
+const LANES: u32 = 64u;
+const SHARED: u32 = GROUP / LANES;
 var<workgroup> force: array<vec4f, 256>;
 var<workgroup> turn: array<vec4f, 256>;
 
-// Sum of the residual over aggregates, sixteen a workgroup with as many lanes each.
+// Sums over the lanes in the fixed order of a binary tree, left in the first; every thread of the workgroup takes part.
+fn lane_sums(local: u32, f: vec4f, t: vec4f) {
+    let lane = local % LANES;
+    workgroupBarrier();
+    force[local] = f;
+    turn[local] = t;
+    workgroupBarrier();
+    for (var width = LANES / 2u; width > 0u; width = width / 2u) {
+        if lane < width {
+            force[local] += force[local + width];
+            turn[local] += turn[local + width];
+        }
+        workgroupBarrier();
+    }
+}
+
+// Sum of the residual over aggregates.
 fn restrict_if(act: bool, group: u32, local: u32) {
     let lane = local % LANES;
-    let aggregate = group * LANES + local / LANES;
+    let aggregate = group * SHARED + local / LANES;
     let own = act && aggregate < coarse.aggregates;
     var f = vec3f(0.0);
     var t = vec3f(0.0);
@@ -36,57 +54,34 @@ fn restrict_if(act: bool, group: u32, local: u32) {
             t += cross(arms[i].xyz, r);
         }
     }
-    force[local] = vec4f(f, 0.0);
-    turn[local] = vec4f(t, 0.0);
-    workgroupBarrier();
-    if own && lane < 6u {
-        var sum = 0.0;
-        for (var k = local - lane; k < local - lane + LANES; k += 1u) {
-            if lane < 3u {
-                sum += force[k][lane];
-            } else {
-                sum += turn[k][lane - 3u];
-            }
-        }
-        motions[6u * aggregate + lane] = sum;
+    lane_sums(local, vec4f(f, 0.0), vec4f(t, 0.0));
+    if own && lane < 3u {
+        motions[6u * aggregate + lane] = force[local - lane][lane];
+        motions[6u * aggregate + 3u + lane] = turn[local - lane][lane];
     }
 }
 
-var<workgroup> lanes: array<f32, 256>;
-
-// Motions from forces, sixteen rows a workgroup with as many lanes each; leaves their part of r.z. The inverse is
-// symmetric: neighbouring threads read neighbouring numbers of one of its rows as their columns.
+// Motions from forces; leaves their part of r.z. Neighbouring threads read neighbouring numbers of a row.
 fn move_if(act: bool, group: u32, local: u32) {
-    let lane = local / LANES;
-    let row = group * LANES + local % LANES;
+    let lane = local % LANES;
+    let row = group * SHARED + local / LANES;
     let unknowns = 6u * coarse.aggregates;
+    let mine = act && row < unknowns;
     var own = 0.0;
-    let end = select(0u, unknowns, act && row < unknowns);
+    let end = select(0u, unknowns, mine);
     for (var k = lane; k < end; k += LANES) {
-        own += inverse[k * coarse.stride + row] * motions[k];
+        own += inverse[row * coarse.stride + k] * motions[k];
     }
-    lanes[local] = own;
-    workgroupBarrier();
-    if lane == 0u {
-        var x = 0.0;
-        for (var k = 0u; k < LANES; k += 1u) {
-            x += lanes[LANES * k + local];
-        }
-        var work = 0.0;
-        if act && row < unknowns {
-            motions[coarse.stride + row] = x;
-            work = motions[row] * x;
-        }
-        // nobody else reads this place of the first lane
-        lanes[local] = work;
+    lane_sums(local, vec4f(own, 0.0, 0.0, 0.0), vec4f(0.0));
+    var work = 0.0;
+    if mine && lane == 0u {
+        let x = force[local].x;
+        motions[coarse.stride + row] = x;
+        work = motions[row] * x;
     }
-    workgroupBarrier();
+    let sum = group_sum(local, vec4f(work, 0.0, 0.0, 0.0));
     if act && local == 0u {
-        var sum = 0.0;
-        for (var k = 0u; k < LANES; k += 1u) {
-            sum += lanes[k];
-        }
-        partials[step.matrix_groups + step.groups + group] = vec4f(sum, 0.0, 0.0, 0.0);
+        partials[step.matrix_groups + step.groups + group] = sum;
     }
 }
 

@@ -18,6 +18,10 @@ use crate::lists::{TRANSPOSED, block_source, compressed};
 const BLOCK_BYTES: u64 = 36;
 /// Most workgroups of kernels that sum.
 pub const MAX_GROUPS: u32 = 512;
+/// Most workgroups of products, which are the longest kernels of a step.
+const MAX_PRODUCT_GROUPS: u32 = 1024;
+/// Rows that a workgroup of a product works on at a time: four threads each, as in matrix.wgsl.
+const GROUP_ROWS: u32 = GROUP / 4;
 
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
@@ -77,8 +81,9 @@ impl MatrixPattern {
             // at least one row, which no limit of an adapter comes near
             let within = |row: &u32| row_start[*row as usize] - row_start[first as usize] <= limit;
             let end = (first + 2..=n).take_while(within).last().unwrap_or(first + 1);
-            let groups = (end - first).div_ceil(GROUP);
-            let share = (u64::from(MAX_GROUPS) * u64::from(end - first)).div_ceil(u64::from(n));
+            let groups = (end - first).div_ceil(GROUP_ROWS);
+            let share =
+                (u64::from(MAX_PRODUCT_GROUPS) * u64::from(end - first)).div_ceil(u64::from(n));
             let groups = groups.min(share as u32).max(1);
             let own = row_start[first as usize]..row_start[end as usize];
             let starts: Vec<u32> = row_start[first as usize..=end as usize]

@@ -1,5 +1,6 @@
 // Products with a part (range of rows) of the block matrix: all blocks of a row lie side by side, 9 numbers
-// each, row by row. One thread per vertex row: a warp reads whole cache lines over its next few blocks.
+// each, row by row. Four threads share a row: neighbours read neighbouring blocks, and a body of 90 000 vertices fills
+// a large device.
 
 struct Part {
     first: u32,       // first vertex row
@@ -13,15 +14,34 @@ struct Part {
 @group(1) @binding(2) var<storage, read> columns: array<u32>;
 @group(1) @binding(3) var<storage, read> values: array<f32>;
 
-// K x of a row of the part.
+// Threads of a row, as in matrix.rs.
+const ROW_LANES: u32 = 4u;
+const GROUP_ROWS: u32 = GROUP / ROW_LANES;
+
+var<workgroup> shares: array<vec4f, 256>;
+
+// Sum over the threads of a row, in their order; each gets it.
+fn row_sum(local: u32, own: vec3f) -> vec3f {
+    workgroupBarrier();
+    shares[local] = vec4f(own, 0.0);
+    workgroupBarrier();
+    let first = local - local % ROW_LANES;
+    var sum = shares[first].xyz;
+    for (var k = 1u; k < ROW_LANES; k += 1u) {
+        sum += shares[first + k].xyz;
+    }
+    return sum;
+}
+
+// A thread's share of K x in a row of the part.
 //
 // K does not resist translations, so K x is a sum of K_ij (x_j - x_i): in a smooth x the differences are small,
 // and so is what rounding makes of them. Summing K_ij x_j instead would cancel, and f32 would stall conjugate
 // gradients ten times earlier in a slender body.
-fn tangent_product(row: u32, slot: u32, own: vec3f) -> vec3f {
+fn tangent_share(row: u32, lane: u32, slot: u32, own: vec3f) -> vec3f {
     var q = vec3f(0.0);
     let end = row_start[row + 1u];
-    for (var k = row_start[row]; k < end; k += 1u) {
+    for (var k = row_start[row] + lane; k < end; k += ROW_LANES) {
         let x = rows[slot * step.n + columns[k]].xyz - own;
         let at = 9u * k;
         q += vec3f(
@@ -33,30 +53,37 @@ fn tangent_product(row: u32, slot: u32, own: vec3f) -> vec3f {
     return q;
 }
 
-// A x of a row, A = c_M M + K with held unknowns taken out exactly: x is 0 there.
-fn system_product(row: u32, slot: u32, own: vec3f) -> vec3f {
-    let i = part.first + row;
+// A x of a vertex row from K x, A = c_M M + K with held unknowns taken out exactly: x is 0 there.
+fn system_row(i: u32, tangent: vec3f, own: vec3f) -> vec3f {
     let vertex = vertices[i];
     let inertia = ((step.inertia + step.mass_damping) * vertex.mass) * own;
-    let q = tangent_product(row, slot, own) + inertia + row_sum_product(i, own);
+    let q = tangent + inertia + row_sum_product(i, own);
     return select(own, q, free_axes(vertex.held).xyz > vec3f(0.5));
 }
 
 // q = K p, or for the system q = A p; returns the thread's part of p.q.
 fn multiply(act: bool, is_system: bool, group: u32, local: u32) -> f32 {
     var sum = 0.0;
-    let count = select(0u, part.count, act);
-    for (var row = group * GROUP + local; row < count; row += part.groups * GROUP) {
+    let lane = local % ROW_LANES;
+    // as many rounds for all threads: barriers stand in uniform control flow
+    for (var first = group * GROUP_ROWS; first < part.count; first += part.groups * GROUP_ROWS) {
+        let row = first + local / ROW_LANES;
         let i = part.first + row;
-        let own = rows[P * step.n + i].xyz;
+        let mine = act && row < part.count;
+        var own = vec3f(0.0);
         var q = vec3f(0.0);
-        if is_system {
-            q = system_product(row, P, own);
-        } else {
-            q = tangent_product(row, P, own);
+        if mine {
+            own = rows[P * step.n + i].xyz;
+            q = tangent_share(row, lane, P, own);
         }
-        rows[Q * step.n + i] = vec4f(q, 0.0);
-        sum += dot(q, own);
+        q = row_sum(local, q);
+        if mine && lane == 0u {
+            if is_system {
+                q = system_row(i, q, own);
+            }
+            rows[Q * step.n + i] = vec4f(q, 0.0);
+            sum += dot(q, own);
+        }
     }
     return sum;
 }
@@ -65,14 +92,24 @@ fn multiply(act: bool, is_system: bool, group: u32, local: u32) -> f32 {
 // which is free between an iteration's update and the next product; sums r.z.
 fn smooth_if(act: bool, group: u32, local: u32) {
     var sum = 0.0;
-    let count = select(0u, part.count, act);
-    for (var row = group * GROUP + local; row < count; row += part.groups * GROUP) {
+    let lane = local % ROW_LANES;
+    for (var first = group * GROUP_ROWS; first < part.count; first += part.groups * GROUP_ROWS) {
+        let row = first + local / ROW_LANES;
         let i = part.first + row;
-        let own = load_row(Z, i);
-        let moved = precondition(i, vec4f(system_product(row, Z, own.xyz), 0.0));
-        let z = step.smoother.x * own - step.smoother.y * moved;
-        store_row(Q, i, vec4f(z.xyz, 0.0));
-        sum += dot(load_row(R, i).xyz, z.xyz);
+        let mine = act && row < part.count;
+        var own = vec4f(0.0);
+        var q = vec3f(0.0);
+        if mine {
+            own = load_row(Z, i);
+            q = tangent_share(row, lane, Z, own.xyz);
+        }
+        q = row_sum(local, q);
+        if mine && lane == 0u {
+            let moved = precondition(i, vec4f(system_row(i, q, own.xyz), 0.0));
+            let z = step.smoother.x * own - step.smoother.y * moved;
+            store_row(Q, i, vec4f(z.xyz, 0.0));
+            sum += dot(load_row(R, i).xyz, z.xyz);
+        }
     }
     let all = group_sum(local, vec4f(sum, 0.0, 0.0, 0.0));
     if local == 0u && act {

@@ -7,6 +7,7 @@ use std::time::Instant;
 
 use crate::backend::GpuBackend;
 use crate::body::{RowSlot, StepUniform, kind_number, total};
+use crate::context::{Binding, groups_for, layout};
 use crate::error::GpuError;
 use crate::report::Phase;
 
@@ -172,27 +173,36 @@ impl GpuBackend {
         Ok(timing)
     }
 
-    /// Bandwidth (bytes/s, read and written) of copies between two buffers on the device, as the host sees it.
+    /// Bandwidth (bytes/s, read and written) of a kernel that copies a buffer larger than the caches of devices.
     ///
     /// # Errors
     /// When the device gives up.
     pub fn copy_bandwidth(&self) -> Result<f64, GpuError> {
         const COPIES: u32 = 16;
         let context = &self.context;
-        let bytes = context.binding_limit.min(64 << 20).next_multiple_of(16);
+        let bytes = context.binding_limit.min(512 << 20) / 16 * 16;
         let [from, to] = ["from", "to"].map(|label| context.storage(label, bytes));
+        let layout = layout(&context.gpu.device, "copy", &[Binding::Read, Binding::Write]);
+        let bind = context.bind(&layout, &[&from, &to]);
+        let kernel = context.kernel("copy", "copy", &[&layout]);
+        let groups = groups_for(bytes / 16);
         let run = |copies: u32| {
             let start = Instant::now();
+            context.restart_timer();
             let mut recorder = context.record();
-            for _ in 0..copies {
-                recorder.encoder.copy_buffer_to_buffer(&from, 0, &to, 0, bytes);
-            }
+            recorder.pass(Phase::Rows, |pass| {
+                (0..copies).for_each(|_| pass.run(&kernel, &[&bind], groups));
+            });
             let done = recorder.read(&to, 0, 16);
             recorder.submit();
             done.wait::<[f32; 4]>(context)?;
-            Ok::<_, GpuError>(start.elapsed().as_secs_f64())
+            let host = start.elapsed().as_secs_f64();
+            let device = context.device_times().map(|(times, _)| times[0].1);
+            Ok::<_, GpuError>(device.unwrap_or(host))
         };
         run(1)?;
-        Ok(2.0 * f64::from(COPIES) * bytes as f64 / run(COPIES)?)
+        let seconds = run(COPIES)?;
+        context.restart_timer();
+        Ok(2.0 * f64::from(COPIES) * bytes as f64 / seconds)
     }
 }

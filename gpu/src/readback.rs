@@ -124,7 +124,8 @@ impl GpuBackend {
             || self.bodies.iter().zip(rows).zip(&topology.bodies).any(|((resident, rows), body)| {
                 let loaded = &resident.body.elements.loaded_rows;
                 resident.recovery.recovers()
-                    || resident.vertices != vertex_constants(node, rows.clone(), body, loaded)
+                    || !vertex_constants(node, rows.clone(), body, loaded)
+                        .eq(resident.vertices.iter().copied())
             })
     }
 

@@ -24,8 +24,10 @@ const MAX_HALVINGS: u32 = 30;
 const NOISE: f64 = 450.0 * f32::EPSILON as f64;
 /// Iterations of conjugate gradients submitted before anything is known of a body.
 const FIRST_BATCH: u32 = 32;
-/// Most iterations in one submission.
+/// Most iterations before the host looks at them.
 const MAX_BATCH: u32 = 512;
+/// Iterations in one submission: the device begins with the first while the host records the next.
+const SUBMISSION: u32 = 12;
 
 /// Phases of conjugate gradients, as in cg.wgsl.
 mod phase {
@@ -587,20 +589,31 @@ impl SafeStep<'_> {
             }
         });
         loop {
-            recorder.pass(Phase::Solve, |pass| {
-                for _ in 0..batch {
-                    body.single(pass, "note");
-                    body.product(pass, "product", false);
-                    body.summing(pass, "improve");
-                    match coarse {
-                        Some(coarse) => {
-                            body.product(pass, coarse::ITERATION[0], false);
-                            coarse.apply(coarse::ITERATION, pass);
-                            coarse.dispatch("direction", [body.groups, 1], pass);
+            let mut left = batch;
+            while left > 0 {
+                let now = left.min(SUBMISSION);
+                left -= now;
+                recorder.pass(Phase::Solve, |pass| {
+                    for _ in 0..now {
+                        body.single(pass, "note");
+                        body.product(pass, "product", false);
+                        body.summing(pass, "improve");
+                        match coarse {
+                            Some(coarse) => {
+                                body.product(pass, coarse::ITERATION[0], false);
+                                coarse.apply(coarse::ITERATION, pass);
+                                coarse.dispatch("direction", [body.groups, 1], pass);
+                            }
+                            None => body.summing(pass, "direction"),
                         }
-                        None => body.summing(pass, "direction"),
                     }
+                });
+                if left > 0 {
+                    recorder.submit();
+                    recorder = context.record();
                 }
+            }
+            recorder.pass(Phase::Solve, |pass| {
                 body.single(pass, "note");
                 body.each_row(pass, "verify_begin");
                 body.product(pass, "product_verify", false);

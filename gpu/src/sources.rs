@@ -62,7 +62,7 @@ fn KERNEL_verify(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_
 ];
 
 /// Modules without elements: name and files.
-pub(crate) const SHARED: [(&str, &[&str]); 8] = [
+pub(crate) const SHARED: [(&str, &[&str]); 9] = [
     // passes over vertex rows, products, conjugate gradients
     (
         "solver",
@@ -83,6 +83,8 @@ pub(crate) const SHARED: [(&str, &[&str]); 8] = [
     ("gather", &[PRELUDE, include_str!("gather.wgsl")]),
     ("assemble", &[PRELUDE, include_str!("assemble.wgsl")]),
     ("shift", &[PRELUDE, include_str!("shift.wgsl")]),
+    // what the bandwidth of the device is measured by
+    ("copy", &[PRELUDE, include_str!("copy.wgsl")]),
     // sets of elements whose law is silent
     ("silence", &[PRELUDE, include_str!("silence.wgsl")]),
 ];

@@ -4,6 +4,7 @@
 use crate::toolbox::beam::{MATERIAL, beam, bend, cells_for, evaluate, relative_distance, request};
 use crate::toolbox::prelude::*;
 use crate::toolbox::stats::{Spread, median};
+use sinew::gpu::report::Phase;
 use sinew::gpu::{GpuBackend, GpuOptions, GpuReport};
 use sinew::simulation::{Backend, Readback};
 use sinew::solvers::settings::Preconditioner;
@@ -22,6 +23,10 @@ struct DeviceRow {
     iterations: f64,
     residual: f64,
     step_error: f64,
+    /// Time on the device (ms) of a step by phase.
+    phases: Vec<(&'static str, f64)>,
+    /// Submissions of a step.
+    submissions: f64,
 }
 
 /// All of one size.
@@ -76,7 +81,22 @@ pub fn run(sizes: &[usize], steps: usize, mut tell: impl FnMut(&str)) -> Result<
         "of copies %" => 100.0 * size.bandwidth / copies,
     )
     .note(format!("copies: {copies:.1} GB/s."));
-    Ok(vec![ways, sizes])
+    let phase_of = |row: &DeviceRow, phase: Phase| {
+        row.phases.iter().find(|(name, _)| *name == phase.name()).map(|(_, ms)| *ms)
+    };
+    let on_device = measured
+        .iter()
+        .flat_map(|size| size.rows.iter().map(move |row| (size, row)))
+        .filter(|(_, row)| !row.phases.is_empty());
+    let phases = table_of!("gpu-phases", "Steps on the device by phase (ms)"; for (size, r) in on_device;
+        "tets" => size.tetrahedra, "preconditioner" => &r.preconditioner,
+        "forces" => phase_of(r, Phase::Forces), "tangent" => phase_of(r, Phase::Tangent),
+        "inverse" => phase_of(r, Phase::Preconditioner), "solve" => phase_of(r, Phase::Solve),
+        "rows" => phase_of(r, Phase::Rows), "host and gaps" => r.step_device_ms.map(|ms| r.step_ms - ms),
+        "submissions" => r.submissions,
+    )
+    .note("means over the steps; inverse: of the coarse matrix, made anew when it pays.");
+    Ok(vec![ways, phases, sizes])
 }
 
 fn settings() -> SolverSettings {
@@ -159,6 +179,8 @@ fn measure(size: usize, steps: usize) -> Result<DeviceSize> {
         let (mut iterations, mut residual) = (0, 0.0_f64);
         let mut refreshes = simulation.report().preconditioner_refreshes;
         let mut bytes_down = None;
+        let mut phases: Vec<(&'static str, f64)> = Vec::new();
+        let mut submissions = 0;
         for _ in 0..steps {
             let clock = Instant::now();
             simulation.step()?;
@@ -170,6 +192,14 @@ fn measure(size: usize, steps: usize) -> Result<DeviceSize> {
             let device = simulation.world().get_resource::<GpuReport>();
             bytes_down = device.map(|report| report.bytes_down);
             device_times.extend(device.and_then(GpuReport::device_total).map(|s| s * 1e3));
+            for &(name, seconds) in device.iter().flat_map(|report| &report.device_seconds) {
+                let ms = seconds * 1e3 / steps as f64;
+                match phases.iter_mut().find(|(own, _)| *own == name) {
+                    Some((_, sum)) => *sum += ms,
+                    None => phases.push((name, ms)),
+                }
+            }
+            submissions += device.map_or(0, |report| report.submissions);
         }
         let preconditioner = simulation.report().preconditioner.to_string();
         let u = simulation.displacements(body);
@@ -187,6 +217,8 @@ fn measure(size: usize, steps: usize) -> Result<DeviceSize> {
             iterations: f64::from(iterations) / steps as f64,
             residual,
             step_error: relative_distance(&u, true_u),
+            phases,
+            submissions: f64::from(submissions) / steps as f64,
         });
     }
     let vertices = mesh.points.len();
