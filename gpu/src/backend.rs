@@ -250,6 +250,7 @@ fn integrate<S: Scalar>(world: &mut World) {
     }
     backend.context.restart_timer();
     (device.bytes_up, device.bytes_down, device.submissions) = backend.context.take_traffic();
+    device.waited_seconds = backend.context.take_waited();
     device.host_seconds = start.elapsed().as_secs_f64();
     world.insert_resource(backend);
     world.resource_mut::<StepFailure>().0 = result.err();

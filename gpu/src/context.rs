@@ -3,6 +3,7 @@
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError, mpsc};
+use std::time::Instant;
 
 use bytemuck::{Pod, cast_slice};
 use sinew_adapter::Gpu;
@@ -67,6 +68,8 @@ pub struct Context {
     up: AtomicU64,
     down: AtomicU64,
     submissions: AtomicU32,
+    /// Time (ns) that the host has waited for the device.
+    waited: AtomicU64,
 }
 
 struct Timer {
@@ -159,6 +162,7 @@ impl Context {
             up: AtomicU64::new(0),
             down: AtomicU64::new(0),
             submissions: AtomicU32::new(0),
+            waited: AtomicU64::new(0),
             gpu,
         }
     }
@@ -313,6 +317,11 @@ impl Context {
         (take(&self.up), take(&self.down), self.submissions.swap(0, Ordering::Relaxed))
     }
 
+    /// Time (s) that the host has waited since this was last asked.
+    pub fn take_waited(&self) -> f64 {
+        self.waited.swap(0, Ordering::Relaxed) as f64 * 1e-9
+    }
+
     /// Forgets the times of passes of the last step.
     pub fn restart_timer(&self) {
         if let Some(timer) = &self.timer {
@@ -433,7 +442,9 @@ impl PendingRead {
             adapter: context.gpu.summary.to_string(),
             reason,
         };
+        let start = Instant::now();
         let polled = context.gpu.device.poll(wgpu::PollType::wait_indefinitely());
+        context.waited.fetch_add(start.elapsed().as_nanos() as u64, Ordering::Relaxed);
         polled.map_err(|error| lost(error.to_string()))?;
         match receive.recv() {
             Ok(Ok(())) => {}

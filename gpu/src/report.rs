@@ -49,6 +49,8 @@ pub struct GpuReport {
     pub untimed_passes: bool,
     /// Time of the integrator on the host (s), waiting for the device included.
     pub host_seconds: f64,
+    /// Of that, waiting for the device.
+    pub waited_seconds: f64,
     /// Submissions to the device.
     pub submissions: u32,
     /// Bytes sent to the device.

@@ -25,6 +25,8 @@ struct DeviceRow {
     step_error: f64,
     /// Time on the device (ms) of a step by phase.
     phases: Vec<(&'static str, f64)>,
+    /// Of a step (ms): the host waits in the integrator, works there, works outside.
+    host: [f64; 3],
     /// Submissions of a step.
     submissions: f64,
 }
@@ -92,10 +94,13 @@ pub fn run(sizes: &[usize], steps: usize, mut tell: impl FnMut(&str)) -> Result<
         "tets" => size.tetrahedra, "preconditioner" => &r.preconditioner,
         "forces" => phase_of(r, Phase::Forces), "tangent" => phase_of(r, Phase::Tangent),
         "inverse" => phase_of(r, Phase::Preconditioner), "solve" => phase_of(r, Phase::Solve),
-        "rows" => phase_of(r, Phase::Rows), "host and gaps" => r.step_device_ms.map(|ms| r.step_ms - ms),
-        "submissions" => r.submissions,
+        "rows" => phase_of(r, Phase::Rows), "host waits" => r.host[0], "host works" => r.host[1],
+        "outside" => r.host[2], "submissions" => r.submissions,
     )
-    .note("means over the steps; inverse: of the coarse matrix, made anew when it pays.");
+    .note(
+        "means over the steps; inverse: of the coarse matrix, made anew when it pays; outside: systems of the step \
+         other than the integrator. The device works while the host does.",
+    );
     Ok(vec![ways, phases, sizes])
 }
 
@@ -181,6 +186,7 @@ fn measure(size: usize, steps: usize) -> Result<DeviceSize> {
         let mut bytes_down = None;
         let mut phases: Vec<(&'static str, f64)> = Vec::new();
         let mut submissions = 0;
+        let mut host = [0.0; 3];
         for _ in 0..steps {
             let clock = Instant::now();
             simulation.step()?;
@@ -199,7 +205,12 @@ fn measure(size: usize, steps: usize) -> Result<DeviceSize> {
                     None => phases.push((name, ms)),
                 }
             }
-            submissions += device.map_or(0, |report| report.submissions);
+            if let (Some(device), Some(all)) = (device, times.last()) {
+                let own = [device.waited_seconds, device.host_seconds].map(|s| s * 1e3);
+                let parts = [own[0], own[1] - own[0], all - own[1]];
+                (0..3).for_each(|k| host[k] += parts[k] / steps as f64);
+                submissions += device.submissions;
+            }
         }
         let preconditioner = simulation.report().preconditioner.to_string();
         let u = simulation.displacements(body);
@@ -218,6 +229,7 @@ fn measure(size: usize, steps: usize) -> Result<DeviceSize> {
             residual,
             step_error: relative_distance(&u, true_u),
             phases,
+            host,
             submissions: f64::from(submissions) / steps as f64,
         });
     }
