@@ -261,7 +261,7 @@ fn constant_curvature_is_exact_on_any_mesh() {
                 let theta = angles(&near, &points, &w);
                 let moment = times(&c, &theta);
                 // forces, from the derivative of the work of the moments
-                let mut force = vec![0.0; points.len()];
+                let mut force = vec![0.0_f64; points.len()];
                 for (nodes, m) in near.hinges().iter().zip(&moment) {
                     let hinge = Hinge::new(&nodes.map(|v| points[v as usize]), false);
                     let gradient = hinge.state(&[[0.0; 3]; 4]).of_sigma;

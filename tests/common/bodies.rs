@@ -116,7 +116,8 @@ fn sheets(mesh: &Mesh) -> Vec<BodyDescription<'_>> {
             let sheet = MembraneDescription::new(&mesh.triangles, 1e-3, MATERIAL);
             let sheet = MembraneDescription { quads: &mesh.quads, model, evaluation, ..sheet };
             let body = BodyDescription::from_parts("sheet", &mesh.points, &[], MATERIAL);
-            if mesh.quads.is_empty() {
+            // one is enough: its law knows nothing of the others
+            if mesh.quads.is_empty() && model == Biquadratic && evaluation == Evaluation::Fused {
                 let bending = Some(Bending::default());
                 let bends = MembraneDescription { bending, ..sheet };
                 sheets.push(BodyDescription { membrane: Some(bends), ..body.clone() });
