@@ -97,7 +97,8 @@ fn plate(pattern: Pattern, nu: f64, n: usize, clamped: bool) -> [f64; 2] {
         mesh.points[a].distance(middle).total_cmp(&mesh.points[b].distance(middle))
     });
     let centre = centre.unwrap();
-    let [uniform, point] = if clamped { [0.001_265_32, 0.005_612] } else { [0.004_062_35, 0.011_600_8] };
+    let [uniform, point] =
+        if clamped { [0.001_265_32, 0.005_612] } else { [0.004_062_35, 0.011_600_8] };
     let d = stiffness(material);
     // deflections far below the thickness: the plane is not stretched
     let size = 1e-3 * THICKNESS;
@@ -105,9 +106,7 @@ fn plate(pattern: Pattern, nu: f64, n: usize, clamped: bool) -> [f64; 2] {
     let force = size * d / (point * SIDE.powi(2));
     [false, true].map(|by_force| {
         let (mut simulation, body) = plain(&mesh, material);
-        let on_rim = |p: DVec3| {
-            p.x.min(p.y) < 1e-6 * SIDE || p.x.max(p.y) > SIDE - 1e-6 * SIDE
-        };
+        let on_rim = |p: DVec3| p.x.min(p.y) < 1e-6 * SIDE || p.x.max(p.y) > SIDE - 1e-6 * SIDE;
         let rows = simulation.rows(body, "rim", &vertices(&mesh.points, on_rim)).unwrap();
         simulation.add_constraint(Constraint::hold("rim", rows));
         if by_force {
@@ -222,7 +221,8 @@ fn strips_hang_as_elasticas() {
             let drop = -mean(&|v| u[v].z) / SIDE;
             let reach = mean(&|v| mesh.points[v].x + u[v].x) / SIDE;
             let [own_drop, own_reach] = elastica(force, weight);
-            let what = format!("{pattern:?} {force} {weight}: {drop} {own_drop}, {reach} {own_reach}");
+            let what =
+                format!("{pattern:?} {force} {weight}: {drop} {own_drop}, {reach} {own_reach}");
             assert!((drop / own_drop - 1.0).abs() < 0.015, "{what}");
             assert!((reach - own_reach).abs() < 0.01, "{what}");
         }
@@ -330,7 +330,8 @@ fn stand_ins_are_semidefinite() {
         for _ in 0..400 {
             let kv = tangent_product(&mut s, body, kind, &v);
             smallest = dot(&v, &kv) / dot(&v, &v);
-            let next: Vec<DVec3> = v.iter().zip(&kv).map(|(v, kv)| 1.01 * largest * *v - *kv).collect();
+            let next: Vec<DVec3> =
+                v.iter().zip(&kv).map(|(v, kv)| 1.01 * largest * *v - *kv).collect();
             let size = dot(&next, &next).sqrt();
             v = next.iter().map(|x| *x / size).collect();
         }
@@ -557,7 +558,8 @@ fn what_cannot_bend_is_refused() {
     assert!(error.contains("quadrilaterals do not resist bending"), "{error}");
     let mut triangles = mesh.triangles.clone();
     let [a, b, _] = triangles[4];
-    let away = (0..16).find(|v| triangles.iter().all(|t| !(t.contains(&a) && t.contains(&b) && t.contains(v))));
+    let away = (0..16)
+        .find(|v| triangles.iter().all(|t| !(t.contains(&a) && t.contains(&b) && t.contains(v))));
     triangles.push([a, b, away.unwrap()]);
     let branched = MembraneDescription::new(&triangles, THICKNESS, material);
     let without = sheet(&mesh.points, branched);

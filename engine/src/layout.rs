@@ -229,7 +229,16 @@ impl Cells {
         let faces_of = PerElement::filled(6, all_faces().map(face_row));
         let opposite = |t: &[u32; 3]| TRIANGLE_EDGES.map(|[a, b]| edge_row([t[a], t[b]]));
         let triangle_edges = triangles.iter().map(opposite).collect();
-        Self { edges_of, triangles_of, faces_of, triangle_edges, edges, couplings, triangles, faces }
+        Self {
+            edges_of,
+            triangles_of,
+            faces_of,
+            triangle_edges,
+            edges,
+            couplings,
+            triangles,
+            faces,
+        }
     }
 }
 

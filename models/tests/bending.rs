@@ -43,7 +43,8 @@ fn derivatives_of_hinges() {
             let hinge = Hinge::new(&nodes(&mut next), flat);
             // up to folded over and inside out
             let size = [1e-3, 0.1, 1.0][case % 3];
-            let mut vectors = || -> Nodes<f64> { std::array::from_fn(|_| [next(), next(), next()]) };
+            let mut vectors =
+                || -> Nodes<f64> { std::array::from_fn(|_| [next(), next(), next()]) };
             let (u, v) = (step(&[[0.0; 3]; 4], &vectors(), size), vectors());
             let state = hinge.state(&u);
             if state.fade < 1.0 {
@@ -51,7 +52,8 @@ fn derivatives_of_hinges() {
             }
             let steep = largest(&state.gradient).max(1.0);
             let h = 1e-3 / steep;
-            let of = |f: fn(&Hinge<f64>, &Nodes<f64>) -> f64| slope(|t| f(&hinge, &step(&u, &v, t)), h);
+            let of =
+                |f: fn(&Hinge<f64>, &Nodes<f64>) -> f64| slope(|t| f(&hinge, &step(&u, &v, t)), h);
             let sigma = of(|e, u| e.state(u).sigma);
             let kappa = of(|e, u| e.state(u).kappa);
             assert!((sigma - along(&state.of_sigma, &v)).abs() < 1e-8 * steep, "sigma {case}");
@@ -108,8 +110,7 @@ fn rigid_motion_changes_nothing() {
         let rest = nodes(&mut next);
         for flat in [false, true] {
             let hinge = Hinge::new(&rest, flat);
-            let bend: Nodes<f64> =
-                std::array::from_fn(|_| std::array::from_fn(|_| 0.1 * next()));
+            let bend: Nodes<f64> = std::array::from_fn(|_| std::array::from_fn(|_| 0.1 * next()));
             let axis = DVec3::new(next(), next(), next()).normalize();
             let turn = DQuat::from_axis_angle(axis, 3.0 * next());
             let shift = DVec3::new(next(), next(), next());
@@ -255,7 +256,9 @@ fn constant_curvature_is_exact_on_any_mesh() {
         for nu in [0.0, 0.3, 0.45] {
             let moduli = [nu, 0.5 * (1.0 - nu)];
             let c = couplings(&near, |v| points[v as usize], moduli);
-            for [xx, yy, xy] in [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, -0.4, 0.7]] {
+            for [xx, yy, xy] in
+                [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, -0.4, 0.7]]
+            {
                 let form = |x: f64, y: f64| 0.5 * (xx * x * x + yy * y * y) + xy * x * y;
                 let w: Vec<f64> = points.iter().map(|p| form(p[0], p[1])).collect();
                 let theta = angles(&near, &points, &w);
@@ -288,14 +291,42 @@ fn a_sphere_has_the_energy_of_its_curvature() {
     // an icosahedron, its edges halved three times
     let g = 0.5 * (1.0 + 5.0_f64.sqrt());
     let corners = [
-        [-1.0, g, 0.0], [1.0, g, 0.0], [-1.0, -g, 0.0], [1.0, -g, 0.0], [0.0, -1.0, g], [0.0, 1.0, g],
-        [0.0, -1.0, -g], [0.0, 1.0, -g], [g, 0.0, -1.0], [g, 0.0, 1.0], [-g, 0.0, -1.0], [-g, 0.0, 1.0],
+        [-1.0, g, 0.0],
+        [1.0, g, 0.0],
+        [-1.0, -g, 0.0],
+        [1.0, -g, 0.0],
+        [0.0, -1.0, g],
+        [0.0, 1.0, g],
+        [0.0, -1.0, -g],
+        [0.0, 1.0, -g],
+        [g, 0.0, -1.0],
+        [g, 0.0, 1.0],
+        [-g, 0.0, -1.0],
+        [-g, 0.0, 1.0],
     ];
-    let mut points: Vec<DVec3> = corners.iter().map(|&c| DVec3::from_array(c).normalize()).collect();
+    let mut points: Vec<DVec3> =
+        corners.iter().map(|&c| DVec3::from_array(c).normalize()).collect();
     let mut triangles: Vec<[u32; 3]> = vec![
-        [0, 11, 5], [0, 5, 1], [0, 1, 7], [0, 7, 10], [0, 10, 11], [1, 5, 9], [5, 11, 4], [11, 10, 2],
-        [10, 7, 6], [7, 1, 8], [3, 9, 4], [3, 4, 2], [3, 2, 6], [3, 6, 8], [3, 8, 9], [4, 9, 5],
-        [2, 4, 11], [6, 2, 10], [8, 6, 7], [9, 8, 1],
+        [0, 11, 5],
+        [0, 5, 1],
+        [0, 1, 7],
+        [0, 7, 10],
+        [0, 10, 11],
+        [1, 5, 9],
+        [5, 11, 4],
+        [11, 10, 2],
+        [10, 7, 6],
+        [7, 1, 8],
+        [3, 9, 4],
+        [3, 4, 2],
+        [3, 2, 6],
+        [3, 6, 8],
+        [3, 8, 9],
+        [4, 9, 5],
+        [2, 4, 11],
+        [6, 2, 10],
+        [8, 6, 7],
+        [9, 8, 1],
     ];
     let mut errors = Vec::new();
     for _ in 0..4 {

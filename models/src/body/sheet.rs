@@ -14,8 +14,8 @@ use sinew_engine::scalar::Scalar;
 use thiserror::Error;
 
 use crate::body::lumped::SpringRule;
-use crate::element::plate::{Branching, Neighbours};
 use crate::element::membrane::{RestTriangle, RestTriangleError, plane_strain, plane_stress};
+use crate::element::plate::{Branching, Neighbours};
 use crate::frame::part::{Offsets, bad_vertices, rest_shapes};
 use crate::frame::quads::Quadrilateral;
 use crate::frame::row;

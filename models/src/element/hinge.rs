@@ -180,8 +180,7 @@ impl<R: Real> Hinge<R> {
         let edge = (R::ONE + of_edge).max(R::ZERO);
         let grown = of_1 + of_2 + of_1 * of_2;
         let floor = R::from_f64(FLOOR);
-        let floored =
-            R::either(R::less(R::ONE + of_1, floor), R::less(R::ONE + of_2, floor));
+        let floored = R::either(R::less(R::ONE + of_1, floor), R::less(R::ONE + of_2, floor));
         let lever = R::select(floored, edge - both, of_edge - grown) * both.recip();
         let lever = lever * (R::ONE + (edge * both.recip()).sqrt()).recip();
         let inverse = R::select(floored, R::ONE - both, -grown) * both.recip();
@@ -195,8 +194,7 @@ impl<R: Real> Hinge<R> {
         let turned_sin = offset_sin + (sin * free_cos - cos * free_sin);
         let turned_cos = offset_cos + (cos * free_cos + sin * free_sin);
         let small = turned_sin * turned_sin * (R::ONE + turned_cos.max(R::ZERO)).recip();
-        let one_less_cos =
-            R::select(R::less(R::ZERO, turned_cos), small, R::ONE - turned_cos);
+        let one_less_cos = R::select(R::less(R::ZERO, turned_cos), small, R::ONE - turned_cos);
         let (sin, cos) = (turned_sin, turned_cos);
 
         let gradient = shape.gradient();
@@ -276,7 +274,8 @@ impl<R: Real> Shape<R> {
         for side in 0..2 {
             let z = (self.area[side] * R::from_f64(1.0 / FADE)).min(R::ONE);
             factor[side] = z * z * (R::from_f64(3.0) - two * z);
-            slope[side] = R::from_f64(12.0 / FADE) * z * (R::ONE - z) * rest.square[1 + side].recip();
+            slope[side] =
+                R::from_f64(12.0 / FADE) * z * (R::ONE - z) * rest.square[1 + side].recip();
         }
         let s1 = slope[0] * factor[1];
         let s2 = slope[1] * factor[0];

@@ -293,7 +293,10 @@ impl Plate<'_> {
             let along = (0..3).map(|a| vectors[a][k] * wanted[a]).sum::<f64>() / value;
             (0..3).for_each(|a| factor[a] += along * vectors[a][k]);
         }
-        known.iter().map(|(x, sign, jump)| (*x, sign * (start(*x) + product(jump, &factor)))).collect()
+        known
+            .iter()
+            .map(|(x, sign, jump)| (*x, sign * (start(*x) + product(jump, &factor))))
+            .collect()
     }
 }
 

@@ -135,9 +135,8 @@ pub(crate) fn refresh<S: Scalar>(world: &mut World, resection: Option<&Resection
         let Some((moduli, flat)) = soft.membrane.and_then(|m| m.plate()) else { continue };
         let body = &topology.bodies[soft.index];
         let connectivity = resection.and_then(|r| r.connectivity(soft.index));
-        let is_left = |t: usize| {
-            connectivity.is_none_or(|c| c.is_present(ElementKind::Triangle, t as u32))
-        };
+        let is_left =
+            |t: usize| connectivity.is_none_or(|c| c.is_present(ElementKind::Triangle, t as u32));
         let v0 = body.vertices.start;
         let triangles = body.triangles().iter().enumerate().filter(|(t, _)| is_left(*t));
         let triangles = triangles.map(|(_, nodes)| nodes.map(|v| v + v0)).collect();
@@ -202,8 +201,7 @@ impl<S: Scalar> Hinges<S> {
         for (i, &nodes) in hinges.iter().enumerate() {
             let entries = couplings.start[i] as usize..couplings.start[i + 1] as usize;
             let partners = &couplings.hinge[entries.clone()];
-            let mut coupled: Vec<u32> =
-                partners.iter().flat_map(|&h| hinges[h as usize]).collect();
+            let mut coupled: Vec<u32> = partners.iter().flat_map(|&h| hinges[h as usize]).collect();
             coupled.sort_unstable();
             coupled.dedup();
             let places = |nodes: [u32; 4]| {
@@ -260,9 +258,8 @@ impl<S: Scalar> Hinges<S> {
         let state = &states[i];
         let (m, k) = (self.moment(i, states), self.own[i] * state.kappa);
         for (v, &row) in self.nodes[i].iter().enumerate() {
-            let f: [S; 3] = std::array::from_fn(|x| {
-                -(m * state.of_sigma[v][x] + k * state.of_kappa[v][x])
-            });
+            let f: [S; 3] =
+                std::array::from_fn(|x| -(m * state.of_sigma[v][x] + k * state.of_kappa[v][x]));
             span.add_force(row, f);
         }
     }

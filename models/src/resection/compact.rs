@@ -58,7 +58,8 @@ pub(super) fn compact<S: Scalar>(world: &mut World, resection: &mut Resection) -
     let coupled = bending::used_blocks::<S>(world);
     let mut topology = world.resource_mut::<Topology>();
     let used: Vec<bool> = (0..topology.edges.len()).map(|edge| topology.uses_edge(edge)).collect();
-    let keep: Vec<bool> = used.iter().zip(coupled).map(|(&used, coupled)| used || coupled).collect();
+    let keep: Vec<bool> =
+        used.iter().zip(coupled).map(|(&used, coupled)| used || coupled).collect();
     let block = new_places(&keep);
     let before = |edge: u32| keep[..edge as usize].iter().filter(|k| **k).count() as u32;
     for body in 0..topology.bodies.len() {

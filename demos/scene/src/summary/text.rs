@@ -505,7 +505,8 @@ impl MembraneSummary {
     fn describe(&self, block: &mut TextBlock) {
         let m = &self.material;
         let springs = self.element_method.filter(|_| self.model == MembraneModel::MassSpring);
-        let bends = self.bending.map_or(String::new(), |t| format!("; bends as {} mm", short(t * 1e3)));
+        let bends =
+            self.bending.map_or(String::new(), |t| format!("; bends as {} mm", short(t * 1e3)));
         line!(
             block,
             "  membrane",
