@@ -2,6 +2,7 @@
 
 mod axes;
 mod bad_input;
+mod bending;
 mod clusters;
 mod common;
 mod comparison_models;

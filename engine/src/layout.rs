@@ -113,8 +113,18 @@ impl BodyLayout {
     /// Orders a mesh of `vertex_count` vertices, whose elements have valid, distinct ones (which
     /// [`crate::mesh`]'s check guarantees). Elements share vertices and edges where they share indices.
     pub fn new(vertex_count: usize, elements: &ByKind<PerElement>) -> Self {
+        Self::coupled(vertex_count, elements, |_| Vec::new())
+    }
+
+    /// The same, with pairs of vertex rows, the lower first, that forces couple although no element has both.
+    pub fn coupled(
+        vertex_count: usize,
+        elements: &ByKind<PerElement>,
+        pairs: impl FnOnce(&BodyElements) -> Vec<[u32; 2]>,
+    ) -> Self {
         let ordered = BodyElements::new(vertex_count, elements);
-        let cells = Cells::new(ordered.vertex_order.len(), &ordered.nodes);
+        let pairs = pairs(&ordered);
+        let cells = Cells::coupled(ordered.vertex_order.len(), &ordered.nodes, pairs);
         Self { ordered, cells }
     }
 }
@@ -140,6 +150,8 @@ pub struct Cells {
     /// Vertex rows of the edges, lower first, sorted: all pairs of vertices that share an element,
     /// diagonals of quadrilaterals and hexahedra included.
     pub edges: Vec<[u32; 2]>,
+    /// Edge rows of pairs that no element has, but that forces couple.
+    pub couplings: Vec<u32>,
     /// Edge rows of the elements in the order of their local edges or pairs: of [`TETRAHEDRON_EDGES`],
     /// [`TETRAHEDRON10_PAIRS`], [`TRIANGLE_EDGES`], [`HEXAHEDRON_PAIRS`] and [`QUAD_PAIRS`].
     ///
@@ -166,9 +178,23 @@ impl Cells {
     /// Of elements given by their vertex rows, below `vertex_count`; those of membrane triangles
     /// ascending.
     pub fn new(vertex_count: usize, nodes: &ByKind<PerElement>) -> Self {
+        Self::coupled(vertex_count, nodes, Vec::new())
+    }
+
+    /// The same with pairs of vertex rows, the lower first, beside those of elements.
+    fn coupled(vertex_count: usize, nodes: &ByKind<PerElement>, more: Vec<[u32; 2]>) -> Self {
         let mut edges: Vec<[u32; 2]> = all_pairs(nodes).map(|[a, b]| sorted2(a, b)).collect();
         edges.sort_unstable();
         edges.dedup();
+        let mut more = more;
+        more.retain(|pair| edges.binary_search(pair).is_err());
+        more.sort_unstable();
+        more.dedup();
+        edges.extend_from_slice(&more);
+        edges.sort_unstable();
+        let is_more = |edge: &[u32; 2]| more.binary_search(edge).is_ok();
+        let couplings = (0..).zip(&edges).filter(|(_, edge)| is_more(edge)).map(|(i, _)| i);
+        let couplings = couplings.collect();
         let all_triangles = |kind| nodes[kind].at(local_triangles(kind, nodes[kind].width()));
         let mut triangles: Vec<[u32; 3]> =
             ElementKind::ALL.into_iter().flat_map(all_triangles).map(sorted).collect();
@@ -203,7 +229,16 @@ impl Cells {
         let faces_of = PerElement::filled(6, all_faces().map(face_row));
         let opposite = |t: &[u32; 3]| TRIANGLE_EDGES.map(|[a, b]| edge_row([t[a], t[b]]));
         let triangle_edges = triangles.iter().map(opposite).collect();
-        Self { edges_of, triangles_of, faces_of, triangle_edges, edges, triangles, faces }
+        Self {
+            edges_of,
+            triangles_of,
+            faces_of,
+            triangle_edges,
+            edges,
+            couplings,
+            triangles,
+            faces,
+        }
     }
 }
 

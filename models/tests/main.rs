@@ -2,6 +2,7 @@
 
 mod axes;
 mod axes_fields;
+mod bending;
 mod clusters;
 mod common;
 mod comparison;

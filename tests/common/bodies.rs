@@ -4,7 +4,7 @@ use glam::{DVec2, DVec3};
 use sinew_engine::mesh::Mesh;
 use sinew_engine::mesh::generate::{box_hexahedra, box_tets, quad_grid, triangle_grid};
 use sinew_models::axes::description::AxesDescription;
-use sinew_models::body::sheet::{MembraneDescription, MembraneModel};
+use sinew_models::body::sheet::{Bending, MembraneDescription, MembraneModel};
 use sinew_models::body::{BodyDescription, Evaluation, Model, VolumeRule};
 use sinew_models::material::YoungPoisson;
 
@@ -116,6 +116,12 @@ fn sheets(mesh: &Mesh) -> Vec<BodyDescription<'_>> {
             let sheet = MembraneDescription::new(&mesh.triangles, 1e-3, MATERIAL);
             let sheet = MembraneDescription { quads: &mesh.quads, model, evaluation, ..sheet };
             let body = BodyDescription::from_parts("sheet", &mesh.points, &[], MATERIAL);
+            // one is enough: its law knows nothing of the others
+            if mesh.quads.is_empty() && model == Biquadratic && evaluation == Evaluation::Fused {
+                let bending = Some(Bending::default());
+                let bends = MembraneDescription { bending, ..sheet };
+                sheets.push(BodyDescription { membrane: Some(bends), ..body.clone() });
+            }
             sheets.push(BodyDescription { membrane: Some(sheet), ..body });
         }
     }

@@ -124,14 +124,7 @@ impl Embedding {
         self.name_is_free(Kind::Body, name)?;
         mesh.fits_into_memory()?;
         let mut checked = check(mesh, &CheckOptions::default())?;
-        let settings = description.membrane.map(|m| MembraneSettings {
-            thickness: m.thickness,
-            material: m.material,
-            plane: m.plane,
-            model: m.model,
-            evaluation: m.evaluation,
-            springs: m.springs,
-        });
+        let settings = description.membrane.map(|m| m.settings());
         let material = match settings {
             // the material of the solid means nothing then
             Some(own) if !mesh.is_solid() => own.material,

@@ -65,7 +65,9 @@ pub use sinew::models::axes::description::{AxesDescription, AxisAngle, AxisFamil
 pub use sinew::models::axes::muscle::MuscleSettings;
 pub use sinew::models::body::lumped::SpringRule;
 pub use sinew::models::body::present::MassPolicy;
-pub use sinew::models::body::sheet::{MembraneDescription, MembraneModel, PlaneState};
+pub use sinew::models::body::sheet::{
+    Bending, MembraneDescription, MembraneModel, PlaneState, RestCurvature,
+};
 pub use sinew::models::body::{BodyDescription, Evaluation, MassRule, Model};
 pub use sinew::models::material::YoungPoisson;
 pub use sinew::models::material::field::{MaterialArrays, MaterialField};

@@ -109,6 +109,9 @@ pub struct MembraneIn {
     pub model: String,
     pub evaluation: String,
     pub springs: SpringsIn,
+    pub bending: bool,
+    pub bending_thickness: Option<f64>,
+    pub bending_rest: String,
 }
 
 /// Triangles and quadrilaterals.

@@ -145,6 +145,13 @@ fn add_body(
             model: choice("model of membranes", &membrane.model)?,
             evaluation: choice("evaluation", &membrane.evaluation)?,
             springs: springs(&membrane.springs)?,
+            bending: match membrane.bending {
+                true => Some(Bending {
+                    thickness: membrane.bending_thickness,
+                    rest: choice("rest shape", &membrane.bending_rest)?,
+                }),
+                false => None,
+            },
             ..MembraneDescription::new(triangles, membrane.thickness, membrane.material.uniform())
         }),
         _ => None,

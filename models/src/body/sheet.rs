@@ -9,11 +9,13 @@ use sinew_engine::element::{
 use sinew_engine::isoparametric::{QuadBlocks, QuadIndex, QuadVertices, RestQuad, RestShapeError};
 use sinew_engine::layout::BodyLayout;
 use sinew_engine::ratios::report_areas;
+use sinew_engine::row::LocalRow;
 use sinew_engine::scalar::Scalar;
 use thiserror::Error;
 
 use crate::body::lumped::SpringRule;
 use crate::element::membrane::{RestTriangle, RestTriangleError, plane_strain, plane_stress};
+use crate::element::plate::{Branching, Neighbours};
 use crate::frame::part::{Offsets, bad_vertices, rest_shapes};
 use crate::frame::quads::Quadrilateral;
 use crate::frame::row;
@@ -21,6 +23,7 @@ use crate::frame::rules::Evaluation;
 use crate::frame::triangles::{
     MembraneCompressionModulus, MembraneFirstModulus, MembraneShearModulus,
 };
+use crate::laws::bending;
 use crate::laws::membranes;
 use crate::laws::membranes::{
     BIQUADRATIC, BIQUADRATIC_QUADS, BiquadraticMembrane, COROTATIONAL, COROTATIONAL_QUADS,
@@ -97,6 +100,27 @@ pub enum PlaneState {
     Strain,
 }
 
+/// Shape of a membrane without bending moments.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum RestCurvature {
+    /// As the mesh is curved (default).
+    #[default]
+    Meshed,
+    /// Flat: a curved mesh is a sheet that was bent into its shape.
+    Flat,
+}
+
+/// Resistance of a membrane to bending, as a plate of its material ([`crate::laws::bending`]).
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Bending {
+    /// Thickness (m) that bends; without, that of the membrane. The stiffness `E t^3 / (12 (1 - nu^2))` of a sheet of fibres
+    /// or layers is mostly less than that of a plate of its thickness.
+    pub thickness: Option<f64>,
+    /// Shape without moments.
+    pub rest: RestCurvature,
+}
+
 /// What a membrane is made of.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MembraneSettings {
@@ -112,6 +136,8 @@ pub struct MembraneSettings {
     pub evaluation: Evaluation,
     /// As [`MembraneDescription::springs`].
     pub springs: Option<SpringRule>,
+    /// As [`MembraneDescription::bending`].
+    pub bending: Option<Bending>,
 }
 
 impl MembraneSettings {
@@ -121,7 +147,7 @@ impl MembraneSettings {
         triangles: &'a [[u32; 3]],
         quads: &'a [[u32; 4]],
     ) -> MembraneDescription<'a> {
-        let &Self { thickness, material, plane, model, evaluation, springs } = self;
+        let &Self { thickness, material, plane, model, evaluation, springs, bending } = self;
         MembraneDescription {
             triangles,
             quads,
@@ -131,7 +157,18 @@ impl MembraneSettings {
             model,
             evaluation,
             springs,
+            bending,
         }
+    }
+
+    /// Moduli `lambda` and `mu` (N m) of the plate that it is when it bends, `t^2/12` times those in the plane, and whether it is
+    /// flat without moments; nothing where it does not resist.
+    pub(crate) fn plate(&self) -> Option<([f64; 2], bool)> {
+        let Bending { thickness, rest } = self.bending?;
+        let thickness = thickness.unwrap_or(self.thickness);
+        let LameParameters { lambda, mu } = surface(&self.material, thickness, self.plane).0;
+        let arm = thickness * thickness / 12.0;
+        Some(([arm * lambda, arm * mu], rest == RestCurvature::Flat))
     }
 
     /// Moduli in the plane times the thickness (N/m) and mass per rest area (kg/m^2).
@@ -173,6 +210,8 @@ pub struct MembraneDescription<'a> {
     /// Where the constants of [`MembraneModel::MassSpring`] come from; without, those of Delingette 2008 for
     /// triangles and the Frobenius fit for quadrilaterals.
     pub springs: Option<SpringRule>,
+    /// Resistance to bending, of triangles; none without it.
+    pub bending: Option<Bending>,
 }
 
 impl<'a> MembraneDescription<'a> {
@@ -187,13 +226,14 @@ impl<'a> MembraneDescription<'a> {
             model: MembraneModel::default(),
             evaluation: Evaluation::default(),
             springs: None,
+            bending: None,
         }
     }
 
     /// What it is made of.
     pub fn settings(&self) -> MembraneSettings {
-        let &Self { thickness, material, plane, model, evaluation, springs, .. } = self;
-        MembraneSettings { thickness, material, plane, model, evaluation, springs }
+        let &Self { thickness, material, plane, model, evaluation, springs, bending, .. } = self;
+        MembraneSettings { thickness, material, plane, model, evaluation, springs, bending }
     }
 }
 
@@ -251,6 +291,28 @@ pub enum MembraneError {
     QuadModel {
         /// The model.
         model: MembraneModel,
+    },
+    /// Bending of quadrilaterals.
+    #[error(
+        "quadrilaterals do not resist bending: make the mesh of triangles, or leave `bending` out"
+    )]
+    QuadBending,
+    /// The thickness that bends is no thickness.
+    #[error("the thickness that bends is {value} m: it must be positive and finite")]
+    BendingThickness {
+        /// What was given, m.
+        value: f64,
+    },
+    /// More than two triangles bend at one edge.
+    #[error(
+        "{count} triangles have the edge {edge:?}: a membrane that resists bending has no branches; remove some, or \
+         leave `bending` out"
+    )]
+    Branching {
+        /// Vertices of the mesh.
+        edge: [u32; 2],
+        /// Number of triangles.
+        count: usize,
     },
     /// A triangle without a usable rest shape.
     #[error("triangle {triangle}: {source}")]
@@ -312,6 +374,14 @@ impl MembraneDescription<'_> {
             return bad("quadrilateral", quad);
         }
         let springs = [MembraneModel::Quadratic];
+        if let Some(bending) = self.bending {
+            if !self.quads.is_empty() {
+                return Err(MembraneError::QuadBending);
+            }
+            if let Some(value) = bending.thickness.filter(|t| !(*t > 0.0 && t.is_finite())) {
+                return Err(MembraneError::BendingThickness { value });
+            }
+        }
         if !self.quads.is_empty() && springs.contains(&self.model) {
             return Err(MembraneError::QuadModel { model: self.model });
         }
@@ -352,6 +422,12 @@ impl Sheet {
                 RestTriangle::new(points)
                     .map_err(|source| MembraneError::Triangle { triangle, source })
             })?;
+        if description.bending.is_some()
+            && let Err(Branching { edge, count }) = Neighbours::new(layout.triangles().to_vec())
+        {
+            let edge = edge.map(|row| layout.vertex_order[LocalRow(row)].0);
+            return Err(MembraneError::Branching { edge, count });
+        }
         no_twins("quadrilateral", layout.quads(), &order.quads)?;
         let quads = rest_shapes(layout.quads(), &order.quads, &rest_of, |points, quad| {
             RestQuad::new(points).map_err(|source| MembraneError::Quad { quad, source })
@@ -453,6 +529,9 @@ impl Sheet {
                 spawn_as!(triangles, MassSpring, {});
                 spawn_as!(quads, MassSpring, {});
             }
+        }
+        if self.settings.bending.is_some() {
+            bending::activate::<S>(world);
         }
         report_areas::<S>(world);
     }

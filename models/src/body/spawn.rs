@@ -34,6 +34,7 @@ use super::surface::read_surface;
 use crate::axes::description::{AxesError, BodyAxes};
 use crate::axes::spawn::spawn_axes;
 use crate::axes::systems::AxesOnly;
+use crate::element::plate::Neighbours;
 use crate::element::precompute::{RestTetrahedron, SpringConstants};
 use crate::frame::part::{
     Offsets, RestShapes, SolidPart, are_vertices, bad_vertices, rest_shapes, spawn_hexahedra,
@@ -41,6 +42,7 @@ use crate::frame::part::{
 };
 use crate::frame::row::{self, Elements, LawError, LawRow, LawTable};
 use crate::frame::rules::{Evaluation, VolumeRule};
+use crate::laws::bending;
 use crate::laws::models::Model;
 use crate::laws::pooled::{
     self, AngularStiffness, TensileStiffness, TensileTension, TriangleVertices, VolumetricStiffness,
@@ -63,7 +65,9 @@ pub fn spawn_body(world: &mut World, body: &BodyDescription) -> Result<Entity, B
     let (tetrahedra, hexahedra) = (body.tetrahedra.len(), body.hexahedra.len());
     let needed = || {
         let counts = ByKind { tetrahedra, triangles, hexahedra, quads };
-        memory::of_body(&counts, body.middles.len())
+        let bends = body.membrane.is_some_and(|m| m.bending.is_some());
+        let hinges = if bends { bending::MEMORY * triangles as u64 } else { 0 };
+        memory::of_body(&counts, body.middles.len()) + hinges
     };
     memory::fits(&format!("body `{}`", body.name), needed)?;
     match world.get_resource::<Precision>() {
@@ -87,7 +91,12 @@ fn spawn<S: Scalar>(world: &mut World, body: &BodyDescription) -> Result<Entity,
         hexahedra: body.hexahedra.into(),
         quads: membrane.map_or_else(PerElement::default, |m| m.quads.into()),
     };
-    let layout = BodyLayout::new(body.points.len(), &nodes);
+    let bends = membrane.is_some_and(|m| m.bending.is_some());
+    let layout = BodyLayout::coupled(body.points.len(), &nodes, |ordered| match bends {
+        // what branches is refused below
+        true => Neighbours::new(ordered.triangles().to_vec()).map_or(Vec::new(), |n| n.couplings()),
+        false => Vec::new(),
+    });
     let rest_of = |row: u32| body.points[layout.vertex_order[LocalRow(row)].index()];
     let rest = RestShapes::new(body.name, &layout, &rest_of)?;
     let sheet = match &membrane {
@@ -181,7 +190,11 @@ fn spawn<S: Scalar>(world: &mut World, body: &BodyDescription) -> Result<Entity,
         membrane,
         axes,
     };
-    Ok(world.spawn(soft).id())
+    let entity = world.spawn(soft).id();
+    if bends {
+        bending::refresh::<S>(world, None);
+    }
+    Ok(entity)
 }
 
 /// Checks all that does not need the points in order; the membrane, if there is any, and the Lamé parameters
@@ -364,7 +377,16 @@ fn add_rows(
     let index = topology.bodies.len();
     let size = (high - low).max_element();
     let rows = BodyRows::new(name.to_string(), layout.ordered.clone(), size);
+    let first = topology.edges.len();
     topology.push(rows, &layout.cells.edges);
+    if !layout.cells.couplings.is_empty() {
+        // no element has them
+        let count = topology.edges.len();
+        topology.unused_edges.resize(count, false);
+        for &edge in &layout.cells.couplings {
+            topology.unused_edges[first + edge as usize] = true;
+        }
+    }
     let rows = &topology.bodies[index];
     let (vertex, block) = (rows.vertices.start, rows.blocks.start);
     Offsets { vertex, block, body: BodyId(index as u32) }

@@ -2,8 +2,10 @@
 
 pub mod corotational;
 pub mod face;
+pub mod hinge;
 pub mod matrix;
 pub mod membrane;
+pub mod plate;
 pub mod precompute;
 pub mod projection;
 pub mod spring;

@@ -56,6 +56,8 @@ pub enum Elements {
     AxesInTetrahedra10,
     /// Faces under pressure.
     Faces,
+    /// Edges between two membrane triangles that resist bending.
+    Hinges,
 }
 
 /// What a law does while its body recovers from inversion.

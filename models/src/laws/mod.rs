@@ -16,6 +16,7 @@ macro_rules! family {
     };
 }
 
+pub mod bending;
 pub mod corotational;
 pub mod linear;
 pub mod membranes;
@@ -51,6 +52,7 @@ pub static LAWS: &[&LawRow] = &[
     &membranes::COROTATIONAL,
     &membranes::PROJECTION,
     &membranes::COMPRESSION,
+    &bending::ROW,
     &stvk_fem::TETRAHEDRA,
     &neo_hookean::TETRAHEDRA,
     &svk_volume::TETRAHEDRA,

@@ -22,6 +22,7 @@ use sinew_engine::topology::{ElementTables, Topology};
 use sinew_engine::vertex::BodyId;
 
 use crate::body::present::Resection;
+use crate::laws::bending;
 use crate::laws::pooled::TriangleVertices;
 
 /// Rows of one table of elements.
@@ -54,8 +55,11 @@ pub(super) fn compact<S: Scalar>(world: &mut World, resection: &mut Resection) -
         }
     }
 
+    let coupled = bending::used_blocks::<S>(world);
     let mut topology = world.resource_mut::<Topology>();
-    let keep: Vec<bool> = (0..topology.edges.len()).map(|edge| topology.uses_edge(edge)).collect();
+    let used: Vec<bool> = (0..topology.edges.len()).map(|edge| topology.uses_edge(edge)).collect();
+    let keep: Vec<bool> =
+        used.iter().zip(coupled).map(|(&used, coupled)| used || coupled).collect();
     let block = new_places(&keep);
     let before = |edge: u32| keep[..edge as usize].iter().filter(|k| **k).count() as u32;
     for body in 0..topology.bodies.len() {
@@ -65,7 +69,8 @@ pub(super) fn compact<S: Scalar>(world: &mut World, resection: &mut Resection) -
     let mut kept = keep.iter();
     topology.edges.retain(|_| kept.next() == Some(&true));
     topology.edge_start = starts(topology.vertex_count(), topology.edges.iter().map(|e| e[0]));
-    topology.unused_edges.clear();
+    topology.unused_edges =
+        used.iter().zip(&keep).filter(|(_, keep)| **keep).map(|(used, _)| !used).collect();
     topology.revision += 1;
 
     macro_rules! renumber {
@@ -86,6 +91,7 @@ pub(super) fn compact<S: Scalar>(world: &mut World, resection: &mut Resection) -
     world.insert_resource(tables);
     resection.bodies.iter_mut().flatten().for_each(|own| own.dead = ByKind::default());
     resection.find_rows(world);
+    bending::refresh::<S>(world, Some(resection));
     true
 }
 

@@ -21,7 +21,7 @@ use crate::body::edit_log::{Edit, before_edit, log_edit};
 use crate::body::matter::Chosen;
 use crate::body::present::{BodyResection, Entities, MassPolicy, Resection};
 use crate::frame::row::LawTable;
-use crate::laws::pressure;
+use crate::laws::{bending, pressure};
 
 /// What to remove.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -155,6 +155,7 @@ impl Resection {
             log_edit(world, Edit::Removal { body, elements, mass });
         }
         let mut report = RemovalReport::default();
+        let bent = bending::energy::<S>(world, body);
         let mut queries = Queries::<S>::new(world);
         let state = State::new(own, world, &soft, &mut queries);
         state.book(&chosen, &mut report);
@@ -183,6 +184,10 @@ impl Resection {
             let dead = own.dead[kind];
             dead as f64 > DEAD_SHARE * (own.connectivity.remaining(kind) + dead) as f64
         });
+        if !chosen[ElementKind::Triangle].is_empty() {
+            bending::refresh::<S>(world, Some(self));
+            report.elastic_energy += bent - bending::energy::<S>(world, body);
+        }
         if too_many && compact::compact::<S>(world, self) {
             report.compacted = true;
         }

@@ -10,7 +10,7 @@ use crate::scene::{BodyEntry, Key, MembraneEntry, PreparedMesh, SpringMethod};
 use crate::springs::{Matter, Springs};
 use sinew::engine::mesh::{CheckOptions, Mesh, check};
 use sinew::models::body::lumped::{HexahedronSprings, SpringRule, UniformSprings};
-use sinew::models::body::sheet::{MembraneModel, MembraneSettings, PlaneState};
+use sinew::models::body::sheet::{Bending, MembraneModel, MembraneSettings, PlaneState};
 use sinew::models::body::{BodyDescription, Model, VolumeRule};
 use sinew::models::material::YoungPoisson;
 use std::sync::Arc;
@@ -186,6 +186,20 @@ fn springs(
     }
 }
 
+/// How a membrane resists bending.
+fn bending(key: &Key, entry: &MembraneEntry) -> Result<Option<Bending>, SceneError> {
+    let MembraneEntry { bending, bending_thickness: thickness, bending_rest: rest, .. } = *entry;
+    let idle = [("bending_thickness", thickness.is_some()), ("bending_rest", rest.is_some())];
+    if let Some((name, _)) = idle.into_iter().find(|(_, given)| *given && !bending) {
+        let found = "the membrane does not resist bending";
+        return Err(key.at(name).value(found, "add `bending = true`, or leave it out"));
+    }
+    if let Some(thickness) = thickness {
+        key.at("bending_thickness").positive(thickness, "the thickness that bends", "m")?;
+    }
+    Ok(bending.then(|| Bending { thickness, rest: rest.unwrap_or_default() }))
+}
+
 /// The membrane of a body: its triangles and quadrilaterals, and what they are made of.
 fn membrane(
     key: &Key,
@@ -224,6 +238,8 @@ fn membrane(
     }
     let springs = spring_rule(key, (entry.element_method, entry.spring_constant), None)?;
     let MembraneEntry { thickness, plane, model, evaluation, .. } = *entry;
-    let settings = MembraneSettings { thickness, material, plane, model, evaluation, springs };
+    let bending = bending(key, entry)?;
+    let settings =
+        MembraneSettings { thickness, material, plane, model, evaluation, springs, bending };
     Ok(BuiltMembrane::new(mesh, triangles, quads, settings))
 }

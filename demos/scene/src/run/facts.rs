@@ -192,6 +192,7 @@ impl RunFacts<'_> {
                 model: m.settings.model,
                 evaluation: m.settings.evaluation,
                 element_method: m.settings.springs,
+                bending: m.settings.bending.map(|b| b.thickness.unwrap_or(m.settings.thickness)),
             }),
             axes: body.axes.as_ref().map(|axes| AxesSummary::new(axes, activation, volume_ratios)),
         }

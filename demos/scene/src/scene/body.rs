@@ -6,7 +6,7 @@ use serde::de::{Deserializer, Error};
 use serde::ser::Serializer;
 use serde::{Deserialize, Serialize};
 use sinew::identify::ElementMethod;
-use sinew::models::body::sheet::{MembraneModel, PlaneState};
+use sinew::models::body::sheet::{MembraneModel, PlaneState, RestCurvature};
 use sinew::models::body::{Evaluation, MassRule, Model, VolumeRule};
 use std::path::PathBuf;
 
@@ -157,6 +157,13 @@ pub struct MembraneEntry {
     /// How the energy is summed: `"fused"` (default), or `"pooled"` for the first two.
     #[serde(default)]
     pub evaluation: Evaluation,
+    /// Whether it resists bending, as a plate of its material.
+    #[serde(default)]
+    pub bending: bool,
+    /// Thickness (m) of that plate; `thickness` without it.
+    pub bending_thickness: Option<f64>,
+    /// Its shape without moments: `"meshed"` (default) or `"flat"`.
+    pub bending_rest: Option<RestCurvature>,
 }
 
 /// A preset, single values, or a preset with some values replaced.

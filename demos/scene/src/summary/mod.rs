@@ -317,6 +317,9 @@ pub struct MembraneSummary {
     pub evaluation: Evaluation,
     /// Where constants of lumped springs come from, where the scene says so.
     pub element_method: Option<SpringRule>,
+    /// Thickness (m) that resists bending, where it does.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub bending: Option<f64>,
 }
 
 /// A pressure of a run.

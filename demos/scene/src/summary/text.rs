@@ -505,10 +505,12 @@ impl MembraneSummary {
     fn describe(&self, block: &mut TextBlock) {
         let m = &self.material;
         let springs = self.element_method.filter(|_| self.model == MembraneModel::MassSpring);
+        let bends =
+            self.bending.map_or(String::new(), |t| format!("; bends as {} mm", short(t * 1e3)));
         line!(
             block,
             "  membrane",
-            "{}, {} cm^2, {} mm; E = {}, nu = {}, {} kg/m^3; model {}, {}",
+            "{}, {} cm^2, {} mm; E = {}, nu = {}, {} kg/m^3; model {}, {}{bends}",
             counted(&[("triangles", self.triangles), ("quadrilaterals", self.quads)]),
             short(self.area * 1e4),
             short(self.thickness * 1e3),

@@ -91,6 +91,15 @@ class Membrane:
     springs: str | float | None = None
     """Of mass-spring models: a method of fitting, or one constant (N/m) for all."""
 
+    bending: bool = False
+    """Whether triangles resist bending, as a plate of the material."""
+
+    bending_thickness: float | None = None
+    """Thickness (m) of that plate; ``thickness`` without it."""
+
+    bending_rest: str = "meshed"
+    """Its shape without moments: ``"meshed"`` or ``"flat"``."""
+
 
 @dataclass(frozen=True)
 class Muscle:
