@@ -88,15 +88,23 @@ impl RunSummary {
         Brief(self)
     }
 
+    /// Why it is not to be trusted, or where it failed, as the first line and pages say it.
+    pub fn doubted(&self) -> Option<String> {
+        let failure = self.failure.as_ref()?;
+        let (done, steps) = (self.timing.step.count, self.settings.steps);
+        Some(if self.untrusted {
+            format!("NOT TO BE TRUSTED, though all {steps} steps were made: {failure}")
+        } else {
+            format!("FAILED after {done} of {steps} steps: {failure}")
+        })
+    }
+
     /// What happened, what does not let one trust it, and how many warnings there are.
     fn headline(&self) -> String {
         let total = seconds(self.timing.total_s);
-        let (done, steps) = (self.timing.step.count, self.settings.steps);
-        let mut line = match (&self.failure, self.timing.real_time_factor) {
-            (Some(failure), _) if self.untrusted => {
-                format!("NOT TO BE TRUSTED, though all {steps} steps were made: {failure}")
-            }
-            (Some(failure), _) => format!("FAILED after {done} of {steps} steps: {failure}"),
+        let done = self.timing.step.count;
+        let mut line = match (self.doubted(), self.timing.real_time_factor) {
+            (Some(failure), _) => failure,
             (None, Some(_)) => format!("{} simulated in {total}", seconds(self.timing.simulated_s)),
             (None, None) => format!("equilibrium found in {total}"),
         };
