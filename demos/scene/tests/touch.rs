@@ -58,7 +58,7 @@ fn recorded(text: &str, name: &str) -> (RunSummary, Vec<Vec<f64>>) {
     assert!(summary.completed, "{summary}");
     let csv = std::fs::read_to_string(out.join("block.csv")).unwrap();
     let row = |line: &str| -> Vec<f64> {
-        let cells = line.split(',').skip(19);
+        let cells = line.split(',').skip(20);
         cells.map(|x| if x.is_empty() { f64::NAN } else { x.parse().unwrap() }).collect()
     };
     assert!(

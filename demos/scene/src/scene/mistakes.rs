@@ -7,7 +7,7 @@ use serde::Deserialize;
 use std::collections::BTreeSet;
 use std::path::Path;
 use toml::Spanned;
-use toml::de::{DeTable, DeValue, Deserializer};
+use toml::de::{DeArray, DeTable, DeValue, Deserializer};
 
 /// Most mistakes that are looked for.
 const MOST: usize = 30;
@@ -62,8 +62,8 @@ impl LoadedScene {
                 _ => rest.pass_over(&key) || rest.drop_entry(&key),
             };
             if !follows {
-                let line = rest.scene.line(&key);
-                let place = Box::new(Place { line: place.line.and(line), key, ..*place });
+                let line = if read { place.line } else { rest.scene.line(&key) };
+                let place = Box::new(Place { line, key, ..*place });
                 found.push(SceneError::At { place, problem });
             }
             // without a body whatever acts on it would be wrong too
@@ -183,7 +183,7 @@ impl<'a> Rest<'a> {
         else {
             return false;
         };
-        let taken = std::mem::take(entries);
+        let taken = std::mem::replace(entries, DeArray::new());
         for (i, entry) in taken.into_iter().enumerate() {
             if i != index {
                 entries.push(entry);
@@ -202,16 +202,21 @@ fn entry_of(path: &str) -> Option<(&str, usize, &str)> {
     (!list.contains('.')).then_some((list, index.parse().ok()?, below))
 }
 
-/// The table at a path.
+/// The table at a path below another one.
 fn inner<'t, 'a>(table: &'t mut DeTable<'a>, path: &[&str]) -> Option<&'t mut DeTable<'a>> {
-    let Some((first, mut rest)) = path.split_first() else { return Some(table) };
-    let mut value = table.get_mut(*first)?.get_mut();
-    while let (DeValue::Array(entries), Some((index, after))) = (&mut *value, rest.split_first()) {
-        value = entries.get_mut(index.parse::<usize>().ok()?)?.get_mut();
-        rest = after;
+    match path.split_first() {
+        None => Some(table),
+        Some((first, rest)) => below(table.get_mut(*first)?.get_mut(), rest),
     }
+}
+
+fn below<'t, 'a>(value: &'t mut DeValue<'a>, path: &[&str]) -> Option<&'t mut DeTable<'a>> {
     match value {
-        DeValue::Table(own) => inner(own, rest),
+        DeValue::Table(own) => inner(own, path),
+        DeValue::Array(entries) => {
+            let (index, rest) = path.split_first()?;
+            below(entries.get_mut(index.parse::<usize>().ok()?)?.get_mut(), rest)
+        }
         _ => None,
     }
 }
