@@ -141,7 +141,7 @@ fn run(kind: Kind, tool: bool, friction: f64, change: Change, settings: &SolverS
     simulation.set_solver(settings.clone());
     simulation.set_dt(0.01);
     simulation.set_gravity(DVec3::ZERO);
-    let lower = mesh(kind, 2);
+    let lower = mesh(kind, 1);
     let flat = matches!(kind, Kind::Triangles | Kind::Quads);
     let floor = |x: DVec3| {
         if flat { x.x.abs() > 0.0299 || x.y.abs() > 0.0249 } else { x.z < -0.0199 }
@@ -150,7 +150,7 @@ fn run(kind: Kind, tool: bool, friction: f64, change: Change, settings: &SolverS
     let mut bodies = vec![low];
     let depth = if flat { 0.006 } else { 0.004 };
     let way = |k: u32| {
-        let (down, along) = (f64::from(k.min(12)) / 12.0, f64::from(k.max(12) - 12) / 12.0);
+        let (down, along) = (f64::from(k.min(6)) / 6.0, f64::from(k.max(6) - 6) / 6.0);
         change.of(DVec3::new(0.004 * along, 0.001 * along, -depth * down))
     };
     let mut all = Vec::new();
@@ -169,7 +169,7 @@ fn run(kind: Kind, tool: bool, friction: f64, change: Change, settings: &SolverS
         bodies.push(up);
         held
     };
-    for step in 1..=24 {
+    for step in 1..=12 {
         if tool {
             simulation.move_tool(moved, change.of(ball) + way(step)).unwrap();
         } else {
