@@ -43,9 +43,8 @@ impl Change {
             Self::Mirror => {
                 changed.points.iter_mut().for_each(|x| *x = self.of(*x));
                 changed.tetrahedra.iter_mut().for_each(|t| t.swap(2, 3));
-                for [ab, bc, ac, ad, bd, cd] in &mut changed.middles {
+                for [_, bc, ac, ad, bd, _] in &mut changed.middles {
                     (*bc, *ac, *ad, *bd) = (*bd, *ad, *ac, *bc);
-                    let _ = (ab, cd);
                 }
                 changed.hexahedra.iter_mut().for_each(|h| h.rotate_left(4));
                 changed.triangles.iter_mut().for_each(|t| t.swap(1, 2));
@@ -103,8 +102,8 @@ fn mesh(kind: Kind, fine: usize) -> Mesh {
 
 struct Added {
     body: BodyHandle,
+    /// Vertices of the mesh as it was.
     was: Vec<usize>,
-    points: Vec<DVec3>,
 }
 
 /// Adds a body, changed, with what `holds` says held.
@@ -131,12 +130,18 @@ fn add(
         (0..changed.points.len() as u32).filter(|&v| holds(mesh.points[was[v as usize]])).collect();
     let rows = simulation.rows(body, name, &held).unwrap();
     let constraint = simulation.add_constraint(Constraint::hold(name, rows));
-    (Added { body, was, points: changed.points }, constraint)
+    (Added { body, was }, constraint)
 }
 
-
 /// Displacements of all bodies at all steps, changed back: something is pressed on a body, then drawn over it.
-fn run(kind: Kind, tool: bool, friction: f64, change: Change, settings: &SolverSettings, ball_at: DVec3) -> Vec<DVec3> {
+fn run(
+    kind: Kind,
+    tool: bool,
+    friction: f64,
+    change: Change,
+    settings: &SolverSettings,
+    aside: DVec3,
+) -> Vec<DVec3> {
     let mut simulation = Simulation::new(options(Precision::F64, 1)).unwrap();
     simulation.set_solver(settings.clone());
     simulation.set_dt(0.01);
@@ -154,14 +159,17 @@ fn run(kind: Kind, tool: bool, friction: f64, change: Change, settings: &SolverS
         change.of(DVec3::new(0.004 * along, 0.001 * along, -depth * down))
     };
     let mut all = Vec::new();
-    let ball = DVec3::new(0.0, 0.0, 0.0101) + ball_at;
+    let ball = DVec3::new(0.0, 0.0, 0.0101) + aside;
     let moved = if tool {
         let ball = Tool::new("ball", Shape::Sphere { radius: 0.01 }, change.of(ball));
         let ball = ball.with_points(Points::Faces(2)).with_friction(friction);
         simulation.add_tool(ball).unwrap()
     } else {
         let mut upper = mesh(kind, 1).transformed(0.5, DQuat::IDENTITY, DVec3::ZERO);
-        upper.points.iter_mut().for_each(|x| *x += ball_at + DVec3::Z * if flat { 1e-4 } else { 0.0101 });
+        upper
+            .points
+            .iter_mut()
+            .for_each(|x| *x += aside + DVec3::Z * if flat { 1e-4 } else { 0.0101 });
         let top = upper.points.iter().map(|x| x.z).fold(f64::MIN, f64::max);
         let (up, held) = add(&mut simulation, "upper", &upper, change, |x| x.z > top - 1e-6);
         let pair = BodyContact::new("pair", [bodies[0].body, up.body]).with_friction(friction);
@@ -181,7 +189,6 @@ fn run(kind: Kind, tool: bool, friction: f64, change: Change, settings: &SolverS
             let mut back = vec![DVec3::ZERO; u.len()];
             own.was.iter().zip(&u).for_each(|(&old, u)| back[old] = change.of(*u));
             all.extend(back);
-            let _ = &own.points;
         }
     }
     all
@@ -196,21 +203,50 @@ fn off(kind: Kind, tool: bool, friction: f64, settings: &SolverSettings, aside: 
     })
 }
 
+/// Beside the middle of things, so that no vertex lies on an edge of what it touches.
+const ASIDE: DVec3 = DVec3::new(0.0013, 0.0007, 0.0);
+const KINDS: [Kind; 5] =
+    [Kind::Tetrahedra, Kind::TenNodes, Kind::Hexahedra, Kind::Triangles, Kind::Quads];
+
+/// Steps whose contact is found to 1e-8 of its force where its rounds allow.
+fn tight() -> SolverSettings {
+    solver!(Integrator::Safe, linear_tolerance = 1e-9)
+}
+
+#[test]
+fn under_tools_mirrors_and_numbers_do_not_matter() {
+    for kind in KINDS {
+        for (friction, aside) in
+            [(0.0, DVec3::ZERO), (0.0, ASIDE), (0.3, DVec3::ZERO), (0.3, ASIDE)]
+        {
+            let found = off(kind, true, friction, &tight(), aside);
+            assert!(found.iter().all(|off| *off < 1e-6), "{kind:?} {friction} {aside}: {found:?}");
+        }
+    }
+}
+
+/// What mirrors and numbers change between bodies is what is left when the inner loop ends: at the default tolerance up to
+/// a fifth of the displacement of ten-node tetrahedra (in furrows between faces), 3e-3 of that of hexahedra. The tangents leave
+/// out how normals turn, so every round leaves a part of up to nine tenths: a hundred times what it changes may be left.
 #[test]
 #[ignore = "slow"]
-fn measure() {
-    for tolerance in [1e-3, 1e-5, 1e-7, 1e-9] {
-        let settings = solver!(Integrator::Safe, linear_tolerance = tolerance);
-        for kind in [Kind::Hexahedra, Kind::Tetrahedra, Kind::TenNodes, Kind::Triangles, Kind::Quads] {
-            for (tool, friction) in [(true, 0.0), (true, 0.3), (false, 0.0), (false, 0.3)] {
-                for (place, at) in [("even", DVec3::ZERO), ("odd", DVec3::new(0.0013, 0.0007, 0.0))] {
-                    let line = format!("{tolerance:e} {kind:?} {} {friction} {place}", if tool { "tool" } else { "body" });
-                    if !std::env::var("ONLY").unwrap_or_default().split(' ').all(|w| line.contains(w)) { continue; }
-                    let clock = std::time::Instant::now();
-                    let [m, n] = off(kind, tool, friction, &settings, at);
-                    println!("{line}: mirror {m:.1e} numbers {n:.1e} {:.1} s", clock.elapsed().as_secs_f64());
-                }
-            }
+fn between_bodies_mirrors_and_numbers_matter_as_the_tolerance_does() {
+    for kind in KINDS {
+        let found = off(kind, false, 0.0, &tight(), ASIDE);
+        assert!(found.iter().all(|off| *off < 1e-5), "{kind:?}: {found:?}");
+    }
+}
+
+/// With friction between bodies limits follow the pressure, and what is left does not shrink with the tolerance. A thousandth
+/// of the force is left in each of the twelve steps. Ten-node tetrahedra are not here: of their scene there are two outcomes,
+/// a tenth of the displacement apart.
+#[test]
+#[ignore = "slow"]
+fn friction_between_bodies_leaves_what_a_step_leaves() {
+    for kind in [Kind::Tetrahedra, Kind::Hexahedra, Kind::Triangles, Kind::Quads] {
+        for aside in [DVec3::ZERO, ASIDE] {
+            let found = off(kind, false, 0.3, &solver!(Integrator::Safe), aside);
+            assert!(found.iter().all(|off| *off < 12.0 * 1e-3), "{kind:?} {aside}: {found:?}");
         }
     }
 }

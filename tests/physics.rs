@@ -472,7 +472,10 @@ fn what_is_gone_has_no_reaction() {
     assert_eq!(simulation.reaction(right), Some(DVec3::ZERO));
     assert!(simulation.reaction(left).unwrap().length() > 0.0);
     simulation.remove_load_or_constraint(left);
-    assert_eq!((simulation.reaction(left), simulation.reaction_about(left, DVec3::X)), (None, None));
+    assert_eq!(
+        (simulation.reaction(left), simulation.reaction_about(left, DVec3::X)),
+        (None, None)
+    );
     let tool = simulation.add_tool(Tool::new("ball", Shape::Sphere { radius: 0.01 }, DVec3::Z));
     assert_eq!(simulation.reaction(tool.unwrap()), None);
 }
@@ -483,7 +486,8 @@ fn reactions_are_never_of_an_earlier_state() {
     let mesh = jittered_box([0.2, 0.05, 0.05], [8, 2, 2]);
     let (mut simulation, body, left) = sagging(&mesh, exact(Integrator::Safe));
     let now = |simulation: &mut Simulation| {
-        let (reaction, forces) = (simulation.reaction(left).unwrap(), simulation.elastic_forces(body));
+        let (reaction, forces) =
+            (simulation.reaction(left).unwrap(), simulation.elastic_forces(body));
         simulation.evaluate();
         assert_eq!(
             (simulation.reaction(left).unwrap(), simulation.elastic_forces(body)),

@@ -644,7 +644,10 @@ fn checked(name: &str, text: &str) -> CheckSummary {
 fn all_mistakes_are_told_at_once() {
     let bad = GOOD
         .replace("dt = 0.01", "dt = -0.01\ngravitiy = 0")
-        .replace("young_modulus = 1e5, poisson_ratio = 0.4", "young_modulus = -1e5, poisson_ratio = 0.7")
+        .replace(
+            "young_modulus = 1e5, poisson_ratio = 0.4",
+            "young_modulus = -1e5, poisson_ratio = 0.7",
+        )
         .replace("{ group = \"x0\" }", "{ group = \"x9\" }")
         .replace("force = [0.0, 0.0, -0.1]", "force = \"1 N\"")
         .replace("{ ramp = [0.0, 0.05] }", "{ rampe = [0.0, 0.05] }")

@@ -455,7 +455,8 @@ fn tools_are_refused_where_they_would_do_nothing() {
 /// Peaks are those of steps that converged; the others are counted, and marked in the CSV.
 #[test]
 fn peaks_leave_out_what_did_not_converge() {
-    let text = BLOCK.replace("\"safe\"", "\"newton\"\nmax_newton_iterations = 4") + BALL
+    let text = BLOCK.replace("\"safe\"", "\"newton\"\nmax_newton_iterations = 4")
+        + BALL
         + &probe("tool", "ball", &["tool_force"]);
     let out = folder().join("peaks");
     let options = RunOptions { out: Some(out.clone()), ..RunOptions::default() };

@@ -237,9 +237,10 @@ impl<S: Scalar> Step<'_, S> {
         // whether the last round was taken whole: only then is what is left that of its linear solve
         let (mut whole, mut solved, mut residual) = (false, false, 0.0);
         let (mut before, mut converged, mut rounds) = (f64::INFINITY, false, 0);
-        let enough = ENOUGH.min(OF_LINEAR * self.settings.linear_tolerance);
-        // contact of bodies is found digit by digit: what normals turn by is not in the tangents
-        let digits = if iterated { 0.0 } else { (ENOUGH / enough).log10() };
+        let of_linear = OF_LINEAR * self.settings.linear_tolerance;
+        // converged steps linearise anew; the tangents leave out how normals turn, so contact of bodies is found digit by digit
+        let enough = if iterated { ENOUGH } else { ENOUGH.min(of_linear) };
+        let digits = (ENOUGH / enough).log10();
         let most = MOST_ROUNDS[usize::from(iterated)] * (1 + digits.ceil() as usize);
         for round in 0..most {
             // contact at the last iterate: is it settled?

@@ -145,7 +145,8 @@ impl<'a> Rest<'a> {
     /// Takes a key out, or puts something usable in its place; whether it was there.
     fn pass_over(&mut self, key: &str) -> bool {
         let path = self.current(key);
-        let mut parts: Vec<&str> = path.split(['.', '[', ']']).filter(|part| !part.is_empty()).collect();
+        let mut parts: Vec<&str> =
+            path.split(['.', '[', ']']).filter(|part| !part.is_empty()).collect();
         // of a list of numbers all go
         while parts.last().is_some_and(|last| last.parse::<usize>().is_ok()) {
             parts.pop();
@@ -179,7 +180,8 @@ impl<'a> Rest<'a> {
         else {
             return false;
         };
-        let Some(DeValue::Array(entries)) = self.table.get_mut().get_mut(list).map(Spanned::get_mut)
+        let Some(DeValue::Array(entries)) =
+            self.table.get_mut().get_mut(list).map(Spanned::get_mut)
         else {
             return false;
         };
@@ -187,7 +189,9 @@ impl<'a> Rest<'a> {
         for (i, entry) in taken.into_iter().enumerate() {
             if i != index {
                 entries.push(entry);
-            } else if let Some(name) = entry.get_ref().get("name").and_then(|n| n.get_ref().as_str()) {
+            } else if let Some(name) =
+                entry.get_ref().get("name").and_then(|n| n.get_ref().as_str())
+            {
                 self.names.insert(name.to_string());
             }
         }

@@ -201,10 +201,7 @@ impl<'a> Source<'a> {
     }
 
     /// What the parser made of the text, or of a part of it.
-    pub fn loaded(
-        &self,
-        scene: Result<Scene, toml::de::Error>,
-    ) -> Result<LoadedScene, SceneError> {
+    pub fn loaded(&self, scene: Result<Scene, toml::de::Error>) -> Result<LoadedScene, SceneError> {
         Ok(LoadedScene {
             scene: scene.map_err(|error| self.error(&error))?,
             file: self.file.into(),
