@@ -29,7 +29,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     }
 
     // read: forces are those of the last evaluation, so evaluate the state first
-    let carried = simulation.reaction(table).z;
+    let carried = simulation.reaction(table).ok_or("no such constraint")?.z;
     let weight = 9.81 * material.density * size.x * size.y * size.z;
     println!("the table carries {carried:.4} N of {weight:.4} N");
     // what is at rest is carried; how much is left depends on how long one waits

@@ -39,7 +39,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 
     // the table bears the tissue and the hand: no force gets lost between tool and table
     let felt = simulation.tool_report(ball).ok_or("no such tool")?.force;
-    let carried = simulation.reaction(table);
+    let carried = simulation.reaction(table).ok_or("no such constraint")?;
     println!("hand {:.4} N + weight {weight:.4} N = table {:.4} N", felt.z, carried.z);
     assert!(felt.z > 0.1 && (felt + DVec3::Z * weight - carried).length() < 1e-3 * carried.z);
     Ok(())

@@ -259,7 +259,7 @@ named!(Constraint, Load, Pressure, Tool, Pull, BodyContact);
 /// // read: it sags, and the table carries its weight
 /// let top = mesh.group("z1").unwrap().vertices[0] as usize;
 /// assert!((0.047..0.05).contains(&simulation.positions(block)[top].z));
-/// assert!((simulation.reaction(table).z - 0.5 * 9.81).abs() < 1e-6);
+/// assert!((simulation.reaction(table).unwrap().z - 0.5 * 9.81).abs() < 1e-6);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 ///
@@ -465,7 +465,7 @@ impl Simulation {
     ///     simulation.set_target(tool, hand)?;
     ///     simulation.step()?;
     /// }
-    /// assert!(simulation.reaction(tool).x > 0.5);
+    /// assert!(simulation.reaction(tool).unwrap().x > 0.5);
     /// let corner = mesh.group("x1").unwrap().vertices[0] as usize;
     /// assert_eq!(simulation.positions(body)[corner].x, 0.2 + 0.01);
     /// # Ok::<(), Box<dyn std::error::Error>>(())
@@ -866,16 +866,16 @@ impl Simulation {
     /// Force (N) that a constraint exerts on the body at the current state: what is needed at its
     /// held unknowns to balance elastic and external forces. Inertia and damping of the held vertices
     /// are left out, and unknowns that two constraints hold count in both. Costs an evaluation of the forces, once for every
-    /// state. Zero when there is no such constraint.
+    /// state. Zero while the constraint does not act; `None` when there is no such constraint.
     ///
     /// # Panics
     /// As [`Simulation::evaluate`].
-    pub fn reaction(&mut self, constraint: Entity) -> DVec3 {
-        self.reaction_about(constraint, DVec3::ZERO)[0]
+    pub fn reaction(&mut self, constraint: Entity) -> Option<DVec3> {
+        Some(self.reaction_about(constraint, DVec3::ZERO)?[0])
     }
 
     /// The force (N) of [`Simulation::reaction`], and its torque (N m) about a point (m).
-    pub fn reaction_about(&mut self, constraint: Entity, point: DVec3) -> [DVec3; 2] {
+    pub fn reaction_about(&mut self, constraint: Entity, point: DVec3) -> Option<[DVec3; 2]> {
         self.find_forces();
         let constraint = self.current(constraint);
         let contact = self.world().get_resource::<ContactSet>();

@@ -372,7 +372,7 @@ fn isometric_force() {
             simulation.set_activation(body, "muscle", activation).unwrap();
             simulation.step().unwrap();
             simulation.evaluate();
-            let force = simulation.reaction(held).x;
+            let force = simulation.reaction(held).unwrap().x;
             let expected = peak * activation * 0.02 * 0.02;
             assert!((force - expected).abs() <= 0.02 * expected + 1e-8, "{activation}: {force}");
         }

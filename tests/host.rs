@@ -185,7 +185,7 @@ impl Held {
                 }
                 s.step().unwrap();
                 s.evaluate();
-                s.reaction(self.tool)
+                s.reaction(self.tool).unwrap()
             })
             .collect()
     }

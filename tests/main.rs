@@ -15,6 +15,7 @@ mod explicit;
 mod host;
 mod linear;
 mod material_field;
+mod mirror;
 mod overload;
 mod patch;
 mod physics;

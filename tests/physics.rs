@@ -446,9 +446,9 @@ fn reactions_balance_the_weight() {
         simulation.step().unwrap();
         let mass: f64 = simulation.masses(body).iter().sum();
         assert!((mass / (0.2 * 0.05 * 0.05 * 1000.0) - 1.0).abs() < 1e-12);
-        let mut reaction = simulation.reaction(left);
+        let mut reaction = simulation.reaction(left).unwrap();
         if let Some(right) = right {
-            let other = simulation.reaction(right);
+            let other = simulation.reaction(right).unwrap();
             assert!(other.z > 0.4 * 9.81 * mass, "each end bears about a half: {other}");
             reaction += other;
         }
@@ -457,16 +457,40 @@ fn reactions_balance_the_weight() {
     }
 }
 
+/// What is gone has no reaction, and what does not act has none but zero: neither is the force that the vertices happen to have.
+#[test]
+fn what_is_gone_has_no_reaction() {
+    let mesh = jittered_box([0.2, 0.05, 0.05], [8, 2, 2]);
+    let (mut simulation, body, left) = sagging(&mesh, exact(Integrator::Safe));
+    let end = simulation.group_rows(body, &mesh, "x1").unwrap();
+    let until = 2.5 * simulation.world().resource::<StepClock>().dt;
+    let right = Constraint { until, ..Constraint::hold("right", end) };
+    let right = simulation.add_constraint(right);
+    simulation.steps(2);
+    assert!(simulation.reaction(right).unwrap().length() > 0.0);
+    simulation.steps(2);
+    assert_eq!(simulation.reaction(right), Some(DVec3::ZERO));
+    assert!(simulation.reaction(left).unwrap().length() > 0.0);
+    simulation.remove_load_or_constraint(left);
+    assert_eq!(
+        (simulation.reaction(left), simulation.reaction_about(left, DVec3::X)),
+        (None, None)
+    );
+    let tool = simulation.add_tool(Tool::new("ball", Shape::Sphere { radius: 0.01 }, DVec3::Z));
+    assert_eq!(simulation.reaction(tool.unwrap()), None);
+}
+
 /// Whatever was called before, reactions and elastic forces are those of the state as it is.
 #[test]
 fn reactions_are_never_of_an_earlier_state() {
     let mesh = jittered_box([0.2, 0.05, 0.05], [8, 2, 2]);
     let (mut simulation, body, left) = sagging(&mesh, exact(Integrator::Safe));
     let now = |simulation: &mut Simulation| {
-        let (reaction, forces) = (simulation.reaction(left), simulation.elastic_forces(body));
+        let (reaction, forces) =
+            (simulation.reaction(left).unwrap(), simulation.elastic_forces(body));
         simulation.evaluate();
         assert_eq!(
-            (simulation.reaction(left), simulation.elastic_forces(body)),
+            (simulation.reaction(left).unwrap(), simulation.elastic_forces(body)),
             (reaction, forces)
         );
         reaction

@@ -121,6 +121,34 @@ fn an_equilibrium_that_was_not_found_is_not_trusted() {
     assert!(newton_step > 0.0);
 }
 
+/// Whoever reads a force can ask whether its step converged.
+#[test]
+fn forces_of_steps_that_did_not_converge_say_so() {
+    let mut simulation = block(false);
+    let ball = simulation.find::<Tool>("ball").unwrap();
+    let told = |simulation: &mut Simulation, iterations| {
+        simulation.set_solver(SolverSettings {
+            integrator: Integrator::Newton,
+            max_newton_iterations: iterations,
+            ..SolverSettings::default()
+        });
+        simulation.step().unwrap();
+        let report = simulation.tool_report(ball).unwrap();
+        assert_eq!(simulation.report().contact.missed, report.unconverged);
+        (report.force.length() > 0.0, report.unconverged)
+    };
+    // nothing touches yet
+    assert_eq!(told(&mut simulation, 1), (false, false));
+    simulation.place_tool(ball, DVec3::new(0.05, 0.05, 0.068)).unwrap();
+    assert_eq!(told(&mut simulation, 1), (true, true));
+    assert_eq!(told(&mut simulation, 50), (true, false));
+    let totals = simulation.totals().unwrap().contact.clone();
+    assert_eq!((totals.missed, totals.touching, totals.missed_final), (1, 2, false));
+    assert!(codes(&simulation.warnings()).contains(&"run.contact.forces"));
+    let untrusted = Untrusted::Forces { missed: 1, touching: 2 };
+    assert_eq!(simulation.verdict(), Err(untrusted));
+}
+
 #[test]
 fn halted_bodies_and_energy_from_nowhere_are_not_trusted() {
     let mut simulation = block(false);
@@ -135,6 +163,10 @@ fn halted_bodies_and_energy_from_nowhere_are_not_trusted() {
     assert_eq!(verdict(&|t| t.solver.halted_steps = 5), Ok(()));
     let halted = Err(Untrusted::Halted { halted: 6, by_contact: false, steps: 20 });
     assert_eq!(verdict(&|t| t.solver.halted_steps = 6), halted);
+    // forces count by the steps that have any
+    let touched = |t: &mut RunTotals, missed| (t.contact.missed, t.contact.touching) = (missed, 8);
+    assert_eq!(verdict(&|t| touched(t, 2)), Ok(()));
+    assert_eq!(verdict(&|t| touched(t, 3)), Err(Untrusted::Forces { missed: 3, touching: 8 }));
     // the cause that is named is that of most of them
     for (by_contact, cause) in [(3, "loads, motions or units"), (4, "bodies lie in each other")] {
         let told = verdict(&|t| {

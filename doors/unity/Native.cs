@@ -389,6 +389,8 @@ namespace Sinew
         /// `force + local_stiffness * way`. Symmetric; limits of friction as they are. Exact for `newton`, to the
         /// tolerance of the linear solver. All 0 without.</summary>
         public Vec3 LocalStiffnessX, LocalStiffnessY, LocalStiffnessZ;
+        /// <summary>Whether the step that these forces are of did not converge: they are not to be relied on.</summary>
+        public uint Unconverged;
     }
 
     /// <summary>Forces on one part of a tool, such as one of two jaws.</summary>

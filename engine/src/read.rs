@@ -4,6 +4,7 @@ use crate::columns::single_table;
 use crate::load::Constraint;
 use crate::row::{MeshVertex, VertexRow};
 use crate::scalar::Scalar;
+use crate::time::StepClock;
 use crate::topology::Topology;
 use crate::vertex::{Displacement, ElasticForce, ExternalForce, Mass, RestPosition, Velocity};
 use bevy_ecs::prelude::*;
@@ -78,23 +79,22 @@ pub fn by_vertex<S: Scalar>(
 }
 
 /// Force (N) that a constraint exerts at the current state, and its torque (N m) about a point (m): what is needed at
-/// its held unknowns to balance elastic forces, external ones and `touch`, ascending by row. Zero when there is no such
-/// constraint.
+/// its held unknowns to balance elastic forces, external ones and `touch`, ascending by row. Zero while it does not act;
+/// `None` when there is no such constraint.
 pub fn reaction<S: Scalar>(
     world: &mut World,
     constraint: Entity,
     point: DVec3,
     touch: &[(VertexRow, DVec3)],
-) -> [DVec3; 2] {
+) -> Option<[DVec3; 2]> {
     let [mut sum, mut torque] = [DVec3::ZERO; 2];
     let mut query =
         world.query::<(&ElasticForce<S>, &ExternalForce<S>, &RestPosition, &Displacement<S>)>();
     let world = &*world;
-    let (Some(constraint), Some((elastic, external, rest, u))) =
-        (world.get::<Constraint>(constraint), single_table(query.contiguous_iter(world)))
-    else {
-        return [sum, torque];
-    };
+    let constraint = world.get::<Constraint>(constraint)?;
+    let acts = world.get_resource::<StepClock>().is_none_or(|clock| constraint.active(clock.time));
+    let columns = single_table(query.contiguous_iter(world)).filter(|_| acts);
+    let Some((elastic, external, rest, u)) = columns else { return Some([sum, torque]) };
     for &row in constraint.rows.iter().filter(|row| row.index() < elastic.len()) {
         let touch = touch.binary_search_by_key(&row, |(row, _)| *row).map(|i| touch[i].1);
         let row = row.index();
@@ -108,5 +108,5 @@ pub fn reaction<S: Scalar>(
         }
         torque += (rest[row].0 + u[row].get() - point).cross(own);
     }
-    [sum, torque]
+    Some([sum, torque])
 }

@@ -203,6 +203,9 @@ figures! {
         pub inner_iterations: u32 => sum,
         /// Inner loops that ended at their cap.
         pub unconverged: u32 => sum,
+        /// Whether something touched or pulled in a step that did not converge: Newton's iteration or contact was not found, or
+        /// a body was halted. Forces are not to be relied on then.
+        pub missed: bool => any,
         /// Largest penetration (m).
         pub depth: f64 => own,
         /// Largest penetration over the mean edge of the surface.

@@ -590,7 +590,7 @@ impl<S: Scalar> ExplicitScratch<S> {
             let x = position(&self.rest, &u);
             // bodies are where the next substep starts from: the offset alone gives their velocity
             contact.set_dampers(&contact.bodies(), 1.0, &|row| -vector(&v[row.index()]));
-            let figures = contact.finish(world, &RowPlaces { now: &x, start: &x }, dt);
+            let figures = contact.finish(world, &RowPlaces { now: &x, start: &x }, dt, true);
             report.contact = ContactFigures { work: tool_work, ..figures };
         }
         Some([grown, scale])

@@ -128,6 +128,10 @@ rules! {
     Warning "run.contact.unconverged" "contact": |run| run.totals.contact.unconverged;
         |n| "{n} inner loops of contact ended at their cap, in {} steps", run.steps();
         "use a smaller dt, or a smaller stiffness of tools and contacts";
+    Warning "run.contact.forces" "contact": |run| run.totals.contact.missed;
+        |n| "forces did not converge in {n} of the {} steps in which something touched; peaks leave them out",
+            run.totals.contact.touching;
+        "use integrator = \"auto\" or \"safe\", a smaller dt, or a smaller stiffness of tools and contacts";
     Warning "run.contact.depth" "contact": |run| (run.totals.contact.depth_over_edge > DEEP).into();
         |n| "points were up to {:.2} edges deep in what they touch",
             run.totals.contact.depth_over_edge;

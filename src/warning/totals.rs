@@ -282,6 +282,12 @@ pub struct ContactTotals {
     pub inner_iterations_max: u32,
     /// Inner loops that ended at their cap.
     pub unconverged: u64,
+    /// Steps at whose end something touched.
+    pub touching: u64,
+    /// Steps that did not converge while something touched or pulled: their forces are not to be relied on.
+    pub missed: u64,
+    /// Whether the last step is one of these.
+    pub missed_final: bool,
     /// Largest penetration (m).
     pub depth: f64,
     /// Largest penetration over the mean edge of its surface.
@@ -310,6 +316,9 @@ impl ContactTotals {
         self.inner_iterations_mean = self.inner_iterations as f64 / steps as f64;
         self.inner_iterations_max = self.inner_iterations_max.max(now.inner_iterations);
         self.unconverged += u64::from(now.unconverged);
+        self.touching += u64::from(now.points > 0 || now.missed);
+        self.missed += u64::from(now.missed);
+        self.missed_final = now.missed;
         self.depth = self.depth.max(now.depth);
         self.depth_over_edge = self.depth_over_edge.max(now.depth_over_edge);
         self.substeps += u64::from(now.substeps);

@@ -58,6 +58,17 @@ pub enum Untrusted {
         /// Steps carried out.
         steps: u64,
     },
+    /// Forces of contact were not found too often.
+    #[error(
+        "forces did not converge in {missed} of the {touching} steps in which something touched; use integrator = \"auto\" or \
+         \"safe\", a smaller dt, or a smaller stiffness of tools and contacts"
+    )]
+    Forces {
+        /// Steps that did not converge while something touched or pulled.
+        missed: u64,
+        /// Steps in which something touched.
+        touching: u64,
+    },
     /// Too many elements are, or were, inside out.
     #[error(
         "{inverted} of {elements} elements {} inside out; loads, motions or units are beyond what the material holds: make \
@@ -131,6 +142,11 @@ pub fn verdict(world: &World) -> Result<(), Untrusted> {
     if integrator.converges() && often(unconverged) {
         let in_contact = solver.unconverged_in_contact;
         return Err(Untrusted::NotConverged { integrator, unconverged, in_contact, steps });
+    }
+    // however short the touch was: what is reported of it would hang on the rest
+    let (missed, touching) = (totals.contact.missed, totals.contact.touching);
+    if missed as f64 > OFTEN.0 * touching as f64 {
+        return Err(Untrusted::Forces { missed, touching });
     }
     let report = world.get_resource::<VolumeReport>();
     let elements = report.map_or(0, |report| report.elements_by_body.iter().sum::<u64>());

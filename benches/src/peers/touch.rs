@@ -237,7 +237,7 @@ impl TouchScale {
     pub fn weigh(&mut self, u: &[DVec3]) -> Result<DVec3> {
         self.simulation.set_state(self.body, u, &vec![DVec3::ZERO; u.len()])?;
         self.simulation.evaluate();
-        Ok(self.simulation.reaction(self.clamp))
+        Ok(self.simulation.reaction(self.clamp).unwrap_or(DVec3::NAN))
     }
 }
 
@@ -284,7 +284,8 @@ fn truth(block: &TouchBlock, model: Model, faces: Option<u32>) -> Result<TouchTr
     let forces = simulation.elastic_forces(body).into_iter().zip(simulation.contact_forces(body));
     let free = forces.enumerate().filter(|(v, _)| !block.fixed.contains(&(*v as u32)));
     let (_, largest) = extremes(free.map(|(_, (elastic, contact))| (elastic + contact).length()));
-    let off = largest.max(felt.force.distance(simulation.reaction(clamp))) / felt.force.length();
+    let held = simulation.reaction(clamp).unwrap_or(DVec3::NAN);
+    let off = largest.max(felt.force.distance(held)) / felt.force.length();
     let depth = block.depth(&u, start - DVec3::Z * DEPTH);
     // judged by what it is asked for, balance and no penetration, whatever the solver says of itself
     if off.is_nan() || off > BALANCE || (faces.is_none() && depth.abs() > BALANCE * RADIUS) {

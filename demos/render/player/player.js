@@ -210,11 +210,12 @@
       this.run = run;
       this.box = document.createElement("div");
       this.box.className = "view";
-      this.box.innerHTML = `<canvas></canvas><div class="caption"><b></b><span></span></div>
+      this.box.innerHTML = `<canvas></canvas><div class="caption"><b></b><span></span><div class="warning"></div></div>
         <div class="note"><b></b><span></span></div>`;
       if (data.runs.length > 1) {
         this.box.querySelector("b").textContent = run.label || run.title;
         this.box.querySelector("span").textContent = own(run.subtitle, run.label);
+        this.box.querySelector(".warning").textContent = run.warning;
       }
       byId("views").append(this.box);
       this.canvas = this.box.querySelector("canvas");
@@ -771,6 +772,7 @@
   const around = ball(data.runs);
   byId("heading").querySelector("b").textContent = shared((run) => run.title) || document.title;
   byId("heading").querySelector("span").textContent = shared((run) => run.subtitle);
+  if (data.runs.length === 1) byId("heading").querySelector(".warning").textContent = data.runs[0].warning;
   let views;
   try {
     const runs = await Promise.all(data.runs.map(unpack));
@@ -837,6 +839,38 @@
     dirty = true;
   };
   byId("reset").onclick = reset;
+  // all views in one picture, with what stands above them: one that is passed on says what it shows
+  const picture = () => {
+    const out = document.createElement("canvas"), draw = out.getContext("2d");
+    const shots = views.map((view) => { view.draw(); return view.canvas; });
+    const rows = getComputedStyle(byId("views")).flexDirection === "column";
+    const size = (of) => (rows === (of === "height") ? shots.reduce((sum, own) => sum + own[of], 0)
+      : Math.max(...shots.map((own) => own[of])));
+    const head = Math.round(44 * devicePixelRatio);
+    out.width = size("width");
+    out.height = size("height") + head;
+    draw.fillStyle = "#fff";
+    draw.fillRect(0, 0, out.width, out.height);
+    const words = (selector) => byId("heading").querySelector(selector).textContent;
+    const lines = [`${words("b")} · ${withUnit(time, views[0].run.static ? "of the loads" : "s")}`, words("span")];
+    lines.forEach((line, i) => {
+      draw.font = `${Math.round((i ? 12 : 15) * devicePixelRatio)}px ${getComputedStyle(document.body).fontFamily}`;
+      draw.fillStyle = i ? "#68707c" : "#262c36";
+      draw.fillText(line, head / 4, head * (i ? 0.85 : 0.45), out.width - head / 2);
+    });
+    let x = 0, y = head;
+    for (const own of shots) {
+      draw.drawImage(own, x, y);
+      if (rows) y += own.height; else x += own.width;
+    }
+    return out;
+  };
+  byId("save").onclick = () => {
+    const link = document.createElement("a");
+    link.href = picture().toDataURL("image/png");
+    link.download = `${document.title.replace(/[^\w-]+/g, "_")}.png`;
+    link.click();
+  };
   addEventListener("keydown", (e) => {
     if (e.target.tagName === "SELECT" || e.target.tagName === "BUTTON") return;
     if (e.key === " ") { e.preventDefault(); play(!playing); }
@@ -921,5 +955,5 @@
   if (!still && !Number.isFinite(asked)) play(true);
   requestAnimationFrame((now) => { before = now; tick(now); });
   // for scripts and tests
-  window.sinew = { views, play, playing: () => playing, time: () => time, setTime, setField, setMap, draw: () => views.forEach((v) => v.draw()), first, last };
+  window.sinew = { views, play, picture, playing: () => playing, time: () => time, setTime, setField, setMap, draw: () => views.forEach((v) => v.draw()), first, last };
 })();

@@ -163,6 +163,7 @@ pub fn run_data(recording: &Recording) -> Result<Value, std::io::Error> {
     Ok(json!({
         "title": recording.title,
         "subtitle": recording.subtitle,
+        "warning": recording.warning,
         "static": recording.is_static,
         "up": recording.up.to_array(),
         "size": recording.size(),

@@ -159,6 +159,8 @@ pub struct Recording {
     pub title: String,
     /// Second line: model, integrator, step.
     pub subtitle: String,
+    /// Why it is not to be trusted, or where it failed; empty for a good run. Pages say it above everything else.
+    pub warning: String,
     /// What stands above it where others are beside it.
     pub label: String,
     /// Whether [`Frame::time`] is the share of the loads instead of a time.

@@ -62,7 +62,10 @@ function probe() {
     return n * 4 / p.length;
   };
   const changed = (a, b) => { let n = 0; for (let i = 0; i < a.length; i += 4) n += a[i] !== b[i]; return n * 4 / a.length; };
-  const result = { errors, note, opened, pointed, graph, legend, wide, views: canvases.length, vivid: first.map(vivid),
+  const shot = sinew.picture();
+  const saved = { url: shot.toDataURL("image/png").slice(0, 22), width: shot.width, views: canvases.reduce((w, c) => w + c.width, 0) };
+  const warned = [...document.querySelectorAll(".warning")].map((e) => (box(e).height > 0 ? e.textContent : ""));
+  const result = { saved, warned, errors, note, opened, pointed, graph, legend, wide, views: canvases.length, vivid: first.map(vivid),
     moved: first.map((p, i) => changed(p, last[i])), recoloured: last.map((p, i) => changed(p, plain[i])),
     tools: [0, 1].map((i) => changed(plain[i], without[i])) };
   const out = document.createElement("pre");
@@ -125,6 +128,7 @@ fn loads_open_where_all_of_them_act() {
     let mut recording = crate::common::bar();
     recording.is_static = true;
     let Some(seen) = seen("static", &[&recording, &recording], 390) else { return };
+    assert_eq!(seen["warned"], serde_json::json!(["", "", ""]));
     assert_eq!(seen["opened"], serde_json::json!({ "playing": false, "time": 1.5 }));
     // nothing is moved by the scrub bar, which stands there already
     assert!(seen["moved"].as_array().unwrap().iter().all(|share| share == 0), "{seen}");
@@ -154,6 +158,7 @@ fn the_player_draws_scrubs_and_recolours_without_an_error() {
     let rising = (0..=30).map(|i| [0.05 * f64::from(i), 0.1 * f64::from(i)]);
     tools.forces = vec![Series { name: "ball".into(), points: rising.collect() }];
     tools.label = "with tools".into();
+    tools.warning = "NOT TO BE TRUSTED: <b>".into();
     let Some(seen) = seen("tools", &[&recording, &tools], 1000) else { return };
     assert_eq!(seen["opened"]["playing"], true, "{seen}");
     // one colour bar whose numbers stand beside their ticks
@@ -174,6 +179,11 @@ fn the_player_draws_scrubs_and_recolours_without_an_error() {
     assert!(number > 5.0 && number < 50.0, "{seen}");
     assert_eq!(seen["pointed"][1], "", "{seen}");
     assert_eq!(seen["views"], 2);
+    // what is not to be trusted says so where it stands
+    assert_eq!(seen["warned"], serde_json::json!(["", "", "NOT TO BE TRUSTED: <b>"]));
+    // both views in one picture
+    assert_eq!(seen["saved"]["url"], "data:image/png;base64,");
+    assert_eq!(seen["saved"]["width"], seen["saved"]["views"]);
     assert!(seen["note"].as_str().unwrap().contains("1.50 s"), "{seen}");
     // the second has tools
     assert!(seen["tools"][0] == 0.0 && seen["tools"][1].as_f64().unwrap() > 0.02, "{seen}");

@@ -24,6 +24,8 @@ pub struct CheckSummary {
     pub usable: bool,
     /// Why not.
     pub error: Option<String>,
+    /// All that is wrong in a scene, as far as it can be told at once, the error among it.
+    pub mistakes: Vec<String>,
     /// One report per mesh.
     pub meshes: Vec<CheckReport>,
     /// What was found beside the meshes: materials, constraints; in a scene also the meshes.
@@ -43,18 +45,30 @@ pub fn check_file(path: &Path) -> CheckSummary {
         kind: if scene { "scene" } else { "mesh" },
         usable: true,
         error: None,
+        mistakes: Vec::new(),
         meshes: Vec::new(),
         warnings: Vec::new(),
         plan: Vec::new(),
     };
     let error = if scene {
-        check_scene(path, &mut summary).err().map(|e| e.to_string())
+        let error = check_scene(path, &mut summary).err();
+        summary.mistakes = error.iter().flat_map(|_| mistakes(path)).collect();
+        error.map(|e| e.to_string())
     } else {
         check_mesh(path, &mut summary).err().map(|e| e.to_string())
     };
     summary.usable = error.is_none() && !summary.meshes.iter().any(CheckReport::has_errors);
     summary.error = error;
     summary
+}
+
+/// What is wrong in a scene that cannot be built.
+fn mistakes(path: &Path) -> Vec<String> {
+    // what is no text was told
+    let Ok(text) = std::fs::read_to_string(path) else { return Vec::new() };
+    let options = BuildOptions { threads: Some(1), ..BuildOptions::default() };
+    let found = LoadedScene::mistakes(&text, path, |scene| build(scene, &options).map(drop));
+    found.iter().map(SceneError::to_string).collect()
 }
 
 fn check_scene(path: &Path, summary: &mut CheckSummary) -> Result<(), SceneError> {
@@ -232,6 +246,9 @@ impl fmt::Display for CheckSummary {
         };
         writeln!(f, "{} ({}): {verdict}", self.file, self.kind)?;
         if let Some(error) = &self.error {
+            writeln!(f, "  error: {error}")?;
+        }
+        for error in self.mistakes.iter().filter(|own| Some(*own) != self.error.as_ref()) {
             writeln!(f, "  error: {error}")?;
         }
         for line in &self.plan {

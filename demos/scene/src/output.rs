@@ -33,13 +33,14 @@ pub const COMMON_COLUMNS: [&str; 13] = [
 ];
 
 /// Columns after these of a scene in which something touches.
-pub const CONTACT_COLUMNS: [&str; 6] = [
+pub const CONTACT_COLUMNS: [&str; 7] = [
     "contact_work_J",
     "contact_energy_J",
     "friction_J",
     "contact_points",
     "contact_depth_m",
     "inner_iterations",
+    "forces_unconverged",
 ];
 
 /// Cell data that every frame has.

@@ -74,11 +74,12 @@ pub static PROBES: [Probe; 35] = [
     vector("reaction", "N", Needs::Constraint, |now, of| {
         let time = now.simulation.time();
         let acting = of.constraint.filter(|c| time > 0.0 && c.acts(time));
-        acting.map_or(DVec3::ZERO, |c| {
+        let reaction = acting.and_then(|c| {
             // reactions are read from the forces of the state as it is
             now.elastic_energy();
             now.simulation.reaction(c.entity)
-        })
+        });
+        reaction.unwrap_or_default()
     }),
     scalar("elastic_energy", "J", Needs::Scene, |now, _| now.elastic_energy()),
     scalar("kinetic_energy", "J", Needs::Scene, |now, _| now.kinetic_energy),

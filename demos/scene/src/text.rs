@@ -1,5 +1,6 @@
 //! Numbers, counts and blocks of lines in reports for a terminal.
 
+use std::borrow::Cow;
 use std::fmt;
 
 /// Counts in words, those of 0 left out: "3 tetrahedra and 2 triangles".
@@ -54,14 +55,14 @@ pub fn seconds(x: f64) -> String {
 
 /// Lines with labels under a title.
 pub(crate) struct TextBlock {
-    title: &'static str,
+    title: Cow<'static, str>,
     lines: Vec<(String, String)>,
 }
 
 impl TextBlock {
     /// Without lines, when nothing is printed.
-    pub fn new(title: &'static str) -> Self {
-        Self { title, lines: Vec::new() }
+    pub fn new(title: impl Into<Cow<'static, str>>) -> Self {
+        Self { title: title.into(), lines: Vec::new() }
     }
 
     /// Adds a line; an empty label continues the line before.

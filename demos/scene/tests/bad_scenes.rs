@@ -9,6 +9,7 @@ use sinew::models::axes::field::to_cell_data;
 use sinew::models::body::Model;
 use sinew::models::body::sheet::MembraneModel;
 use sinew_scene::assemble::{BuildOptions, build};
+use sinew_scene::check::{CheckSummary, check_file};
 use sinew_scene::error::{SceneError, SceneProblem};
 use sinew_scene::mesh_tool::write;
 use sinew_scene::probe::PROBES;
@@ -627,4 +628,66 @@ fn habits_are_answered_with_what_to_write() {
         &message,
         &["binary.stl: this is a mesh, not a scene", "mesh = \"binary.stl\"", "sinew check"],
     );
+}
+
+/// `sinew check` of a text.
+fn checked(name: &str, text: &str) -> CheckSummary {
+    let file = std::env::temp_dir().join(format!("sinew-{name}-{}.toml", std::process::id()));
+    std::fs::write(&file, text).unwrap();
+    let summary = check_file(&file);
+    std::fs::remove_file(&file).unwrap();
+    summary
+}
+
+/// `sinew check` tells all that is wrong at once, and nothing that follows from something else.
+#[test]
+fn all_mistakes_are_told_at_once() {
+    let bad = GOOD
+        .replace("dt = 0.01", "dt = -0.01\ngravitiy = 0")
+        .replace(
+            "young_modulus = 1e5, poisson_ratio = 0.4",
+            "young_modulus = -1e5, poisson_ratio = 0.7",
+        )
+        .replace("{ group = \"x0\" }", "{ group = \"x9\" }")
+        .replace("force = [0.0, 0.0, -0.1]", "force = \"1 N\"")
+        .replace("{ ramp = [0.0, 0.05] }", "{ rampe = [0.0, 0.05] }")
+        .replace("[\"mean_displacement\"]", "[\"mean_displacment\"]")
+        + "[[probe]]\nname = \"held\"\nconstraint = \"clamp\"\nrecord = [\"reaction\"]\n";
+    let summary = checked("at-once", &bad);
+    let lines: Vec<usize> = summary
+        .mistakes
+        .iter()
+        .map(|text| {
+            let (_, line) = text.split_once("line ").unwrap_or_else(|| panic!("{text}"));
+            line.split([',', ':']).next().unwrap().parse().unwrap()
+        })
+        .collect();
+    let mut expected: Vec<usize> = Vec::new();
+    for word in ["dt = -", "gravitiy", "x9", "1 N", "rampe", "displacment"] {
+        expected.push(bad.lines().position(|line| line.contains(word)).unwrap() + 1);
+    }
+    // two of them in one line
+    let material = bad.lines().position(|line| line.starts_with("material")).unwrap() + 1;
+    expected.extend([material; 2]);
+    expected.sort_unstable();
+    let mut sorted = lines.clone();
+    sorted.sort_unstable();
+    assert_eq!(sorted, expected, "{:#?}", summary.mistakes);
+    assert!(summary.mistakes.contains(summary.error.as_ref().unwrap()));
+    let text = summary.to_string();
+    assert_eq!(text.matches("error: ").count(), expected.len(), "{text}");
+}
+
+/// An entry that cannot be read does not shift the places of others, and what speaks of it is no mistake of its own.
+#[test]
+fn places_are_those_of_the_file_whatever_was_passed_over() {
+    let bad = GOOD.replace("[[constraint]]", "[[constraint]]\nname = \"lost\"\n[[constraint]]")
+        + "until = -1.0\nuntill = 2.0\n[[probe]]\nname = \"a\"\nconstraint = \"lost\"\nrecord = [\"reaction\"]\n";
+    let bad = bad.replace("select = { group = \"x0\" }", "select = { group = \"x9\" }");
+    let found = LoadedScene::parse(&bad, Path::new("bad.toml")).unwrap_err().to_string();
+    let told = checked("places", &bad).mistakes;
+    let has = |words: &[&str]| told.iter().any(|text| words.iter().all(|word| text.contains(word)));
+    assert!(found.contains("line "), "{found}");
+    assert!(has(&["constraint[0]", "`select`"]) && has(&["constraint[1]", "x9"]), "{told:#?}");
+    assert!(!has(&["lost`;"]), "{told:#?}");
 }

@@ -58,7 +58,7 @@ fn recorded(text: &str, name: &str) -> (RunSummary, Vec<Vec<f64>>) {
     assert!(summary.completed, "{summary}");
     let csv = std::fs::read_to_string(out.join("block.csv")).unwrap();
     let row = |line: &str| -> Vec<f64> {
-        let cells = line.split(',').skip(19);
+        let cells = line.split(',').skip(20);
         cells.map(|x| if x.is_empty() { f64::NAN } else { x.parse().unwrap() }).collect()
     };
     assert!(
@@ -450,4 +450,34 @@ fn tools_are_refused_where_they_would_do_nothing() {
     }
     let message = build(&loaded(&format!("{still}{BALL}")), &BuildOptions::default());
     says(&message.err().unwrap().to_string(), &["`path` in a static scene"]);
+}
+
+/// Peaks are those of steps that converged; the others are counted, and marked in the CSV.
+#[test]
+fn peaks_leave_out_what_did_not_converge() {
+    let text = BLOCK.replace("\"safe\"", "\"newton\"\nmax_newton_iterations = 4")
+        + BALL
+        + &probe("tool", "ball", &["tool_force"]);
+    let out = folder().join("peaks");
+    let options = RunOptions { out: Some(out.clone()), ..RunOptions::default() };
+    let summary = run(&loaded(&text), &options, &mut Silent).unwrap();
+    let csv = std::fs::read_to_string(out.join("block.csv")).unwrap();
+    let mut lines = csv.lines().map(|line| line.split(',').collect::<Vec<_>>());
+    let head = lines.next().unwrap();
+    let column = |name: &str| head.iter().position(|own| own.starts_with(name)).unwrap();
+    let (mark, x) = (column("forces_unconverged"), column("p.tool_force_x"));
+    let (mut marked, mut peak) = (0, 0.0_f64);
+    for row in lines {
+        let number = |i: usize| row[i].parse::<f64>().unwrap();
+        let force = DVec3::new(number(x), number(x + 1), number(x + 2));
+        if number(mark) == 0.0 {
+            peak = peak.max(force.length());
+        } else {
+            marked += 1;
+        }
+    }
+    let force = &summary.touch.as_ref().unwrap().touched.tools[0].force;
+    assert!(marked > 0 && force.unconverged == marked, "{marked}, {summary}");
+    assert!((force.peak / peak - 1.0).abs() < 1e-6, "{} {peak}", force.peak);
+    says(&summary.to_string(), &["steps that did not converge", "run.contact.forces"]);
 }

@@ -8,6 +8,7 @@ use sinew_scene::assemble::BuiltScene;
 use sinew_scene::assemble::{BuildOptions, WITHOUT_EFFECT, build};
 use sinew_scene::check::check_file;
 use sinew_scene::mesh_tool::{convert, read};
+use sinew_scene::picture::run_to_page;
 use sinew_scene::run::{Observer, RunOptions, Silent, run};
 use sinew_scene::scene::LoadedScene;
 use sinew_scene::summary::RunSummary;
@@ -397,6 +398,15 @@ fn a_motion_far_beyond_the_body_is_warned_of_and_not_trusted() {
     for report in [summary.to_string(), summary.brief().to_string()] {
         says(report.lines().next().unwrap(), &["NOT TO BE TRUSTED", "30 steps", "smaller"]);
     }
+    // so does its page, above everything else
+    let page = std::env::temp_dir().join(format!("sinew-doubt-{}.html", std::process::id()));
+    run_to_page(&loaded(&text), &RunOptions::default(), &page, &mut Silent).unwrap();
+    let written = std::fs::read_to_string(&page).unwrap();
+    std::fs::remove_file(&page).unwrap();
+    says(
+        &written,
+        &["\"warning\":\"NOT TO BE TRUSTED, though all", "\"subtitle\":\"NOT TO BE TRUSTED"],
+    );
     // what the remedy asks for is trusted
     let near = text.replace("[45.0, -30.0, 45.0]", "[0.045, -0.03, 0.045]");
     let summary = run(&loaded(&near), &RunOptions::default(), &mut Silent).unwrap();

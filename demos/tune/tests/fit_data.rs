@@ -108,7 +108,7 @@ fn equilibria(scene: &LoadedScene, loads: &[f64]) -> (Vec<DVec3>, Vec<Equilibriu
         let report = built.simulation.report();
         assert!(!report.unconverged, "{report:?}");
         built.simulation.evaluate();
-        let force = built.simulation.reaction(built.constraints[0].entity);
+        let force = built.simulation.reaction(built.constraints[0].entity).unwrap();
         found.push((load, built.simulation.displacements(body), force));
     }
     (built.bodies[0].mesh.points.clone(), found)

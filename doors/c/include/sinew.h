@@ -556,6 +556,8 @@ typedef struct sinew_tool_report {
   // local_stiffness * way`. Symmetric; limits of friction as they are. Exact for `newton`, to the tolerance of the
   // linear solver. All 0 without.
   double local_stiffness[9];
+  // Whether the step that these forces are of did not converge: they are not to be relied on.
+  uint32_t unconverged;
 } sinew_tool_report;
 
 // Forces on one part of a tool, such as one of two jaws.

@@ -60,6 +60,8 @@ pub struct sinew_tool_report {
     /// local_stiffness * way`. Symmetric; limits of friction as they are. Exact for `newton`, to the tolerance of the
     /// linear solver. All 0 without.
     pub local_stiffness: [f64; 9],
+    /// Whether the step that these forces are of did not converge: they are not to be relied on.
+    pub unconverged: u32,
 }
 
 impl From<&ToolReport> for sinew_tool_report {
@@ -89,6 +91,7 @@ impl From<&ToolReport> for sinew_tool_report {
             drawn_in: r.drawn_in,
             other_points: r.other_points.unwrap_or_default().to_array(),
             local_stiffness: r.local_stiffness.unwrap_or(DMat3::ZERO).to_cols_array(),
+            unconverged: r.unconverged.into(),
         }
     }
 }

@@ -141,7 +141,9 @@ impl Embedding {
     pub fn reaction(&mut self, constraint: Handle, about: [f64; 3]) -> Result<Wrench> {
         let entity = self.constraint(constraint)?;
         let about = vector("point", about)?;
-        let [force, torque] = self.built.simulation.reaction_about(entity, about);
+        let found = self.built.simulation.reaction_about(entity, about);
+        let stale = HandleError::Stale { handle: constraint, kind: Kind::Constraint };
+        let [force, torque] = found.ok_or(stale)?;
         Ok(Wrench { force: force.to_array(), torque: torque.to_array() })
     }
 

@@ -97,6 +97,7 @@ fn plain_c(name: &str, of: &str) -> (&'static str, String) {
         "Option<DMat3>" => ("[f64; 9]", format!("r.{name}.unwrap_or(DMat3::ZERO).to_cols_array()")),
         "f64" => ("f64", format!("r.{name}")),
         "u32" => ("u32", format!("r.{name}")),
+        "bool" => ("u32", format!("r.{name}.into()")),
         _ => panic!("{name}: {of} is not known to C"),
     }
 }

@@ -61,4 +61,6 @@ pub struct BodyContactReport {
     pub sticking: u32,
     /// Points that slip.
     pub slipping: u32,
+    /// Whether the step that these forces are of did not converge: they are not to be relied on.
+    pub unconverged: bool,
 }

@@ -105,6 +105,8 @@ pub struct PullReport {
     pub distance: f64,
     /// Work (J) done by the hand since it took hold, by the force at the end of every step or explicit substep.
     pub work: f64,
+    /// Whether the step that these forces are of did not converge: they are not to be relied on.
+    pub unconverged: bool,
 }
 
 /// A point on the surface of a body that a ray hit.

@@ -629,11 +629,20 @@ impl ContactSet {
         }
     }
 
-    /// Ends the step at positions `x`: writes the kept state and the reports. `dt` is the length of the step (s).
-    pub fn finish(&mut self, world: &mut World, x: &RowPlaces, dt: f64) -> ContactFigures {
+    /// Ends the step at positions `x`: writes the kept state and the reports. `dt` is the length of the step (s); whether it
+    /// `converged` is told beside the forces.
+    pub fn finish(
+        &mut self,
+        world: &mut World,
+        x: &RowPlaces,
+        dt: f64,
+        converged: bool,
+    ) -> ContactFigures {
         let bodies = 0..self.first.len().saturating_sub(1);
         self.set_part(1.0);
         self.evaluate(&bodies, x, Limits::Keep);
+        let converged = converged && self.figures.unconverged == 0;
+        self.figures.missed = !converged && self.active.iter().any(|active| active.on);
         self.kept.points.clear();
         for (point, active) in self.points.iter().zip(&self.active) {
             let kept = remember(point, active);

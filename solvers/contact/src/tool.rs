@@ -498,6 +498,8 @@ pub struct ToolReport {
     /// local_stiffness * way`. Symmetric; limits of friction as they are. Exact for `newton`, to the tolerance of the
     /// linear solver.
     pub local_stiffness: Option<DMat3>,
+    /// Whether the step that these forces are of did not converge: they are not to be relied on.
+    pub unconverged: bool,
     /// Forces on each part, in their order; empty for a tool of one part.
     pub parts: Vec<PartReport>,
 }

@@ -72,7 +72,8 @@ impl<S: Scalar> Step<'_, S> {
             let start = position(&self.scratch.rest, &self.scratch.node.u);
             let places = RowPlaces { now: &now, start: &start };
             let impacts = self.report.contact.impacts;
-            let figures = contact.finish(self.world, &places, self.dt);
+            let converged = !self.report.unconverged && self.report.line_search_failures == 0;
+            let figures = contact.finish(self.world, &places, self.dt, converged);
             self.report.contact = ContactFigures { impacts, work: put_in, ..figures };
             contact_change = figures.energy - self.contact_before;
         }

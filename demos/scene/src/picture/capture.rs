@@ -489,7 +489,8 @@ fn forces(
         if let Some(times) = times {
             simulation.world_mut().insert_resource(times);
         }
-        let force = simulation.reaction(c.entity).as_vec3();
+        let Some(force) = simulation.reaction(c.entity) else { continue };
+        let force = force.as_vec3();
         append(series, &c.name, now.time, f64::from(force.length()));
         let at: DVec3 = c.vertices.iter().map(|&v| now.points[c.body][v as usize]).sum();
         let at = (at / c.vertices.len().max(1) as f64).as_vec3();

@@ -147,7 +147,8 @@ pub fn record(
     let start = Instant::now();
     let mut recorder = Recorder::new(scene, capture, observer);
     let summary = run(scene, &RunOptions { build, ..RunOptions::default() }, &mut recorder)?;
-    let (recording, seconds) = recorder.finish();
+    let (mut recording, seconds) = recorder.finish();
+    doubt(&mut recording, &summary);
     Ok((recording, summary, [start.elapsed().as_secs_f64(), seconds]))
 }
 
@@ -291,10 +292,19 @@ pub fn run_to_page(
         }
     };
     let (mut recording, _) = recorder.finish();
+    doubt(&mut recording, &summary);
     drop_unused_pressure(&mut recording);
     write_page(page, &[&recording], CameraRequest::default())?;
     summary.files.push(page.display().to_string());
     Ok(summary)
+}
+
+/// Marks the recording of a run that is not to be trusted, or that failed: a page says why, and every caption that it is so.
+fn doubt(recording: &mut Recording, summary: &RunSummary) {
+    let Some(why) = summary.doubted() else { return };
+    let mark = if summary.untrusted { "NOT TO BE TRUSTED" } else { "FAILED" };
+    recording.subtitle = format!("{mark} · {}", recording.subtitle);
+    recording.warning = why;
 }
 
 /// Takes the pressure away where nothing touches.

@@ -316,7 +316,7 @@ impl SceneRun<'_> {
             if touches {
                 let (now, e) = (report.contact, e.contact.unwrap_or_default());
                 row.extend([e.work, e.stored, e.friction, f64::from(now.points), now.depth]);
-                row.push(f64::from(now.inner_iterations));
+                row.extend([f64::from(now.inner_iterations), f64::from(u8::from(now.missed))]);
             }
             row.extend_from_slice(&self.probes);
             writer.row(step, &row)?;

@@ -6,6 +6,7 @@ mod body;
 mod conditions;
 mod document;
 mod fibres;
+mod mistakes;
 mod read;
 mod resection;
 mod shape;

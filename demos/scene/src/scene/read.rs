@@ -188,6 +188,52 @@ pub struct LoadedScene {
     options: Vec<(Cow<'static, str>, Cow<'static, str>)>,
 }
 
+/// The text of a scene, and where its keys stand.
+pub(super) struct Source<'a> {
+    text: &'a str,
+    file: &'a Path,
+    keys: Arc<KeySpans>,
+}
+
+impl<'a> Source<'a> {
+    pub fn new(text: &'a str, file: &'a Path) -> Self {
+        Self { text, file, keys: Arc::new(KeySpans::new(text)) }
+    }
+
+    /// What the parser made of the text, or of a part of it.
+    pub fn loaded(&self, scene: Result<Scene, toml::de::Error>) -> Result<LoadedScene, SceneError> {
+        Ok(LoadedScene {
+            scene: scene.map_err(|error| self.error(&error))?,
+            file: self.file.into(),
+            text: self.text.into(),
+            keys: Arc::clone(&self.keys),
+            files: SceneFiles(Arc::new(read_file)),
+            prepared: None,
+            options: Vec::new(),
+        })
+    }
+
+    /// What the parser says.
+    pub fn error(&self, error: &toml::de::Error) -> SceneError {
+        parse_error(self.text, self.file, &self.keys, error)
+    }
+
+    /// The first number that no scene holds.
+    pub fn beyond(&self) -> Option<SceneError> {
+        let (key, value) = self.keys.beyond.as_ref()?;
+        let found = format!("{value} is beyond {BEYOND:e}, the most of any number in a scene");
+        let remedy = "check the units: metres, seconds, kilograms, newtons, pascals".into();
+        let place = Place { file: self.file.into(), line: self.keys.line(key), key: key.clone() };
+        let problem = SceneProblem::Value { found, remedy };
+        Some(SceneError::At { place: Box::new(place), problem })
+    }
+
+    /// Line of a key, or of the nearest key around it that exists.
+    pub fn line(&self, key: &str) -> Option<usize> {
+        self.keys.line(key)
+    }
+}
+
 /// Meshes of bodies that are kept at most.
 const KEPT: usize = 16;
 
@@ -240,23 +286,9 @@ impl LoadedScene {
     /// # Errors
     /// As [`LoadedScene::read`].
     pub fn parse(text: &str, file: &Path) -> Result<Self, SceneError> {
-        let keys = Arc::new(KeySpans::new(text));
-        match toml::from_str(text) {
-            Ok(scene) => {
-                let files = SceneFiles(Arc::new(read_file));
-                let (file, options) = (file.into(), Vec::new());
-                let text = text.into();
-                let loaded = Self { scene, file, text, keys, files, prepared: None, options };
-                match &loaded.keys.beyond {
-                    Some((key, value)) => Err(loaded.key(key).value(
-                        format!("{value} is beyond {BEYOND:e}, the most of any number in a scene"),
-                        "check the units: metres, seconds, kilograms, newtons, pascals",
-                    )),
-                    None => Ok(loaded),
-                }
-            }
-            Err(error) => Err(parse_error(text, file, &keys, &error)),
-        }
+        let source = Source::new(text, file);
+        let loaded = source.loaded(toml::from_str(text))?;
+        source.beyond().map_or(Ok(loaded), Err)
     }
 
     /// Takes the files that the scene names from `open` in place of the file system: memory, an archive, a

@@ -17,7 +17,7 @@ impl fmt::Display for RunSummary {
         self.write_warnings(f)?;
         write_blocks(f, &[self.what(), self.speed(), self.accuracy()])?;
         if !self.final_probes.is_empty() {
-            writeln!(f, "\nResults at the end")?;
+            writeln!(f, "\nResults at the end{}", self.doubt())?;
         }
         let width = self.final_probes.iter().map(|(name, _)| name.chars().count()).max();
         for (name, value) in &self.final_probes {
@@ -38,7 +38,7 @@ impl fmt::Display for Brief<'_> {
         let mut block = TextBlock::new("What was simulated");
         run.bodies.iter().for_each(|body| body.describe(&mut block));
         run.touch.iter().for_each(|touch| touch.touched.describe(&mut block));
-        let mut results = TextBlock::new("Results");
+        let mut results = TextBlock::new(format!("Results{}", run.doubt()));
         for c in run.constraints.iter().filter(|c| c.largest_reaction.is_some()) {
             let largest = short(c.largest_reaction.unwrap_or(0.0));
             line!(results, format!("hold {}", c.name), "largest reaction {largest} N");
@@ -88,15 +88,23 @@ impl RunSummary {
         Brief(self)
     }
 
+    /// Why it is not to be trusted, or where it failed, as the first line and pages say it.
+    pub fn doubted(&self) -> Option<String> {
+        let failure = self.failure.as_ref()?;
+        let (done, steps) = (self.timing.step.count, self.settings.steps);
+        Some(if self.untrusted {
+            format!("NOT TO BE TRUSTED, though all {steps} steps were made: {failure}")
+        } else {
+            format!("FAILED after {done} of {steps} steps: {failure}")
+        })
+    }
+
     /// What happened, what does not let one trust it, and how many warnings there are.
     fn headline(&self) -> String {
         let total = seconds(self.timing.total_s);
-        let (done, steps) = (self.timing.step.count, self.settings.steps);
-        let mut line = match (&self.failure, self.timing.real_time_factor) {
-            (Some(failure), _) if self.untrusted => {
-                format!("NOT TO BE TRUSTED, though all {steps} steps were made: {failure}")
-            }
-            (Some(failure), _) => format!("FAILED after {done} of {steps} steps: {failure}"),
+        let done = self.timing.step.count;
+        let mut line = match (self.doubted(), self.timing.real_time_factor) {
+            (Some(failure), _) => failure,
             (None, Some(_)) => format!("{} simulated in {total}", seconds(self.timing.simulated_s)),
             (None, None) => format!("equilibrium found in {total}"),
         };
@@ -104,11 +112,23 @@ impl RunSummary {
         if unconverged > 0 && self.failure.is_none() {
             line += &format!("; {unconverged} of {done} steps did not converge");
         }
+        let missed = self.touch.as_ref().map_or(0, |touch| touch.figures.missed);
+        if missed > 0 && self.failure.is_none() {
+            line += &format!("; forces of {missed} steps did not converge");
+        }
         let warnings = self.warnings.iter().filter(|w| w.level == Level::Warning).count();
         match warnings {
             0 => line,
             1 => line + "; 1 warning",
             more => format!("{line}; {more} warnings"),
+        }
+    }
+
+    /// What is to be said of forces at the end.
+    fn doubt(&self) -> &'static str {
+        match &self.touch {
+            Some(touch) if touch.figures.missed_final => ", whose forces did not converge",
+            _ => "",
         }
     }
 

@@ -32,29 +32,39 @@ pub struct Touched {
 /// The largest force that something felt, and the last one.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub struct ForceSummary {
-    /// Largest magnitude (N).
+    /// Largest magnitude (N) in steps that converged.
     pub peak: f64,
     /// When (s).
     pub peak_time: f64,
     /// At the end (N).
     pub end: [f64; 3],
+    /// Steps that did not converge while something touched it: the peak is not taken from them.
+    pub unconverged: u64,
+    /// Whether the last step is one of them.
+    pub end_unconverged: bool,
 }
 
 impl ForceSummary {
-    fn add(&mut self, force: DVec3, time: f64) {
-        if force.length() > self.peak {
+    fn add(&mut self, force: DVec3, time: f64, unconverged: bool) {
+        if !unconverged && force.length() > self.peak {
             (self.peak, self.peak_time) = (force.length(), time);
         }
         self.end = force.to_array();
+        self.unconverged += u64::from(unconverged);
+        self.end_unconverged = unconverged;
     }
 
     fn words(&self) -> String {
         let [x, y, z] = self.end.map(short);
-        format!(
-            "force up to {} N at {} s, [{x}, {y}, {z}] N at the end",
-            short(self.peak),
-            short(self.peak_time)
-        )
+        let (peak, time) = (short(self.peak), short(self.peak_time));
+        let mut words = format!("force up to {peak} N at {time} s, [{x}, {y}, {z}] N at the end");
+        if self.end_unconverged {
+            words += ", where it did not converge";
+        }
+        match self.unconverged {
+            0 => words,
+            n => format!("{words}; peak without {n} steps that did not converge"),
+        }
     }
 }
 
@@ -159,9 +169,10 @@ impl Touched {
         let time = simulation.time();
         for (own, tool) in self.tools.iter_mut().zip(&built.tools) {
             let now = tool.report(simulation);
-            own.force.add(now.force, time);
+            own.force.add(now.force, time, now.unconverged);
             for (i, part) in own.parts.iter_mut().enumerate() {
-                part.add(now.parts.get(i).map_or(DVec3::ZERO, |part| part.force), time);
+                let force = now.parts.get(i).map_or(DVec3::ZERO, |part| part.force);
+                part.add(force, time, now.unconverged);
             }
             (own.work, own.dissipation) = (now.work, now.dissipation);
             own.torque = now.torque.to_array();
@@ -169,7 +180,7 @@ impl Touched {
         }
         for (own, pull) in self.pulls.iter_mut().zip(&built.pulls) {
             let now = pull.report(simulation);
-            own.force.add(now.force, time);
+            own.force.add(now.force, time, now.unconverged);
             own.work = now.work;
         }
         self.add_contacts(built, simulation, time);
@@ -178,7 +189,7 @@ impl Touched {
     fn add_contacts(&mut self, built: &BuiltScene, simulation: &Simulation, time: f64) {
         for (own, contact) in self.contacts.iter_mut().zip(&built.contacts) {
             let Some(now) = simulation.body_contact_report(contact.entity) else { continue };
-            own.force.add(now.force, time);
+            own.force.add(now.force, time, now.unconverged);
             own.dissipation = now.dissipation;
             (own.area, own.depth) = (own.area.max(now.area), own.depth.max(now.depth));
         }

@@ -106,6 +106,9 @@ class ToolReport:
     * way``. Symmetric; limits of friction as they are. Exact for ``newton``, to the tolerance of the linear solver; (3,
     3). ``None`` without."""
 
+    unconverged: bool
+    """Whether the step that these forces are of did not converge: they are not to be relied on."""
+
     parts: tuple[PartReport, ...]
     """Forces on each part, in their order; empty for a tool of one part."""
 
@@ -132,6 +135,9 @@ class ContactReport:
     slipping: int
     """Points that slip."""
 
+    unconverged: bool
+    """Whether the step that these forces are of did not converge: they are not to be relied on."""
+
 
 @dataclass(frozen=True, eq=False)
 class PullReport:
@@ -148,6 +154,9 @@ class PullReport:
 
     work: float
     """Work (J) done by the hand since it took hold, by the force at the end of every step or explicit substep."""
+
+    unconverged: bool
+    """Whether the step that these forces are of did not converge: they are not to be relied on."""
 
 
 @dataclass(frozen=True)
@@ -189,6 +198,10 @@ class ContactFigures:
 
     unconverged: int
     """Inner loops that ended at their cap."""
+
+    missed: bool
+    """Whether something touched or pulled in a step that did not converge: Newton's iteration or contact was not found,
+    or a body was halted. Forces are not to be relied on then."""
 
     depth: float | None
     """Largest penetration (m)."""

@@ -155,6 +155,7 @@ impl ContactSet {
             let way = active.at - part.end.carry(active.at, &part.start);
             report.work -= force.dot(way);
             report.energy += stored(point, active);
+            report.unconverged = self.figures.missed;
             let lost = lost(point, active);
             report.dissipation += lost;
             self.figures.friction_dissipation += lost;
@@ -220,6 +221,7 @@ impl ContactSet {
                 }
                 report.area += point.area;
                 report.depth = report.depth.max(-active.gap);
+                report.unconverged = self.figures.missed;
                 let lost = lost(point, active);
                 *self.kept.dissipated.entry(now.id).or_default() += lost;
                 self.figures.friction_dissipation += lost;
@@ -241,6 +243,7 @@ impl ContactSet {
             let Ok(mut entity) = world.get_entity_mut(now.entity) else { continue };
             let mut report = entity.get::<PullReport>().copied().unwrap_or_default();
             (report.force, report.torque, report.distance) = (DVec3::ZERO, DVec3::ZERO, 0.0);
+            report.unconverged = self.figures.missed;
             let pose = now.of.target;
             let centre = pose.centre + pose.translation;
             for (point, active) in self.points.iter().zip(&self.active) {
