@@ -69,8 +69,9 @@ pub(super) fn compact<S: Scalar>(world: &mut World, resection: &mut Resection) -
     let mut kept = keep.iter();
     topology.edges.retain(|_| kept.next() == Some(&true));
     topology.edge_start = starts(topology.vertex_count(), topology.edges.iter().map(|e| e[0]));
-    topology.unused_edges =
-        used.iter().zip(&keep).filter(|(_, keep)| **keep).map(|(used, _)| !used).collect();
+    let kept_uses = used.iter().zip(&keep).filter(|(_, keep)| **keep);
+    let unused: Vec<bool> = kept_uses.map(|(used, _)| !used).collect();
+    topology.unused_edges = if unused.contains(&true) { unused } else { Vec::new() };
     topology.revision += 1;
 
     macro_rules! renumber {
