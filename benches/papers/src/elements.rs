@@ -2,12 +2,12 @@
 //! against finite elements.
 
 use super::Setup;
+use super::figure::Verdict;
 use super::lumped::{
     How, MATERIAL, Meshes, Ours, Row, Springs, against_print, error_table, in_readings, judged,
     printed_name,
 };
 use super::overlay;
-use super::figure::Verdict;
 use super::prelude::*;
 use super::shapes::printed;
 use sinew_identify::ElementMethod::{self, Block, Frobenius, TwoNorm};
@@ -221,8 +221,7 @@ fn masses(meshes: &Meshes) -> Result<Finding> {
         let specimen = meshes.variant(mesh, number)?;
         let rig = &specimen.rig;
         let sum = |lumping| {
-            let masses =
-                mesh_masses(&rig.points, &rig.cells(), density, &rig.section, lumping)?;
+            let masses = mesh_masses(&rig.points, &rig.cells(), density, &rig.section, lumping)?;
             Ok::<f64, sinew_identify::IdentifyError>(masses.iter().sum())
         };
         let part = sum(MassLumping::NodalQuadrature)? / sum(MassLumping::RowSum)? - 1.0;
@@ -248,12 +247,22 @@ fn findings(meshes: &Meshes, first: &[Row], third: &[Row]) -> Result<Vec<Finding
     for (method, hows, name) in norms {
         let rows = judged(first, |r| one(r) && r.method == method);
         if !rows.is_empty() {
-            findings.push(against_print(&format!("table 1, {name}, cylinders of tetrahedra and cubes"), &rows, hows));
+            findings.push(against_print(
+                &format!("table 1, {name}, cylinders of tetrahedra and cubes"),
+                &rows,
+                hows,
+            ));
         }
     }
     for (prefix, what) in [
-        ("cylinder_hex", "table 1, cylinder of 675 nodes and 496 hexahedra (62 quadrilaterals x 8)"),
-        ("tissue", "table 1, soft tissue, whose outline is not printed (a rectangle; one that bulges by a fifth)"),
+        (
+            "cylinder_hex",
+            "table 1, cylinder of 675 nodes and 496 hexahedra (62 quadrilaterals x 8)",
+        ),
+        (
+            "tissue",
+            "table 1, soft tissue, whose outline is not printed (a rectangle; one that bulges by a fifth)",
+        ),
     ] {
         let rows: Vec<Row> = first.iter().filter(|r| r.mesh.starts_with(prefix)).cloned().collect();
         for (method, hows, _) in norms {
@@ -315,7 +324,10 @@ mod tests {
     fn the_cube_is_the_printed_one_and_wrong_numbers_differ() {
         let figure = figure(&Setup { meshes: Meshes::new(None), quick: true }).unwrap();
         let cube = &figure.findings[0];
-        assert!(cube.agrees() && cube.text.contains("14.98 / 25.58 with its end clamped"), "{cube:?}");
+        assert!(
+            cube.agrees() && cube.text.contains("14.98 / 25.58 with its end clamped"),
+            "{cube:?}"
+        );
         assert_eq!((figure.tables[0].rows.len(), figure.tables[1].rows.len()), (3, 3));
         let text = figure.tables[0].text();
         assert!(text.contains("14.98 / 25.19") && !text.contains("NaN"), "{text}");
@@ -324,8 +336,7 @@ mod tests {
         // a proof counts only where the numbers bear it out
         let wanted = [("cube_hex", "cube", [2.91, 6.92], [14.98, 25.19])];
         let meshes = Meshes::new(None);
-        let [mut first, third] =
-            [0.1, 0.3].map(|part| measure(&meshes, &wanted, part).unwrap());
+        let [mut first, third] = [0.1, 0.3].map(|part| measure(&meshes, &wanted, part).unwrap());
         assert!(contradictions(&first, &third).iter().all(|f| wrong(&f)));
         for row in &mut first {
             let linear = row.ours.errors[0].1.as_mut().unwrap();

@@ -120,7 +120,8 @@ fn findings(rows: &[Row]) -> Vec<Finding> {
     };
     // the printed ratio is that of two programs: one fit ran in MATLAB, the other in Mathematica
     let norms = TABLE_2.map(|t| (t.0, compare(of(t.0, TwoNorm), of(t.0, Frobenius))));
-    let each = norms.map(|(kind, [own, printed])| format!("{kind} {own:.1} ({printed:.1} printed)"));
+    let each =
+        norms.map(|(kind, [own, printed])| format!("{kind} {own:.1} ({printed:.1} printed)"));
     let mut findings =
         vec![Finding::of_times(norms.iter().all(|n| n.1[0] >= ORDER)).says(format!(
             "table 2: the F-norm takes an order of magnitude less time than the 2-norm: {} times less here",

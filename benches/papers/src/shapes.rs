@@ -159,14 +159,14 @@ fn cylinder(middle: usize, rings: [usize; 3]) -> Mesh {
     let mut count = 2 * middle;
     places.extend(circle(0.25, count));
     let around = |i: usize| 1 + i % (2 * middle);
-    let mut quads: Vec<[usize; 4]> = (0..middle)
-        .map(|i| [0, around(2 * i), around(2 * i + 1), around(2 * i + 2)])
-        .collect();
+    let mut quads: Vec<[usize; 4]> =
+        (0..middle).map(|i| [0, around(2 * i), around(2 * i + 1), around(2 * i + 2)]).collect();
     let mut inner = 1;
     for (ring, outer_count) in rings.into_iter().enumerate() {
         let outer = places.len();
         places.extend(circle(0.25 * (ring + 2) as f64, outer_count));
-        let [a, b] = [(inner, count), (outer, outer_count)].map(|(first, n)| move |i: usize| first + i % n);
+        let [a, b] =
+            [(inner, count), (outer, outer_count)].map(|(first, n)| move |i: usize| first + i % n);
         let more = (outer_count - count) / 2;
         let mut j = 0;
         for i in 0..count {
@@ -191,16 +191,16 @@ fn cylinder(middle: usize, rings: [usize; 3]) -> Mesh {
             places[v] = sum / beside[v].len() as f64;
         }
     }
-    let mut mesh = Mesh { source: format!("disc round {middle} quadrilaterals"), ..Mesh::default() };
+    let mut mesh =
+        Mesh { source: format!("disc round {middle} quadrilaterals"), ..Mesh::default() };
     for layer in 0..=LAYERS {
         let x = SIDE * layer as f64 / LAYERS as f64;
         mesh.points.extend(places.iter().map(|p| DVec3::new(x, RADIUS * p.x, RADIUS * p.y)));
     }
     let vertex = |layer: usize, v: usize| (layer * places.len() + v) as u32;
     for layer in 0..LAYERS {
-        mesh.hexahedra.extend(quads.iter().map(|q| {
-            std::array::from_fn(|i| vertex(layer + i / 4, q[i % 4]))
-        }));
+        mesh.hexahedra
+            .extend(quads.iter().map(|q| std::array::from_fn(|i| vertex(layer + i / 4, q[i % 4]))));
     }
     for (name, layer) in [("x0", 0), ("x1", LAYERS)] {
         let vertices = (0..places.len()).map(|v| vertex(layer, v)).collect();

@@ -2,8 +2,8 @@
 
 use super::Setup;
 use super::lumped::{
-    ALIKE, How, LOAD_STEPS, MATERIAL, Meshes, Ours, Row, Specimen, Springs, against_print,
-    error_table, judged, percents, printed_name, ranking,
+    ALIKE, How, MATERIAL, Meshes, Ours, Row, Specimen, Springs, against_print, error_table, judged,
+    percents, printed_name, ranking,
 };
 use super::prelude::*;
 use super::square::Minimisers;
@@ -63,8 +63,8 @@ fn minimisers(meshes: &Meshes, many: &Minimisers) -> Result<Vec<Sheared>> {
     let specimen = meshes.get("square_quad")?;
     let springs = specimen.springs(TwoNorm)?;
     let [low, high] = many.diagonal;
-    let hows =
-        [Springs::Linear, Springs::RestLengths(SHEARS[4])].map(|springs| How { springs, load: Reading::Traction });
+    let hows = [Springs::Linear, Springs::RestLengths(SHEARS[4])]
+        .map(|springs| How { springs, load: Reading::Traction });
     let one = |i: usize| -> Result<Sheared> {
         let diagonal = low + (high - low) * i as f64 / (DIAGONALS - 1) as f64;
         let springs = many.with_diagonal(&springs, &specimen.rig.points, diagonal);
@@ -105,7 +105,12 @@ fn findings(rows: &[Row], many: &[Sheared]) -> Vec<Finding> {
         .iter()
         .map(|s| {
             let text = |e: Option<[f64; 2]>| percents(e).shown();
-            format!("{:.4} {} ({} with rest lengths at 18 %)", s.diagonal, text(s.linear), text(s.rest))
+            format!(
+                "{:.4} {} ({} with rest lengths at 18 %)",
+                s.diagonal,
+                text(s.linear),
+                text(s.rest)
+            )
         })
         .collect();
     findings.push(
@@ -152,9 +157,8 @@ fn both(
         let own = against(rig, springs, loading, fem, options).ok()?;
         Some([own.errors.rms_percent, own.errors.max_percent])
     };
-    let options =
-        |load_steps| SpringOptions { load_steps, tolerance: 1e-8, ..SpringOptions::default() };
-    [errors(None), LOAD_STEPS.iter().find_map(|n| errors(Some(options(*n))))]
+    let options = SpringOptions { tolerance: 1e-8, ..SpringOptions::default() };
+    [errors(None), errors(Some(options))]
 }
 
 /// Bodies twisted about their axis by tractions that grow with the distance from it, and pressed along it, until finite

@@ -287,7 +287,9 @@ fn van_gelder(meshes: &Meshes) -> Result<Finding> {
     };
     let [recalled, larger] = [numbers(1.0)?, numbers(VAN_GELDER)?];
     let near = |own: &[Option<f64>; 3]| {
-        own.iter().zip(GELDER).all(|(own, p)| own.is_some_and(|own| (own / p - 1.0).abs() < SAME[0]))
+        own.iter()
+            .zip(GELDER)
+            .all(|(own, p)| own.is_some_and(|own| (own / p - 1.0).abs() < SAME[0]))
     };
     let words = |own: [Option<f64>; 3]| {
         let [a, b, c] = own.map(|x| x.unwrap_or(f64::NAN));
@@ -318,7 +320,11 @@ fn findings(meshes: &Meshes, four: &[Fourth], five: &[Fifth]) -> Result<Vec<Find
     let mut findings = vec![
         moduli_of_print(&by(Frobenius), Which::Young, "table 4, modulus (Pa) by the F-norm"),
         moduli_of_print(&by(TwoNorm), Which::Young, "table 4, modulus (Pa) by the 2-norm"),
-        moduli_of_print(&four.iter().collect::<Vec<_>>(), Which::Poisson, "table 4, Poisson's ratio"),
+        moduli_of_print(
+            &four.iter().collect::<Vec<_>>(),
+            Which::Poisson,
+            "table 4, Poisson's ratio",
+        ),
     ];
     let rows: Vec<Row> = five.iter().map(|f| f.row.clone()).collect();
     let hows = How::all(&STRETCHES);
@@ -354,7 +360,8 @@ pub(crate) fn figure(setup: &Setup) -> Result<Figure> {
     let keep = |mesh: &str| !setup.quick || mesh.ends_with("tri");
     let four = fourth(&setup.meshes, &keep)?;
     let five = fifth(&setup.meshes, &keep)?;
-    let title = "Table 4: moduli of the specimen (Pa, ratio), smallest to largest over several meshes";
+    let title =
+        "Table 4: moduli of the specimen (Pa, ratio), smallest to largest over several meshes";
     let table_4 = table_of!("c-table-4", title; for r in &four;
         "element" => r.element, "fit" => printed_name(r.method), "printed" => printed_moduli(r.printed),
         "linear: E" => r.range(0, Which::Young), "nu" => r.range(0, Which::Poisson),
@@ -415,7 +422,9 @@ mod tests {
         assert_eq!(stiff.verdict, Verdict::NotDetermined, "{stiff:?}");
         assert!(figure.findings.iter().all(|f| !f.text.contains("NaN")));
         // other numbers are not the printed ones
-        assert!(Which::Young.same(9461.0, [9461.44, 0.26]) && !Which::Young.same(9461.0, [12e3, 0.26]));
+        assert!(
+            Which::Young.same(9461.0, [9461.44, 0.26]) && !Which::Young.same(9461.0, [12e3, 0.26])
+        );
         assert!(Which::Poisson.same(0.3, [1.0, 0.26]) && !Which::Poisson.same(0.32, [1.0, 0.26]));
     }
 
@@ -423,7 +432,8 @@ mod tests {
     #[test]
     fn meshes_and_laws_are_choices() {
         let [yes, some, no] = [[true, true], [true, false], [false, false]];
-        let verdict = |a: [[bool; 2]; 2], b: [[bool; 2]; 2]| on_meshes([a.to_vec(), b.to_vec()]).verdict;
+        let verdict =
+            |a: [[bool; 2]; 2], b: [[bool; 2]; 2]| on_meshes([a.to_vec(), b.to_vec()]).verdict;
         assert_eq!(verdict([yes, yes], [yes, yes]), Verdict::Agrees);
         assert_eq!(verdict([no, yes], [some, yes]), Verdict::NotDetermined);
         assert_eq!(verdict([no, yes], [yes, no]), Verdict::Differs);

@@ -11,9 +11,7 @@ use sinew_identify::mesh::{FittedSprings, fit_elements};
 use sinew_identify::method::constant_ranges;
 use sinew_identify::springs::spring_vectors;
 use sinew_identify::stiffness::element_stiffness;
-use sinew_identify::{
-    ElementGeometry, ElementKind, LinearMaterial, Plane, Section, fit_element,
-};
+use sinew_identify::{ElementGeometry, ElementKind, LinearMaterial, Plane, Section, fit_element};
 use sinew_tune::fit::FitError;
 use sinew_tune::fit::assess::{against, reference};
 use sinew_tune::fit::rig::{Grips, Rig};
@@ -62,15 +60,6 @@ fn measure() -> Result<Vec<Point>> {
 
 fn of(points: &[Point], method: ElementMethod, e: f64) -> Vec<&Point> {
     points.iter().filter(|p| p.method == method && p.put_in[0] == e).collect()
-}
-
-/// Smallest and largest measured ratio while that put in runs from 0 to 0.5.
-fn range(points: &[Point], method: ElementMethod) -> Option<[f64; 2]> {
-    let ratios = points.iter().filter(|p| p.method == method).filter_map(|p| Some(p.out?[1]));
-    ratios.fold(None, |range: Option<[f64; 2]>, nu| {
-        let [low, high] = range.unwrap_or([nu, nu]);
-        Some([low.min(nu), high.max(nu)])
-    })
 }
 
 /// Relative error at which a modulus counts as set accurately, and the part of the way of nu_in below which
@@ -132,7 +121,8 @@ impl Minimisers {
         let hourglass = (1.0 / (1.0 - nu * nu) + 0.5 / (1.0 + nu)) / 3.0;
         let (least, sides) = (0.5 * (stretch - hourglass), 0.5 * (stretch + hourglass));
         let dilation = 1.0 / (1.0 - nu) - sides;
-        let closed = [(dilation - least).max(stretch - least), (dilation + least).min(stretch + least)];
+        let closed =
+            [(dilation - least).max(stretch - least), (dilation + least).min(stretch + least)];
         Ok(Self {
             side,
             diagonal,
@@ -156,7 +146,12 @@ impl Minimisers {
     }
 
     /// Springs of a mesh of equal squares with this constant (over `E t`) on all diagonals.
-    pub fn with_diagonal(&self, springs: &FittedSprings, points: &[[f64; 3]], k: f64) -> FittedSprings {
+    pub fn with_diagonal(
+        &self,
+        springs: &FittedSprings,
+        points: &[[f64; 3]],
+        k: f64,
+    ) -> FittedSprings {
         let mut springs = springs.clone();
         let scale = MATERIAL.youngs_modulus * SECTION.thickness;
         for (edge, constant) in springs.edges.iter().zip(&mut springs.constants) {
@@ -184,7 +179,8 @@ fn closed_forms() -> Result<Finding> {
     let mut shown = true;
     for (plane, name) in [(Plane::Stress, "stress"), (Plane::Strain, "strain")] {
         let section = Section { plane, ..SECTION };
-        let fit = |method| fit_element(&square, &MATERIAL, &section, method).map_err(FitError::from);
+        let fit =
+            |method| fit_element(&square, &MATERIAL, &section, method).map_err(FitError::from);
         let (printed, best): (ElementFit, ElementFit) = (fit(Block)?, fit(Frobenius)?);
         let own = printed_forms(&MATERIAL, plane)?;
         shown &= (printed.constants[0] / own[0] - 1.0).abs() < ROUNDING
@@ -223,7 +219,8 @@ fn findings(points: &[Point], many: &Minimisers) -> Vec<Finding> {
     }
     let proportional = worst < ROUNDING;
     let at_zero = |method| of(points, method, MODULI[0]).first().and_then(|p| Some(p.out?[0]));
-    let is = |method, closed: f64| at_zero(method).is_some_and(|e| (e / closed - 1.0).abs() < ROUNDING);
+    let is =
+        |method, closed: f64| at_zero(method).is_some_and(|e| (e / closed - 1.0).abs() < ROUNDING);
     let off = many.moduli().iter().all(|e| (e - 1.0).abs() > ACCURATE);
     let [low, high] = many.moduli();
     let proofs = [
@@ -261,7 +258,11 @@ fn findings(points: &[Point], many: &Minimisers) -> Vec<Finding> {
             100.0 * ACCURATE
         );
         let within = ratios.iter().all(|r| (r - 1.0).abs() < ACCURATE);
-        let finding = if within { Finding::of(proportional) } else { Finding::paper_wrong(shown && proportional, proof) };
+        let finding = if within {
+            Finding::of(proportional)
+        } else {
+            Finding::paper_wrong(shown && proportional, proof)
+        };
         findings.push(finding.says(claim));
     }
     // the paper's figure shows its own method only

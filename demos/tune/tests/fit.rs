@@ -63,7 +63,10 @@ fn a_two_norm_fit_says_whether_it_is_unique() {
     let least = 50.0 * (1.0 / (1.0 - nu) - sides - norm).max(stretch - norm);
     let most = 50.0 * (1.0 / (1.0 - nu) - sides + norm).min(stretch + norm);
     let range = &freedom.ranges[0];
-    assert!((range.range[0] - least).abs() < 1e-4 && (range.range[1] - most).abs() < 1e-4, "{range:?}");
+    assert!(
+        (range.range[0] - least).abs() < 1e-4 && (range.range[1] - most).abs() < 1e-4,
+        "{range:?}"
+    );
     assert!(body.to_string().contains("NOT UNIQUE in 12 of 12 elements"), "{body}");
     let body = fit_mesh(&hex_box(), &request(ElementMethod::TwoNorm, 0.3)).unwrap();
     let freedom = body.freedom.as_ref().unwrap();

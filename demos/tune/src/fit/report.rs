@@ -1,7 +1,7 @@
 //! The report of `sinew fit` on a terminal.
 
-use super::{FittedBody, Freedom};
 use super::assess::Assessment;
+use super::{FittedBody, Freedom};
 use crate::table::three_digits;
 use crate::table_of;
 use sinew_identify::fit::ConstantRange;
