@@ -218,9 +218,18 @@ fn findings(meshes: &Meshes, first: &[Row], third: &[Row]) -> Result<Vec<Finding
     let norms = [(Frobenius, "F-norm"), (TwoNorm, "2-norm")];
     let mut findings = vec![cube(meshes)?];
     for (mesh, what) in [
-        (&["cylinder_tet", "cylinder_hole_tet", "cube_tet", "cube_hex"][..], "cylinders of tetrahedra and cubes"),
-        (&["cylinder_hex"], "cylinder of 675 nodes and 496 hexahedra (62 quadrilaterals in 8 layers)"),
-        (&["tissue_tri", "tissue_quad"], "soft tissue (outlines: a rectangle, one that bulges by a fifth)"),
+        (
+            &["cylinder_tet", "cylinder_hole_tet", "cube_tet", "cube_hex"][..],
+            "cylinders of tetrahedra and cubes",
+        ),
+        (
+            &["cylinder_hex"],
+            "cylinder of 675 nodes and 496 hexahedra (62 quadrilaterals in 8 layers)",
+        ),
+        (
+            &["tissue_tri", "tissue_quad"],
+            "soft tissue (outlines: a rectangle, one that bulges by a fifth)",
+        ),
     ] {
         for (method, name) in norms {
             let rows = judged(first, |r| mesh.contains(&r.mesh) && r.method == method);

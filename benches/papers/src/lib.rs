@@ -334,7 +334,16 @@ mod tests {
         assert!(folder.contains("nowhere") && folder.contains("b_cube_hex.msh"), "{folder}");
     }
 
-    const QUICK_B: [&str; 6] = ["a: ", "b: ", "c: ", "d: ", "e: ", "f: "];
+    const QUICK_B: [&str; 6] = [
+        "a: agrees, not determined, not determined, the paper is wrong, the paper is wrong, not determined, not \
+         determined, the paper is wrong",
+        "b: ",
+        "c: not determined, agrees, DIFFERS, not determined, not determined, not determined",
+        "d: the paper is wrong, the paper is wrong, the paper is wrong, agrees, agrees, agrees, the paper is wrong, the \
+         paper is wrong",
+        "e: not determined, the paper is wrong",
+        "f: ",
+    ];
 
     #[test]
     fn all_figures_in_their_quick_form() {

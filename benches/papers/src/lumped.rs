@@ -250,6 +250,8 @@ pub(crate) struct Judged {
     printed: [f64; 2],
     /// Errors on every mesh that would do.
     ours: Vec<Ours>,
+    /// Whether its constants were found from the printed numbers ([`VAN_GELDER`]): it then never agrees by itself.
+    inferred: bool,
 }
 
 impl Judged {
@@ -259,9 +261,9 @@ impl Judged {
         each.min_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or((f64::INFINITY, None))
     }
 
-    /// Whether it is the printed one in a reading, whatever the mesh.
+    /// Whether it is the printed one in a reading, whatever else may be chosen.
     fn always(&self, how: How) -> bool {
-        self.ours.iter().all(|ours| factor(ours.of(how), self.printed) <= ALIKE)
+        !self.inferred && self.ours.iter().all(|ours| factor(ours.of(how), self.printed) <= ALIKE)
     }
 }
 
@@ -297,15 +299,15 @@ fn by_reading(counts: &[(How, usize)], all: usize) -> String {
 /// A verdict on a statement that was tried in several readings: it agrees if all meet it, is not determined if some do.
 /// `met` are the cases that meet it in each reading, of `all`; `elsewhere` is whether they do with all other choices, too.
 pub(crate) fn in_readings(met: &[(How, usize)], all: usize, elsewhere: bool) -> Finding {
-    let whole: Vec<String> = met.iter().filter(|m| m.1 == all).map(|m| m.0.words()).collect();
-    if whole.len() == met.len() && !met.is_empty() && elsewhere {
+    let whole = met.iter().filter(|m| m.1 == all).count();
+    if whole == met.len() && whole > 0 && elsewhere {
         return Finding::of(true);
     }
-    let which = match whole.is_empty() {
-        true => "no reading meets all".to_string(),
-        false => format!("met with {}", whole.join("; with ")),
+    let which = match whole {
+        0 => "no reading meets all".to_string(),
+        n => format!("all are met in {n} of {} readings", met.len()),
     };
-    Finding::not_determined(!whole.is_empty(), format!("{which} ({})", by_reading(met, all)))
+    Finding::not_determined(whole > 0, format!("{which}: {}", by_reading(met, all)))
 }
 
 /// Rows of a table held against the print, one reading for all of them. Where several meshes would do, a row is met in a
@@ -314,8 +316,9 @@ pub(crate) fn against_print(table: &str, rows: &[Judged], hows: &[How]) -> Findi
     let worst = |how: How| rows.iter().map(|r| r.nearest(how).0).fold(1.0, f64::max);
     let count = |how: How| rows.iter().filter(|r| r.nearest(how).0 <= ALIKE).count();
     let met: Vec<(How, usize)> = hows.iter().map(|how| (*how, count(*how))).collect();
-    let better =
-        |a: &&(How, usize), b: &&(How, usize)| a.1.cmp(&b.1).then(worst(b.0).total_cmp(&worst(a.0)));
+    let better = |a: &&(How, usize), b: &&(How, usize)| {
+        a.1.cmp(&b.1).then(worst(b.0).total_cmp(&worst(a.0)))
+    };
     let Some(&(best, n)) = met.iter().max_by(better) else { return Finding::of(false) };
     let row = |r: &Judged| {
         let here = r.nearest(best).1.and_then(|ours| ours.of(best));
@@ -406,7 +409,10 @@ pub(crate) fn judged(rows: &[Row], keep: impl Fn(&Row) -> bool) -> Vec<Judged> {
         let name = format!("{} {}", row.what, printed_name(row.method));
         match all.iter_mut().find(|j| j.name == name) {
             Some(judged) => judged.ours.push(row.ours.clone()),
-            None => all.push(Judged { name, printed, ours: vec![row.ours.clone()] }),
+            None => {
+                let inferred = row.method == ElementMethod::VanGelder;
+                all.push(Judged { name, printed, ours: vec![row.ours.clone()], inferred });
+            }
         }
     }
     all
@@ -467,7 +473,7 @@ mod tests {
                 |row: usize| hows.iter().zip(errors).map(move |(h, e)| (*h, Some([e[row]; 2])));
             let row = |(row, name): (usize, &str)| {
                 let ours = vec![Ours { errors: own(row).collect(), negative: 0 }];
-                Judged { name: name.into(), printed: [1.0; 2], ours }
+                Judged { name: name.into(), printed: [1.0; 2], ours, inferred: false }
             };
             [(0, "a"), (1, "b")].map(row).into()
         };
@@ -476,9 +482,7 @@ mod tests {
         let some = of([[1.6, 1.0], [1.0, 1.0], [1.0, 2.0], [1.1, 1.0], [1.0, 0.5], [0.1, 9.0]]);
         assert_eq!(some.verdict, Verdict::NotDetermined);
         assert!(some.text.contains("linear, equal forces, 2 of 2"), "{some:?}");
-        assert!(
-            some.reason.contains("met with linear, equal forces; with rest lengths at 10 %, equal")
-        );
+        assert!(some.reason.contains("all are met in 2 of 6 readings"), "{some:?}");
         assert!(some.reason.contains("traction: 1 at 10 %, 1 at 20 % of 2"), "{some:?}");
         // every row is met in some reading, but not all in one
         let none = of([[1.0, 2.0], [2.0, 1.0], [1.0, 3.0], [3.0, 1.0], [1.0, 4.0], [4.0, 1.0]]);
