@@ -338,7 +338,7 @@ mod tests {
         "a: agrees, not determined, not determined, the paper is wrong, the paper is wrong, not determined, not \
          determined, the paper is wrong",
         "b: ",
-        "c: not determined, agrees, DIFFERS, not determined, not determined, not determined",
+        "c: agrees, agrees, DIFFERS, not determined, not determined, not determined",
         "d: the paper is wrong, the paper is wrong, the paper is wrong, agrees, agrees, agrees, the paper is wrong, the \
          paper is wrong",
         "e: not determined, the paper is wrong",
