@@ -16,8 +16,8 @@ const TABLE_2: [(ElementKind, usize, [f64; 2]); 4] = [
     (ElementKind::Hexahedron, 28, [3.04, 29.01]),
 ];
 
-/// Seconds this project aims at for a hexahedron, Frobenius norm and 2-norm.
-const AIMS: [f64; 2] = [1e-3, 20e-3];
+/// How many times longer the 2-norm takes: the paper says that the F-norm takes an order of magnitude less.
+const ORDER: f64 = 10.0;
 
 /// Ratios of times are alike within this factor, half an order of magnitude: the machines differ.
 const SAME_ORDER: f64 = 3.162_277_660_168_379_5;
@@ -118,9 +118,15 @@ fn findings(rows: &[Row]) -> Vec<Finding> {
             all.join(", ")
         ))
     };
-    let norms = TABLE_2.map(|t| named(t.0, compare(of(t.0, TwoNorm), of(t.0, Frobenius))));
+    // the printed ratio is that of two programs: one fit ran in MATLAB, the other in Mathematica
+    let norms = TABLE_2.map(|t| (t.0, compare(of(t.0, TwoNorm), of(t.0, Frobenius))));
+    let each =
+        norms.map(|(kind, [own, printed])| format!("{kind} {own:.1} ({printed:.1} printed)"));
     let mut findings =
-        vec![list("table 2, times of the 2-norm over those of the F-norm", norms.into())];
+        vec![Finding::of_times(norms.iter().all(|n| n.1[0] >= ORDER)).says(format!(
+            "table 2: the F-norm takes an order of magnitude less time than the 2-norm: {} times less here",
+            each.join(", ")
+        ))];
     for method in [Frobenius, TwoNorm] {
         let triangle = of(ElementKind::Triangle, method);
         let kinds = TABLE_2[1..].iter().map(|t| named(t.0, compare(of(t.0, method), triangle)));
@@ -129,15 +135,6 @@ fn findings(rows: &[Row]) -> Vec<Finding> {
             &format!("table 2, times of the {name} over that of a triangle"),
             kinds.collect(),
         ));
-    }
-    for (method, aim) in [(Frobenius, AIMS[0]), (TwoNorm, AIMS[1])] {
-        let [mean, printed] = of(ElementKind::Hexahedron, method);
-        findings.push(Finding::of_times(mean < aim).says(format!(
-            "this project's own aim: a hexahedron takes {:.3} ms with the {} (aim {} ms; {printed} s printed)",
-            1e3 * mean,
-            printed_name(method),
-            1e3 * aim,
-        )));
     }
     findings
 }
@@ -180,11 +177,11 @@ mod tests {
         }
         let mut rows = measure(2).unwrap();
         assert_eq!(rows.len(), 12);
-        // the printed times agree but for the aims; equal ones do not, and each ratio is looked at
+        // the printed times are not all ten times apart; equal ones are in no ratio
         rows.iter_mut().for_each(|r| r.mean = r.printed.unwrap_or(r.mean));
         let verdicts = |rows: &[Row]| findings(rows).iter().map(|f| f.agrees()).collect::<Vec<_>>();
-        assert_eq!(verdicts(&rows), [true, true, true, false, false]);
+        assert_eq!(verdicts(&rows), [false, true, true]);
         rows.iter_mut().for_each(|r| r.mean = 1e-4);
-        assert_eq!(verdicts(&rows), [false, false, false, true, true]);
+        assert_eq!(verdicts(&rows), [false, false, false]);
     }
 }

@@ -334,6 +334,17 @@ mod tests {
         assert!(folder.contains("nowhere") && folder.contains("b_cube_hex.msh"), "{folder}");
     }
 
+    const QUICK_B: [&str; 6] = [
+        "a: agrees, not determined, not determined, the paper is wrong, the paper is wrong, not determined, not \
+         determined, the paper is wrong",
+        "b: ",
+        "c: agrees, agrees, DIFFERS, not determined, not determined, not determined",
+        "d: the paper is wrong, the paper is wrong, the paper is wrong, agrees, agrees, agrees, the paper is wrong, the \
+         paper is wrong",
+        "e: not determined, the paper is wrong",
+        "f: ",
+    ];
+
     #[test]
     fn all_figures_in_their_quick_form() {
         let options = Options { meshes: None, quick: true };
@@ -341,6 +352,13 @@ mod tests {
         let letters: String = paper.figures.iter().map(|f| f.0).collect();
         assert_eq!(letters, "abcdef");
         let (text, html) = (paper.text(), paper.html());
+        // what was said of the statements of the paper, figure by figure, times left out: a verdict that turns is a change to
+        // explain in docs/papers.md
+        let verdicts = paper.figures.iter().map(|(letter, _, figure)| {
+            let own = figure.findings.iter().filter(|f| !f.timed).map(|f| f.verdict.word());
+            format!("{letter}: {}", own.collect::<Vec<_>>().join(", "))
+        });
+        assert_eq!(verdicts.collect::<Vec<_>>(), QUICK_B, "{text}");
         assert!(text.contains("Table 6") && html.contains("Natsupakpong &amp; Cavusoglu"));
         assert!(!text.contains("NaN"), "{text}");
         assert!(text.starts_with("Meshes: generated"), "{text}");

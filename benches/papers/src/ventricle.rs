@@ -322,30 +322,17 @@ pub(crate) fn figure(quick: bool) -> Result<Figure> {
     let [median, slow, worst] = rates(&around.frames);
     let own = rates(&run.frames);
     let residual = |run: &Run| run.frames.iter().map(|f| f.residual).fold(0.0, f64::max);
+    let seconds = |time: Option<f64>| time.unwrap_or(f64::INFINITY);
     let gone = |run: &Run| run.frames.iter().map(|f| f.removed).sum::<usize>();
     let height = |run: &Run| 1e3 * run.frames.iter().map(|f| f.height).fold(0.0, f64::max);
-    let mut findings = vec![
-        Finding::of_times(slow > PRINTED_RATE).says(format!(
+    let findings = vec![
+        Finding::of_times(slow > PRINTED_RATE && run.finite && around.finite).says(format!(
                 "interactive with its quasi-static surroundings: {median:.0} frames per second in the median, \
                  {slow:.0} for 95 % of them, {worst:.0} at worst, {:.1} times the 30 printed, which drawing is part of; \
                  the floor alone {:.0}, {:.0} and {:.0}",
                 median / PRINTED_RATE, own[0], own[1], own[2]
             )),
     ];
-    for (run, what) in [(&run, "held at its rim"), (&around, "within its surroundings")] {
-        let text = match (run.torn, run.through) {
-            (Some(torn), Some(through)) => format!(
-                "the balloon pushes through the floor {what}: first tear at {torn:.2} s, through at {through:.2} s, \
-                 {} triangles gone, the rest stays finite",
-                gone(run)
-            ),
-            _ => format!(
-                "the balloon does not come through the floor {what} in {LAST} s ({} triangles gone)",
-                gone(run)
-            ),
-        };
-        findings.push(Finding::of(run.finite && run.through.is_some()).says(text));
-    }
     let mut rows = vec![
         ("frames per second with surroundings, median", median),
         ("frames per second with surroundings, 95 % of frames", slow),
@@ -367,6 +354,10 @@ pub(crate) fn figure(quick: bool) -> Result<Figure> {
         ("largest height with surroundings, mm", height(&around)),
         ("triangles torn, floor alone", gone(&run) as f64),
         ("triangles torn with surroundings", gone(&around) as f64),
+        ("first tear, floor alone, s", seconds(run.torn)),
+        ("first tear with surroundings, s", seconds(around.torn)),
+        ("through, floor alone, s", seconds(run.through)),
+        ("through with surroundings, s", seconds(around.through)),
     ];
     rows.extend(check.map(|check| ("fine run against one of half its step, %", check)));
     let build =

@@ -39,13 +39,45 @@ fn saved(name: &str, body: &FittedBody) -> FittedBody {
 fn files_come_back_as_they_were_written() {
     let body = fit_mesh(&hex_box(), &request(ElementMethod::TwoNorm, 0.3)).unwrap();
     assert_eq!(saved("body.json", &body), body);
-    let plain = FittedBody { assessment: None, ..body };
+    let plain = FittedBody { assessment: None, freedom: None, ..body };
     assert_eq!(saved("body.csv", &plain), plain);
     let sheet = quad_grid(DVec2::new(0.06, 0.02), [6, 2]).unwrap();
     let body = fit_mesh(&sheet, &request(ElementMethod::Frobenius, 0.3)).unwrap();
     assert_eq!((body.plane, body.thickness), (Some(Plane::Stress), Some(0.01)));
     let plain = FittedBody { assessment: None, ..body };
     assert_eq!(saved("sheet.csv", &plain), plain);
+}
+
+/// Squares have a whole interval of constants of least 2-norm (its ends from closed forms), cubes one point.
+#[test]
+fn a_two_norm_fit_says_whether_it_is_unique() {
+    let sheet = quad_grid(DVec2::new(0.06, 0.02), [6, 2]).unwrap();
+    let body = fit_mesh(&sheet, &request(ElementMethod::TwoNorm, 0.3)).unwrap();
+    let freedom = body.freedom.as_ref().unwrap();
+    assert_eq!((body.report.not_unique, freedom.rise, freedom.ranges.len()), (Some(12), None, 1));
+    // E t = 100 N/m; stretch and hourglass balance at this norm, which dilation and shear may not exceed
+    let nu: f64 = 0.3;
+    let stretch = 1.0 / (1.0 + nu);
+    let hourglass = (1.0 / (1.0 - nu * nu) + 0.5 / (1.0 + nu)) / 3.0;
+    let (norm, sides) = (0.5 * (stretch - hourglass), 0.5 * (stretch + hourglass));
+    let least = 50.0 * (1.0 / (1.0 - nu) - sides - norm).max(stretch - norm);
+    let most = 50.0 * (1.0 / (1.0 - nu) - sides + norm).min(stretch + norm);
+    let range = &freedom.ranges[0];
+    assert!(
+        (range.range[0] - least).abs() < 1e-4 && (range.range[1] - most).abs() < 1e-4,
+        "{range:?}"
+    );
+    assert!(body.to_string().contains("NOT UNIQUE in 12 of 12 elements"), "{body}");
+    let body = fit_mesh(&hex_box(), &request(ElementMethod::TwoNorm, 0.3)).unwrap();
+    let freedom = body.freedom.as_ref().unwrap();
+    assert_eq!((body.report.not_unique, freedom.ranges.len()), (Some(0), 3));
+    for range in &freedom.ranges {
+        assert!(range.range[0] < range.constant && range.constant < range.range[1], "{range:?}");
+        // 1 % of a residual of a tenth of the stiffness moves no constant by a quarter
+        assert!(range.range[1] - range.range[0] < 0.25 * range.constant, "{range:?}");
+    }
+    assert!(body.to_string().contains("unique; with a 2-norm up by 1 %"), "{body}");
+    assert_eq!(fit_mesh(&sheet, &request(ElementMethod::Frobenius, 0.3)).unwrap().freedom, None);
 }
 
 #[test]

@@ -15,7 +15,7 @@
 //! | [`stiffness`] | linear finite element stiffness (N/m) |
 //! | [`mass`] | lumped masses (kg) |
 //! | [`springs`] | pairs of nodes and the stiffness of springs at rest |
-//! | [`fit`] | the fits: Frobenius, off-diagonal blocks, 2-norm, non-negative ones |
+//! | [`fit`] | the fits: Frobenius, off-diagonal blocks, 2-norm, non-negative ones; whether a 2-norm fit is unique |
 //! | [`baselines`] | closed forms from the literature |
 //! | [`method`] | one element by any of these |
 //! | [`mesh`] | a whole mesh, in parallel; congruent elements are fitted once |

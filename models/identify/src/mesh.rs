@@ -65,6 +65,10 @@ pub struct FitReport {
     /// 2-norm fits: largest relative distance between norm and lower bound, elements that springs meet
     /// exactly left out.
     pub worst_certificate_gap: Option<f64>,
+    /// 2-norm fits: elements whose constants the least norm does not determine
+    /// ([`ElementFit::two_norm_freedom`]).
+    #[serde(default)]
+    pub not_unique: Option<usize>,
     /// Largest distance of a node from the mean plane of its triangle or quadrilateral, relative to the
     /// element's size.
     pub worst_off_plane: f64,
@@ -339,6 +343,8 @@ fn report(
         .iter()
         .filter(|f| f.two_norm_residual > EXACT)
         .filter_map(|f| f.two_norm_bound.map(|b| (f.two_norm_residual - b) / f.two_norm_residual));
+    let freedom = fit_of.iter().map(|&f| fits[f].two_norm_freedom);
+    let not_unique = freedom.map(|f| f.map(|f| usize::from(f > 0))).sum();
     FitReport {
         method,
         recalled: method.recalled(),
@@ -351,6 +357,7 @@ fn report(
         frobenius_residual: over(|f| f.frobenius_residual),
         two_norm_residual: over(|f| f.two_norm_residual),
         worst_certificate_gap: gaps.reduce(f64::max),
+        not_unique,
         worst_off_plane: shapes.iter().map(|s| s.off_plane).fold(0.0, f64::max),
     }
 }

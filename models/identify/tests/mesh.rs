@@ -336,6 +336,9 @@ fn certificates_of_random_elements() {
             let bound = fit.two_norm_bound.expect("certificate");
             assert!(bound <= fit.two_norm_residual * (1.0 + 1e-12));
             assert!(fit.two_norm_residual - bound <= 2e-8 * fit.two_norm_residual);
+            // without a symmetry the least norm determines all constants
+            let free = method == ElementMethod::TwoNorm;
+            assert_eq!(fit.two_norm_freedom, free.then_some(0), "trial {trial}, {kind}");
             let other = fit_element(&geometry, &material, &section, ElementMethod::Nonnegative);
             assert!(bound <= other.expect("fit").two_norm_residual * (1.0 + 1e-12));
         }

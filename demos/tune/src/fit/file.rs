@@ -132,6 +132,9 @@ fn to_csv(body: &FittedBody) -> Result<Vec<u8>, csv::Error> {
     if let Some(gap) = r.worst_certificate_gap {
         setting("worst_certificate_gap", gap.to_string())?;
     }
+    if let Some(count) = r.not_unique {
+        setting("not_unique", count.to_string())?;
+    }
     setting("negative_element_constants", r.negative_element_constants.to_string())?;
     setting("negative_edges", r.negative_edges.to_string())?;
     for (name, residual) in
@@ -248,6 +251,7 @@ fn from_csv(bytes: &[u8]) -> Result<FittedBody, String> {
         frobenius_residual: residuals[0],
         two_norm_residual: residuals[1],
         worst_certificate_gap: settings.get("worst_certificate_gap")?,
+        not_unique: settings.get("not_unique")?,
         worst_off_plane: settings.need("worst_off_plane")?,
     };
     Ok(FittedBody {
@@ -264,6 +268,7 @@ fn from_csv(bytes: &[u8]) -> Result<FittedBody, String> {
         mass_lumping: settings.get("mass_lumping")?.unwrap_or_default(),
         element_constants: lists,
         report,
+        freedom: None,
         assessment: None,
         untested: None,
     })

@@ -10,8 +10,11 @@ use glam::DVec3;
 use rig::{Grips, Rig};
 use serde::{Deserialize, Serialize};
 use sinew::engine::mesh::{CheckError, CheckOptions, Mesh, MeshError, check};
+use sinew_identify::cells::Cells;
+use sinew_identify::fit::ConstantRange;
 use sinew_identify::mass::MassLumping;
-use sinew_identify::mesh::{FitReport, fit_each, mesh_masses};
+use sinew_identify::mesh::{ElementFits, FitReport, fit_each, mesh_masses};
+use sinew_identify::method::constant_ranges;
 use sinew_identify::virtual_test::VirtualTestError;
 use sinew_identify::{ElementError, ElementMethod, IdentifyError, LinearMaterial, Plane, Section};
 use std::path::PathBuf;
@@ -142,11 +145,51 @@ pub struct FittedBody {
     pub element_constants: ElementConstants,
     /// Residuals and negative constants.
     pub report: FitReport,
+    /// 2-norm fits: how well the least norm determines the constants; none in files of springs alone (CSV).
+    #[serde(default)]
+    pub freedom: Option<Freedom>,
     /// What the virtual tests found; none in files of springs alone (CSV) and where they were not possible.
     pub assessment: Option<Assessment>,
     /// Why the virtual tests were not possible: finite elements have no answer in them.
     #[serde(default)]
     pub untested: Option<String>,
+}
+
+/// How far the constants of one element may move in a 2-norm fit, springs of equal rest length together.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Freedom {
+    /// The first element whose constants the least norm does not determine, or the first of all: its place over all kinds
+    /// in the order triangles, quadrilaterals, tetrahedra, hexahedra.
+    pub element: usize,
+    /// How much the norm may rise, as a part of itself; none where the fit is not unique.
+    pub rise: Option<f64>,
+    /// Springs that may move, and how far.
+    pub ranges: Vec<ConstantRange>,
+}
+
+impl Freedom {
+    /// Rise of the norm up to which a unique fit is probed.
+    const RISE: f64 = 0.01;
+    /// Springs of a smaller residual meet their element exactly, and nothing is free.
+    const EXACT: f64 = 1e-12;
+
+    fn of(
+        rig: &Rig,
+        cells: &Cells<'_>,
+        fits: &ElementFits,
+        material: &LinearMaterial,
+    ) -> Result<Option<Self>> {
+        let inexact = |e: &usize| fits.of(*e).two_norm_residual > Self::EXACT;
+        let freedom = |e: usize| Some((e, fits.of(e).two_norm_freedom?));
+        let mut known = (0..cells.len()).filter(inexact).filter_map(freedom).peekable();
+        let Some(&first) = known.peek() else { return Ok(None) };
+        let (element, free) = known.find(|f| f.1 > 0).unwrap_or(first);
+        let rise = (free == 0).then_some(Self::RISE);
+        let geometry = cells.geometry(&rig.points, element)?;
+        let constants = &fits.of(element).constants;
+        let ranges = constant_ranges(&geometry, material, &rig.section, constants, rise)?;
+        Ok(Some(Self { element, rise, ranges }))
+    }
 }
 
 /// Reads and checks a mesh, then finds and tests its springs.
@@ -210,6 +253,7 @@ pub fn fit_mesh(mesh: &Mesh, request: &FitRequest) -> Result<FittedBody> {
     let material = request.material;
     let fits = fit_each(&rig.points, &cells, &[material], &rig.section, request.method)?;
     let springs = fits.pooled(&cells, request.method);
+    let freedom = Freedom::of(&rig, &cells, &fits, &material)?;
     let own = mesh_masses(&rig.points, &cells, request.density, &rig.section, request.masses)?;
     let mut masses = vec![0.0; mesh.points.len()];
     rig.nodes.iter().zip(own).for_each(|(&v, m)| masses[v as usize] = m);
@@ -252,6 +296,7 @@ pub fn fit_mesh(mesh: &Mesh, request: &FitRequest) -> Result<FittedBody> {
         mass_lumping: request.masses,
         element_constants: lists,
         report: springs.report,
+        freedom,
         assessment,
         untested,
     })

@@ -1,9 +1,10 @@
 //! The report of `sinew fit` on a terminal.
 
-use super::FittedBody;
 use super::assess::Assessment;
+use super::{FittedBody, Freedom};
 use crate::table::three_digits;
 use crate::table_of;
+use sinew_identify::fit::ConstantRange;
 use sinew_identify::{Plane, mesh::Residuals};
 use std::fmt;
 
@@ -56,6 +57,9 @@ impl fmt::Display for FittedBody {
         if let Some(gap) = r.worst_certificate_gap {
             writeln!(f, "               2-norm within {gap:.1e} of its proven optimum")?;
         }
+        if let Some(freedom) = &self.freedom {
+            self.determined(freedom, f)?;
+        }
         writeln!(
             f,
             "  negative     {} of {} constants of elements, {} of {} springs (least {} N/m)",
@@ -75,6 +79,43 @@ impl fmt::Display for FittedBody {
 }
 
 impl FittedBody {
+    /// How well the least 2-norm determines the constants.
+    fn determined(&self, freedom: &Freedom, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let element = freedom.element;
+        match freedom.rise {
+            None => {
+                let (count, all) = (self.report.not_unique.unwrap_or(0), self.report.elements);
+                writeln!(
+                    f,
+                    "               NOT UNIQUE in {count} of {all} elements: other constants have the same 2-norm"
+                )?;
+                for range in &freedom.ranges {
+                    let [low, high] = range.range.map(three_digits);
+                    let (count, own) = (range.springs.len(), three_digits(range.constant));
+                    writeln!(
+                        f,
+                        "               element {element}: {count} springs of one length at {own} N/m, any of {low} \
+                         to {high} N/m would do"
+                    )?;
+                }
+            }
+            Some(rise) => {
+                let part = |r: &ConstantRange| r.range.map(|k| 100.0 * (k / r.constant - 1.0));
+                let width = |r: &ConstantRange| (r.range[1] - r.range[0]) / r.constant.abs();
+                let widest = freedom.ranges.iter().max_by(|a, b| width(a).total_cmp(&width(b)));
+                if let Some([low, high]) = widest.map(part) {
+                    writeln!(
+                        f,
+                        "               unique; with a 2-norm up by {} %, constants of element {element} move by {low:+.1} \
+                         to {high:+.1} %",
+                        100.0 * rise
+                    )?;
+                }
+            }
+        }
+        Ok(())
+    }
+
     /// What the virtual tests found.
     fn tests(&self, a: &Assessment, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (e, nu) = (self.young_modulus, self.poisson_ratio);

@@ -8,6 +8,7 @@
 //! | [`nonnegative`](mod@nonnegative) | `\|R - K(k)\|_F` over `k >= 0` |
 
 pub mod block;
+pub mod freedom;
 pub mod frobenius;
 pub mod nonnegative;
 pub mod two_norm;
@@ -18,6 +19,7 @@ use crate::error::ElementError;
 use crate::springs::spring_stiffness;
 
 pub use block::block;
+pub use freedom::ConstantRange;
 pub use frobenius::frobenius;
 pub use nonnegative::nonnegative;
 pub use two_norm::{Sign, two_norm};
@@ -64,6 +66,9 @@ pub struct ElementFit {
     /// ones), proved by a dual matrix; how far the residual lies above it is how far at most it is from
     /// the optimum.
     pub two_norm_bound: Option<f64>,
+    /// 2-norm fits: dimension of the set of all constants that have the least norm, 0 where the fit is unique
+    /// ([`freedom`]).
+    pub two_norm_freedom: Option<usize>,
     /// Constants below 0 (by more than 1e-9 of the largest).
     pub negative: usize,
 }
@@ -77,6 +82,7 @@ impl ElementFit {
             frobenius_residual: residual.norm() / problem.stiffness.norm(),
             two_norm_residual: spectral_norm(residual) / spectral_norm(problem.stiffness.clone()),
             two_norm_bound: None,
+            two_norm_freedom: None,
             negative: constants.iter().filter(|&&k| k < -NEGATIVE * largest).count(),
             constants,
         }
