@@ -185,7 +185,7 @@ fn beams() -> Result<[Mesh; 2]> {
 fn cantilever(mesh: &Mesh, body: Option<Body>, constant: f64, part: f64) -> Result<Hung> {
     let tip: Vec<usize> = (0..mesh.points.len()).filter(|&v| mesh.points[v].x == LENGTH).collect();
     let sag = |u: &[DVec3]| -tip.iter().map(|&v| u[v].z).sum::<f64>() / tip.len() as f64;
-    let hung = |simulation: &Simulation, body, still| {
+    let hung = |simulation: &mut Simulation, body, still| {
         let u = simulation.displacements(body);
         let ratios = simulation.volume_ratios(body);
         let smallest_ratio = ratios.into_iter().fold(f64::INFINITY, f64::min);
@@ -202,7 +202,7 @@ fn cantilever(mesh: &Mesh, body: Option<Body>, constant: f64, part: f64) -> Resu
             simulation.set_gravity(GRAVITY * (part * f64::from(step) / 4.0));
             settle(&mut simulation, 1, "cantilever")?;
         }
-        return Ok(hung(&simulation, body, true));
+        return Ok(hung(&mut simulation, body, true));
     };
     let (mut simulation, body) = made.world(STIFF, mesh, (constant, 1.0), BRAKE)?;
     clamp(&mut simulation, body, mesh, "x0")?;
@@ -211,7 +211,7 @@ fn cantilever(mesh: &Mesh, body: Option<Body>, constant: f64, part: f64) -> Resu
     let mut before = f64::NAN;
     for step in 0..SETTLING {
         if simulation.step().is_err() {
-            return Ok(hung(&simulation, body, false));
+            return Ok(hung(&mut simulation, body, false));
         }
         // a tenth of a second before the end
         if step + 11 == SETTLING {
@@ -219,7 +219,7 @@ fn cantilever(mesh: &Mesh, body: Option<Body>, constant: f64, part: f64) -> Resu
         }
     }
     let after = sag(&simulation.displacements(body));
-    Ok(hung(&simulation, body, (after - before).abs() < REST * after.abs()))
+    Ok(hung(&mut simulation, body, (after - before).abs() < REST * after.abs()))
 }
 
 /// Largest change of volume that the paper prints for bodies with volume springs.
