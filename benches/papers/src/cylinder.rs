@@ -55,10 +55,20 @@ impl Rest {
         }
     }
 
-    /// In words.
-    fn body(&self) -> String {
-        format!("E {} kPa at R/L {}", kilopascal(self), self.radius)
-    }
+}
+
+/// Bodies in words: of every slenderness the stiffnesses.
+fn listed<'a>(bodies: impl Iterator<Item = &'a Rest> + Clone) -> String {
+    let of = |radius: &f64| {
+        let own: Vec<String> = bodies
+            .clone()
+            .filter(|r| r.radius == *radius)
+            .map(|r| format!("{}", kilopascal(r)))
+            .collect();
+        (!own.is_empty()).then(|| format!("R/L {radius}: {} kPa", own.join(", ")))
+    };
+    let all: Vec<String> = RADII.iter().filter_map(of).collect();
+    if all.is_empty() { "none".into() } else { all.join("; ") }
 }
 
 fn settle(mesh: &Mesh, radius: f64, model: Model, young_modulus: f64) -> Result<Rest> {
@@ -133,21 +143,17 @@ impl Compared<'_> {
 }
 
 /// A statement on one body that the paper does not determine, judged on all bodies that could be it.
-fn on_bodies(bodies: &[(String, bool)], text: String) -> Finding {
-    let named = |wanted: bool| {
-        let own = bodies.iter().filter(|b| b.1 == wanted).map(|b| b.0.as_str());
-        own.collect::<Vec<_>>().join(", ")
-    };
-    let finding = if bodies.iter().all(|b| b.1) && !bodies.is_empty() {
+fn on_bodies(bodies: &[&Compared], holds: fn(&Compared) -> bool, text: String) -> Finding {
+    let named = |wanted: bool| listed(bodies.iter().filter(|b| holds(b) == wanted).map(|b| b.svk));
+    let finding = if bodies.iter().all(|b| holds(b)) && !bodies.is_empty() {
         Finding::of(true)
     } else {
-        let met = bodies.iter().any(|b| b.1);
         let choices = format!(
-            "stiffness and sizes, which are not printed. It holds at {}; it does not at {}",
-            if met { named(true) } else { "none".to_string() },
+            "stiffness and slenderness, which are not printed: it holds at {}, not at {}",
+            named(true),
             named(false)
         );
-        Finding::not_determined(met, choices)
+        Finding::not_determined(bodies.iter().any(|b| holds(b)), choices)
     };
     finding.says(text)
 }
@@ -162,15 +168,13 @@ fn findings(rests: &[Rest]) -> Vec<Finding> {
     let radii: Vec<f64> =
         RADII.into_iter().filter(|r| rests.iter().any(|rest| rest.radius == *r)).collect();
     let everywhere = radii.iter().all(|r| like.iter().any(|c| c.svk.radius == *r));
-    let names = |compared: &[&Compared]| {
-        let names: Vec<String> = compared.iter().map(|c| c.svk.body()).collect();
-        names.join(", ")
-    };
-    let judged = |k: usize| -> Vec<(String, bool)> {
-        like.iter().map(|c| (c.svk.body(), c.holds()[k])).collect()
-    };
+    let names = |compared: &[&Compared]| listed(compared.iter().map(|c| c.svk));
     let list = |of: &dyn Fn(&Compared) -> String| {
         like.iter().map(|c| of(c)).collect::<Vec<_>>().join(", ")
+    };
+    let ends = |of: &dyn Fn(&Compared) -> f64| {
+        let least = like.iter().map(|c| of(c)).fold(f64::INFINITY, f64::min);
+        [least, like.iter().map(|c| of(c)).fold(f64::NEG_INFINITY, f64::max)]
     };
     let all: Vec<&Compared> =
         like.iter().copied().filter(|c| c.holds().iter().all(|h| *h)).collect();
@@ -181,21 +185,27 @@ fn findings(rests: &[Rest]) -> Vec<Finding> {
             names(&like)
         )),
         on_bodies(
-            &judged(0),
+            &like,
+            |c| c.holds()[0],
             format!(
-                "with the compression term none does: of these bodies the smallest J are {}",
+                "with the compression term none does: the smallest J of these bodies are {}",
                 list(&|c| format!("{:.3}", c.comp.smallest_ratio))
             ),
         ),
         on_bodies(
-            &judged(1),
-            format!(
-                "the compressible cylinder bends a lot: its axis points down at the tip by {} degrees (at least {TURN})",
-                list(&|c| format!("{:.0}", c.comp.turn()))
-            ),
+            &like,
+            |c| c.holds()[1],
+            {
+                let [least, most] = ends(&|c| c.comp.turn());
+                format!(
+                    "the compressible cylinder bends a lot: its axis points down at the tip by {least:.0} to {most:.0} degrees \
+                     (at least {TURN})"
+                )
+            },
         ),
         on_bodies(
-            &judged(2),
+            &like,
+            |c| c.holds()[2],
             format!(
                 "a corotational cylinder with the same moduli bends much more: its tip falls {} times as far (at least \
                  {MUCH})",
@@ -204,7 +214,7 @@ fn findings(rests: &[Rest]) -> Vec<Finding> {
         ),
         Finding::of(!all.is_empty()).says(format!(
             "there is a cylinder that does all of what the figure shows: {}",
-            if all.is_empty() { "none was found".into() } else { names(&all) }
+            names(&all)
         )),
     ];
     let stiffest = compared.iter().filter(|c| c.svk.young_modulus == YOUNG_MODULI[0]);

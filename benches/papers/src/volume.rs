@@ -172,8 +172,8 @@ impl Hung {
     }
 }
 
-/// Meshes of the cantilever.
-const BEAMS: [&str; 2] = ["irregular", "parallel cuts"];
+/// Meshes of the cantilever: irregular ones, and cut alike, so that all diagonals are parallel.
+const BEAMS: [&str; 2] = ["irregular", "parallel"];
 
 fn beams() -> Result<[Mesh; 2]> {
     let size = DVec3::new(LENGTH, THICKNESS, THICKNESS);
@@ -394,7 +394,7 @@ struct Cantilevers {
     constants: [f64; 2],
 }
 
-const NAMES: [&str; 4] = ["StVK, a material", "axes, printed", "plain springs", "axes, with energy"];
+const NAMES: [&str; 4] = ["material", "printed axes", "plain springs", "axes with energy"];
 
 impl Cantilevers {
     fn measure() -> Result<Self> {
