@@ -3,7 +3,6 @@
 
 use super::subject::Free;
 use bevy_ecs::prelude::World;
-use bytemuck::TransparentWrapper;
 use sinew::engine::columns::single_table;
 use sinew::engine::element::{
     EdgeShapes, EdgeTension, EdgeVertices, RestEdges, TetrahedronEdges, TriangleEdges,
@@ -36,9 +35,7 @@ pub fn edges<S: Scalar>(world: &mut World, x: &[[S; 4]], y: &mut [[S; 4]]) {
     let Some((nodes, rest, stiffness)) = single_table(edges.contiguous_iter(world)) else { return };
     let shapes = EdgeShapes::new(u, nodes, rest);
     let half = S::from_f64(0.5);
-    for (e, (&ends, &k)) in
-        shapes.nodes.iter().zip(TensileStiffness::peel_slice(stiffness)).enumerate()
-    {
+    for (e, (&ends, &TensileStiffness(k))) in shapes.nodes.iter().zip(stiffness).enumerate() {
         let [p, q] = ends.map(|v| at(shapes.displacement, v));
         let stretch = Stretch::new(shapes.rest.map(|x| x[e]), sub(p, q));
         let tension = stretch.slope * tensile_tension(k, stretch.change);
@@ -76,32 +73,29 @@ pub fn pooled<S: Scalar>(world: &mut World, x: &[[S; 4]], y: &mut [[S; 4]]) {
             two * dot(edge(e), sub(at(x, a), at(x, b)))
         })
         .collect();
-    let mut tensions: Vec<S> = TensileStiffness::peel_slice(stiffness)
-        .iter()
-        .zip(&changes)
-        .map(|(&k, &w)| tensile_tension(k, w))
-        .collect();
+    let mut tensions: Vec<S> =
+        stiffness.iter().zip(&changes).map(|(k, &w)| tensile_tension(k.0, w)).collect();
     let mut couple = |c: S, e: u32, f: u32| {
         let (e, f, c) = (e as usize, f as usize, half * c);
         tensions[e] = tensions[e] + c * changes[f];
         tensions[f] = tensions[f] + c * changes[e];
     };
     if let Some((of, (c0, c1, c2))) = single_table(triangles.contiguous_iter(world)) {
-        for (i, of) in TriangleEdges::peel_slice(of).iter().enumerate() {
+        for (i, TriangleEdges(of)) in of.iter().enumerate() {
             couple(c0[i].0, of[1], of[2]);
             couple(c1[i].0, of[2], of[0]);
             couple(c2[i].0, of[0], of[1]);
         }
     }
     if let Some((of, (d0, d1, d2))) = single_table(tetrahedra.contiguous_iter(world)) {
-        for (i, of) in TetrahedronEdges::peel_slice(of).iter().enumerate() {
+        for (i, TetrahedronEdges(of)) in of.iter().enumerate() {
             let d = [d0[i].0, d1[i].0, d2[i].0];
             for ([e, f], d) in OPPOSITE_EDGES.into_iter().zip(d) {
                 couple(d, of[e], of[f]);
             }
         }
     }
-    for (e, &s) in EdgeTension::peel_slice(tension).iter().enumerate() {
+    for (e, &EdgeTension(s)) in tension.iter().enumerate() {
         let ends = shapes.nodes[e];
         let way = sub(at(x, ends[0]), at(x, ends[1]));
         let force = add(scale(edge(e), two * tensions[e]), scale(way, two * s));
