@@ -71,7 +71,8 @@ fn jumps(nu: f64) -> Result<[[f64; 3]; 2]> {
     let unit = (lame.lambda + 2.0 * lame.mu) * 3f64.sqrt() / 4.0;
     let mut jumps = [[0.0; 3]; 2];
     for (jumps, step) in jumps.iter_mut().zip(STEPS) {
-        let at = |i: f64| outward(regular(), material, 1.0 + i * step).map(|f| (f[0] + f[1]) / unit);
+        let at =
+            |i: f64| outward(regular(), material, 1.0 + i * step).map(|f| (f[0] + f[1]) / unit);
         let mut sides = [[0.0; 3]; 2];
         for (derivatives, to) in sides.iter_mut().zip([-1.0, 1.0]) {
             let [a, b, c, d] = [at(0.0)?, at(to)?, at(2.0 * to)?, at(3.0 * to)?];

@@ -445,7 +445,10 @@ mod tests {
         assert!(findings(&known).iter().all(|f| f.timed));
         // dearer than printed, which stored matrices would explain
         let warped = |s: &&mut Subject| s.law == "corotational (warped)";
-        known.iter_mut().filter(warped).for_each(|s| s.samples = std::array::from_fn(|_| vec![6e-6; 3]));
+        known
+            .iter_mut()
+            .filter(warped)
+            .for_each(|s| s.samples = std::array::from_fn(|_| vec![6e-6; 3]));
         assert_eq!(findings(&known)[6].verdict, Verdict::NotDetermined);
     }
 }

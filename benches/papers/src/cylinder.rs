@@ -54,7 +54,6 @@ impl Rest {
             _ => f64::NAN,
         }
     }
-
 }
 
 /// Bodies in words: of every slenderness the stiffnesses.
@@ -72,8 +71,7 @@ fn listed<'a>(bodies: impl Iterator<Item = &'a Rest> + Clone) -> String {
 }
 
 fn settle(mesh: &Mesh, radius: f64, model: Model, young_modulus: f64) -> Result<Rest> {
-    let material =
-        YoungPoisson { young_modulus, poisson_ratio: POISSON_RATIO, density: 1000.0 };
+    let material = YoungPoisson { young_modulus, poisson_ratio: POISSON_RATIO, density: 1000.0 };
     let description = BodyDescription::new("cylinder", mesh, material);
     let integrator = Integrator::Safe;
     let solver = SolverSettings { integrator, mass_damping: DAMPING, ..Default::default() };
@@ -236,11 +234,8 @@ const SHEARS: [f64; 4] = [0.1, 0.2, 0.5, 1.0];
 fn sheared() -> Result<Vec<[f64; 3]>> {
     let side = 0.1;
     let mesh = box_tets(DVec3::splat(side), [2, 2, 2])?;
-    let material = YoungPoisson {
-        young_modulus: 1e4,
-        poisson_ratio: POISSON_RATIO,
-        density: 1000.0,
-    };
+    let material =
+        YoungPoisson { young_modulus: 1e4, poisson_ratio: POISSON_RATIO, density: 1000.0 };
     let mu = material.lame()?.mu;
     let stress = |model, shear: f64| -> Result<f64> {
         let body = BodyDescription { model, ..BodyDescription::new("block", &mesh, material) };
@@ -381,7 +376,8 @@ mod tests {
         }
         assert!(soft[0].collapsed() && !soft[1].collapsed(), "{}", soft[1].smallest_ratio);
         assert!(soft.iter().all(|r| r.drop > 1.5 * stiff[0].drop && r.turn() > stiff[0].turn()));
-        let verdict = |rests: &[Rest]| findings(rests).iter().map(|f| f.verdict).collect::<Vec<_>>();
+        let verdict =
+            |rests: &[Rest]| findings(rests).iter().map(|f| f.verdict).collect::<Vec<_>>();
         use Verdict::{Agrees, Differs, NotDetermined};
         assert_eq!(verdict(&rests)[..2], [Agrees; 2]);
         // one that bends much more

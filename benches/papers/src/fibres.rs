@@ -64,13 +64,8 @@ enum Field {
 }
 
 /// The courses of fibres that do not hang on chance.
-const COURSES: [Field; 5] = [
-    Field::None,
-    Field::Horizontal,
-    Field::Diagonal,
-    Field::Hemicircular,
-    Field::Helicoidal,
-];
+const COURSES: [Field; 5] =
+    [Field::None, Field::Horizontal, Field::Diagonal, Field::Hemicircular, Field::Helicoidal];
 /// Those that bend or twist the block.
 const CURVED: [Field; 3] = [Field::Diagonal, Field::Hemicircular, Field::Helicoidal];
 
@@ -715,7 +710,8 @@ impl Measured {
         let plain = self.figure_6(Field::None).and_then(|s| s.end).map_or(missing, seen);
         let without = What::Printed { field: Field::Horizontal, volume: false };
         let without = self.end(0, IRREGULAR[0], without).map_or(missing, seen);
-        let [longer, section] = [Shape::stretch, Shape::section].map(|of| statistics(&self.draws(0, of)));
+        let [longer, section] =
+            [Shape::stretch, Shape::section].map(|of| statistics(&self.draws(0, of)));
         // beyond what chance does to the block of comparison
         let thinner =
             level[0] > longer[0] + 2.0 * longer[1] && level[1] < section[0] - 2.0 * section[1];
@@ -799,7 +795,8 @@ impl Measured {
     /// How far meshes part (%), coarse and fine, all of tetrahedra and irregular ones alone.
     fn partings(&self, what: What) -> [[f64; 2]; 2] {
         [0, 1].map(|size| {
-            let ends = [PARALLEL, IRREGULAR[0], IRREGULAR[1]].map(|mesh| self.end(size, mesh, what));
+            let ends =
+                [PARALLEL, IRREGULAR[0], IRREGULAR[1]].map(|mesh| self.end(size, mesh, what));
             [100.0 * parting(&ends), 100.0 * parting(&ends[1..])]
         })
     }
@@ -884,7 +881,9 @@ impl Measured {
     fn of_hexahedra(&self) -> [Finding; 2] {
         let runs = self.runs.iter().filter(|r| r.0.mesh == HEXAHEDRA);
         let failed: Vec<String> = runs
-            .filter_map(|(key, s)| Some(format!("{}: {}", key.what.field().name(), s.failed.as_ref()?)))
+            .filter_map(|(key, s)| {
+                Some(format!("{}: {}", key.what.field().name(), s.failed.as_ref()?))
+            })
             .collect();
         let rest = Finding::of(failed.is_empty()).says(format!(
             "hexahedra with printed, damped springs come to rest: {}",
@@ -1123,7 +1122,8 @@ mod tests {
     /// Verdicts follow from the numbers: from runs that are written down here.
     #[test]
     fn verdicts_follow_from_the_places_of_the_bottom() {
-        let shape = |x: f64| Shape { bottom: DVec3::new(x, 0.0, -1.0), twist: 0.0, width: [1.0; 2] };
+        let shape =
+            |x: f64| Shape { bottom: DVec3::new(x, 0.0, -1.0), twist: 0.0, width: [1.0; 2] };
         let blocks = || [blocks([1, 1, 2]).unwrap(), self::blocks([1, 1, 2]).unwrap()];
         let runs: Vec<(Key, Swing)> = jobs()
             .into_iter()
@@ -1151,8 +1151,20 @@ mod tests {
             |m: &Measured| m.findings().iter().map(|f| f.verdict).collect::<Vec<Verdict>>();
         use Verdict::{Agrees, Differs, NotDetermined, PaperWrong};
         let expected = [
-            NotDetermined, Agrees, Differs, Agrees, Agrees, Agrees, Differs, Differs, Agrees, Agrees,
-            Agrees, PaperWrong, Agrees, Agrees,
+            NotDetermined,
+            Agrees,
+            Differs,
+            Agrees,
+            Agrees,
+            Agrees,
+            Differs,
+            Differs,
+            Agrees,
+            Agrees,
+            Agrees,
+            PaperWrong,
+            Agrees,
+            Agrees,
         ];
         assert_eq!(verdicts(&measured), expected);
         // a moment that is not the one of the proof, and axes that drift as springs do

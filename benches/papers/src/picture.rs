@@ -161,9 +161,8 @@ pub fn paper_c(
             "model = \"mass_spring\"\nelement_method = \"uniform\"\nspring_constant = {constant:.3}\n"
         )
     };
-    let fibres = |course: &str| {
-        format!("[[body.fibres]]\nname = \"fibre\"\nmodulus = 40e3\n{course}\n")
-    };
+    let fibres =
+        |course: &str| format!("[[body.fibres]]\nname = \"fibre\"\nmodulus = 40e3\n{course}\n");
     let hemicircular = "hemicircular = { axis = [0.0, 1.0, 0.0], side = [1.0, 0.0, 0.0] }";
     let helicoidal =
         "helicoidal = { centre = [0.04, 0.04, 0.08], axis = [0.0, 0.0, 1.0], degrees = 45.0 }";

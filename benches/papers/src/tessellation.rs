@@ -383,8 +383,7 @@ fn plain_findings(plain: &[PlainSprings]) -> Vec<Finding> {
         three.join(" / ")
     };
     let (round, right) = (&SHEETS[2..], &SHEETS[..1]);
-    let (near, straight, random) =
-        (of(THIRD, round), of(THIRD, right), of(THIRD, &SHEETS[1..2]));
+    let (near, straight, random) = (of(THIRD, round), of(THIRD, right), of(THIRD, &SHEETS[1..2]));
     let [stretch, shear] = [0, 1].map(|i| straight.get(i).copied().unwrap_or(f64::NAN));
     let wrong = far(&[stretch]) > PLAUSIBLE && far(&[shear]) < PLAUSIBLE;
     let [zero, high, higher] = CONTROLS.map(|nu| far(&of(nu, &SHEETS[2..3])));
@@ -439,8 +438,7 @@ fn solid_springs() -> Result<Vec<SolidSprings>> {
     let side = 0.02;
     let random = irregular_box_tets(DVec3::splat(side), [5, 5, 5], 0.15, 0)?;
     let meshes = [("cells cut at random", random), ("nearly regular", shapes::mesh("cube_tet")?)];
-    let runs: Vec<(f64, usize)> =
-        SOLID_RATIOS.iter().flat_map(|nu| [(*nu, 0), (*nu, 1)]).collect();
+    let runs: Vec<(f64, usize)> = SOLID_RATIOS.iter().flat_map(|nu| [(*nu, 0), (*nu, 1)]).collect();
     let run = |&(poisson_ratio, i): &(f64, usize)| {
         let (name, mesh) = &meshes[i];
         let material = YoungPoisson { poisson_ratio, ..MATERIAL };

@@ -297,8 +297,10 @@ fn findings(rows: &[Row], crushed: f64) -> Vec<Finding> {
     let [first, tension] =
         [STRAINS[0], SMALL].map(|e| error(Model::QuadraticSprings, Mode::Tension, e)[0]);
     // in a bar with held ends the tension is uniaxial but for the ends, which are a tenth of the difference
-    let predicted = [STRAINS[0], SMALL].map(|e| 100.0 * (1.0 - 1.0 / ((1.0 + e) * (1.0 + 0.5 * e))));
-    let shown = (first / predicted[0] - 1.0).abs() < 0.1 && (tension / predicted[1] - 1.0).abs() < 0.1;
+    let predicted =
+        [STRAINS[0], SMALL].map(|e| 100.0 * (1.0 - 1.0 / ((1.0 + e) * (1.0 + 0.5 * e))));
+    let shown =
+        (first / predicted[0] - 1.0).abs() < 0.1 && (tension / predicted[1] - 1.0).abs() < 0.1;
     let mut findings = vec![
         Finding::of(displacement < percent).says(format!(
             "quadratic springs may stand in for biquadratic ones up to about {percent} % strain, as far as \

@@ -242,8 +242,9 @@ impl OnTable {
         let meshes = [tetrahedra()?, box_hexahedra(DVec3::splat(SIDE), CELLS)?];
         // a constant is proportional to the modulus
         let unit = material(1.0);
-        let constants = [as_stiff(&meshes[0], scaled(unit), "z0")?, as_stiff(&meshes[1], scaled(unit), "z0")?]
-            .map(|k| k / SCALE);
+        let constants =
+            [as_stiff(&meshes[0], scaled(unit), "z0")?, as_stiff(&meshes[1], scaled(unit), "z0")?]
+                .map(|k| k / SCALE);
         let mut cases = Vec::new();
         for young_modulus in YOUNG_MODULI {
             for hexahedra in [false, true] {
@@ -355,7 +356,8 @@ fn scaled(unit: YoungPoisson) -> YoungPoisson {
 }
 
 fn listed(values: &[f64]) -> String {
-    let all: Vec<String> = values.iter().map(|x| format!("{x:.2}").replace("NaN", "failed")).collect();
+    let all: Vec<String> =
+        values.iter().map(|x| format!("{x:.2}").replace("NaN", "failed")).collect();
     all.join(", ")
 }
 

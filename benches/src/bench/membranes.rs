@@ -165,8 +165,10 @@ impl MembraneSubject {
             .map(|p| DVec3::new(0.1 * p.x, 0.02 * p.y, 0.01 * (60.0 * p.x).sin()))
             .collect();
         simulation.set_state(body, &u, &vec![DVec3::ZERO; u.len()])?;
-        let springs =
-            spring_products::of(model == MembraneModel::MassSpring, evaluation == Evaluation::Pooled);
+        let springs = spring_products::of(
+            model == MembraneModel::MassSpring,
+            evaluation == Evaluation::Pooled,
+        );
         let product: Free<S> = springs.unwrap_or(match model {
             MembraneModel::Quadratic => free::<QuadraticMembrane, S>,
             MembraneModel::Corotational => free::<CorotationalMembrane, S>,

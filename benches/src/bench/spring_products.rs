@@ -40,8 +40,7 @@ pub fn edges<S: Scalar>(world: &mut World, x: &[[S; 4]], y: &mut [[S; 4]]) {
         let stretch = Stretch::new(shapes.rest.map(|x| x[e]), sub(p, q));
         let tension = stretch.slope * tensile_tension(k, stretch.change);
         let way = sub(at(x, ends[0]), at(x, ends[1]));
-        let stiff =
-            half * k * stretch.slope * stretch.slope - tension * stretch.inverse_square;
+        let stiff = half * k * stretch.slope * stretch.slope - tension * stretch.inverse_square;
         let along = stiff * dot(stretch.edge, way);
         spread(y, ends, add(scale(stretch.edge, along), scale(way, tension)));
     }
@@ -51,8 +50,12 @@ pub fn edges<S: Scalar>(world: &mut World, x: &[[S; 4]], y: &mut [[S; 4]]) {
 /// its state.
 pub fn pooled<S: Scalar>(world: &mut World, x: &[[S; 4]], y: &mut [[S; 4]]) {
     let mut vertices = world.query::<&Displacement<S>>();
-    type Edges<S> =
-        (&'static EdgeVertices, RestEdges<S>, &'static TensileStiffness<S>, &'static EdgeTension<S>);
+    type Edges<S> = (
+        &'static EdgeVertices,
+        RestEdges<S>,
+        &'static TensileStiffness<S>,
+        &'static EdgeTension<S>,
+    );
     let mut edges = world.query::<Edges<S>>();
     let mut triangles = world.query::<(&TriangleEdges, AngularStiffnesses<S>)>();
     let mut tetrahedra = world.query::<(&TetrahedronEdges, VolumetricStiffnesses<S>)>();
