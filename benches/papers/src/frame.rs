@@ -5,6 +5,7 @@ use crate::axes::PrintedDescription;
 use crate::axes::law::IN_TETRAHEDRA;
 use crate::axes::springs::VolumeForm;
 use sinew::models::axes::description::AxesDescription;
+use sinew::models::body::MassRule;
 use sinew::models::body::lumped::{HexahedronSprings, SpringRule, UniformSprings};
 
 /// A body in a world of its own, without gravity, on one thread.
@@ -107,6 +108,28 @@ pub(crate) fn uniform(constant: f64) -> Option<SpringRule> {
     Some(SpringRule::Uniform(UniformSprings { constant, hexahedron }))
 }
 
+/// Constant (N/m) of plain springs with which a body yields as much as its material when it is held at a side and
+/// bears a thousandth of its weight: the load does the same work. Its masses are equal.
+///
+/// # Errors
+/// When there is no equilibrium.
+pub(crate) fn as_stiff(mesh: &Mesh, material: YoungPoisson, held: &str) -> Result<f64> {
+    let gravity = DVec3::new(0.0, 0.0, -9.81e-3);
+    let work = |model, springs| -> Result<f64> {
+        let body = BodyDescription::new("block", mesh, material);
+        let body = BodyDescription { model, springs, masses: MassRule::Equal, ..body };
+        let (mut simulation, body) = world(&body, equilibrium())?;
+        clamp(&mut simulation, body, mesh, held)?;
+        simulation.set_gravity(gravity);
+        settle(&mut simulation, 1, "a thousandth of the weight")?;
+        let (u, masses) = (simulation.displacements(body), simulation.masses(body));
+        Ok(u.iter().zip(&masses).map(|(u, m)| m * u.dot(gravity)).sum())
+    };
+    // displacements are inverse to the constant
+    let trial = material.young_modulus * 0.01;
+    Ok(trial * work(Model::MassSpring, uniform(trial))? / work(Model::Linear, None)?)
+}
+
 /// A part of the way from one strain to the next.
 pub(crate) struct Stride {
     pub before: f64,
@@ -145,4 +168,22 @@ pub(crate) fn path<T>(
         before = strain;
     }
     states
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use sinew::engine::mesh::generate::box_hexahedra;
+
+    #[test]
+    fn springs_of_the_constant_found_yield_as_the_material() {
+        let material = YoungPoisson { young_modulus: 1e4, poisson_ratio: 0.3, density: 1000.0 };
+        let mesh = box_hexahedra(DVec3::new(0.2, 0.1, 0.1), [4, 2, 2]).unwrap();
+        let found = as_stiff(&mesh, material, "x0").unwrap();
+        // the modulus scales it, and a grid of cubes has E a for its edges within a factor of two
+        let stiffer = YoungPoisson { young_modulus: 3e4, ..material };
+        let more = as_stiff(&mesh, stiffer, "x0").unwrap();
+        assert!((more / found / 3.0 - 1.0).abs() < 1e-3, "{more} {found}");
+        assert!((0.25..1.0).contains(&(found / (1e4 * 0.05))), "{found}");
+    }
 }

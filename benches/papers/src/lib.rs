@@ -195,7 +195,7 @@ fn pictures(
         let drawn = match paper {
             "paper-a" => picture::paper_a(&request),
             "paper-b" => picture::paper_b(&request),
-            _ => picture::paper_c(&request),
+            _ => picture::paper_c(&request, fibres::spring_constants()?),
         };
         let name = format!("{paper}-models");
         return match drawn {

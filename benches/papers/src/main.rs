@@ -58,5 +58,6 @@ fn run(command: Cli) -> Outcome {
 }
 
 fn main() -> ExitCode {
+    sinew_cli::quiet_driver();
     sinew_cli::exit_code(run(Cli::parse()))
 }

@@ -10,8 +10,12 @@ use sinew_scene::assemble::BuildOptions;
 use sinew_scene::error::RunError;
 use sinew_scene::picture::{CaptureOptions, Quantity, RenderJobError, Variant, nearest, record};
 use sinew_scene::run::Silent;
-use sinew_scene::scene::{LoadedScene, SpringMethod};
+use sinew_scene::scene::LoadedScene;
 use sinew_scene::shipped_scene;
+use std::path::Path;
+
+/// Panels in a row.
+const COLUMNS: usize = 4;
 
 /// What to draw of all of them.
 struct Plan<'a> {
@@ -66,7 +70,7 @@ fn drawn(plan: Plan, adapter: &AdapterRequest) -> Result<Image, RenderJobError> 
         panels.push(Panel { label, recording });
     }
     let frames: Vec<usize> = panels.iter().map(|p| nearest(&p.recording, None)).collect();
-    let layout = Layout::Panels(panels.len(), plan.panel);
+    let layout = Layout::Panels(panels.len().min(COLUMNS), plan.panel);
     let grid = Grid { title: plan.title, layout, camera: plan.camera, field: Some(0) };
     Ok(Comparison::new(gpu, panels, &grid)?.picture(plan.subtitle, &frames)?)
 }
@@ -100,31 +104,41 @@ pub fn paper_a(adapter: &AdapterRequest) -> Result<Image, RenderJobError> {
     drawn(plan, adapter)
 }
 
-/// Natsupakpong & Cavusoglu 2010: a clamped bar of finite elements and of springs by three fits.
+/// A scene of one body.
+fn scene(name: &str, text: &str) -> Result<LoadedScene, RenderJobError> {
+    Ok(LoadedScene::parse(text, Path::new(name)).map_err(RunError::from)?)
+}
+
+/// Natsupakpong & Cavusoglu 2010, tables 1 and 3: the cube of 512 hexahedra, held at a side and pulled at the other, by
+/// linear finite elements and by springs of three fits.
 ///
 /// # Errors
 /// As [`paper_a`].
 pub fn paper_b(adapter: &AdapterRequest) -> Result<Image, RenderJobError> {
-    use sinew::identify::ElementMethod;
     let fits = [
-        ("finite elements", None),
-        ("springs, Frobenius norm", Some(ElementMethod::Frobenius)),
-        ("springs, 2-norm", Some(ElementMethod::TwoNorm)),
-        ("springs, off-diagonal blocks", Some(ElementMethod::Block)),
+        ("finite elements", "model = \"linear\""),
+        ("springs, Frobenius norm", "model = \"mass_spring\"\nelement_method = \"frobenius\""),
+        ("springs, 2-norm", "model = \"mass_spring\"\nelement_method = \"two-norm\""),
+        ("springs, off-diagonal blocks", "model = \"mass_spring\"\nelement_method = \"block\""),
     ];
-    let scene = first_body("elements")?;
-    let variants = fits.map(|(label, fit)| {
-        let mut scene = scene.clone();
-        if fit.is_some() {
-            scene.scene.bodies[0].model = Model::MassSpring;
-            scene.scene.bodies[0].element_method = fit.map(SpringMethod::Fitted);
-        }
-        Variant { label: label.into(), scene }
-    });
+    let mut variants = Vec::new();
+    for (label, model) in fits {
+        // 0.3 times 10 kPa on 4 cm^2
+        let text = format!(
+            "name = \"cube\"\ndescription = \"A cube in tension.\"\ndt = 0.01\nduration = 1.5\n\
+             gravity = [0.0, 0.0, 0.0]\n[solver]\nmass_damping = 20.0\n\
+             [[body]]\nname = \"cube\"\n\
+             generate = {{ box = {{ size = [0.02, 0.02, 0.02], cells = [8, 8, 8], elements = \"hexahedra\" }} }}\n\
+             material = {{ young_modulus = 10e3, poisson_ratio = 0.3, density = 1000.0 }}\n{model}\n\
+             [[constraint]]\nname = \"held\"\nselect = {{ group = \"x0\" }}\n\
+             [[load]]\nname = \"pull\"\nselect = {{ group = \"x1\" }}\nforce = [1.2, 0.0, 0.0]\n"
+        );
+        variants.push(Variant { label: label.into(), scene: scene("cube.toml", &text)? });
+    }
     let plan = Plan {
-        title: "A bar of hexahedra and bars of springs found from its stiffness",
-        subtitle: "E = 150 kPa, ν = 0.3, clamped at its left end, sagging under its weight; after 1.5 s",
-        variants: variants.into(),
+        title: "A cube in tension, of hexahedra and of springs found from its stiffness",
+        subtitle: "E = 10 kPa, ν = 0.3, 2 cm, held at its left side, pulled by 0.3 E at its right one",
+        variants,
         quantity: Quantity::Displacement,
         at: 1.5,
         panel: [280, 260],
@@ -133,27 +147,56 @@ pub fn paper_b(adapter: &AdapterRequest) -> Result<Image, RenderJobError> {
     drawn(plan, adapter)
 }
 
-/// Bourguignon & Cani 2000: a hanging bar with fibres at five angles.
+/// Bourguignon & Cani 2000, figures 1, 5 and 6: a hanging block pulled down, of plain springs of some constants (N/m, on
+/// tetrahedra cut alike and irregularly), of a material, and of this with fibres.
 ///
 /// # Errors
 /// As [`paper_a`].
-pub fn paper_c(adapter: &AdapterRequest) -> Result<Image, RenderJobError> {
-    let scene = first_body("fibre_bar")?;
-    let variants = [0.0f64, 22.5, 45.0, 67.5, 90.0].map(|degrees| {
-        let mut scene = scene.clone();
-        let (sin, cos) = degrees.to_radians().sin_cos();
-        for fibres in &mut scene.scene.bodies[0].fibres {
-            fibres.direction = Some([sin, 0.0, cos]);
-        }
-        Variant { label: format!("{degrees}°"), scene }
-    });
+pub fn paper_c(
+    adapter: &AdapterRequest,
+    [alike, irregular]: [f64; 2],
+) -> Result<Image, RenderJobError> {
+    let springs = |constant: f64| {
+        format!(
+            "model = \"mass_spring\"\nelement_method = \"uniform\"\nspring_constant = {constant:.3}\n"
+        )
+    };
+    let fibres =
+        |course: &str| format!("[[body.fibres]]\nname = \"fibre\"\nmodulus = 40e3\n{course}\n");
+    let hemicircular = "hemicircular = { axis = [0.0, 1.0, 0.0], side = [1.0, 0.0, 0.0] }";
+    let helicoidal =
+        "helicoidal = { centre = [0.04, 0.04, 0.08], axis = [0.0, 0.0, 1.0], degrees = 45.0 }";
+    let models = [
+        ("springs, parallel cuts", "tetrahedra", springs(alike)),
+        ("springs, irregular", "irregular", springs(irregular)),
+        ("material, parallel cuts", "tetrahedra", String::new()),
+        ("horizontal fibres", "irregular", fibres("direction = [1.0, 0.0, 0.0]")),
+        ("diagonal fibres", "irregular", fibres("direction = [1.0, 0.0, 1.0]")),
+        ("hemicircular fibres", "irregular", fibres(hemicircular)),
+        ("helicoidal fibres", "irregular", fibres(helicoidal)),
+        ("random fibres", "irregular", fibres("random = { seed = 1 }")),
+    ];
+    let mut variants = Vec::new();
+    for (label, elements, model) in models {
+        // 0.3 times 10 kPa on 64 cm^2
+        let text = format!(
+            "name = \"block\"\ndescription = \"A block pulled down.\"\ndt = 0.01\nduration = 2.0\n\
+             gravity = [0.0, 0.0, 0.0]\n[solver]\nmass_damping = 20.0\n\
+             [[constraint]]\nname = \"top\"\nselect = {{ group = \"z1\" }}\n\
+             [[load]]\nname = \"pull\"\nselect = {{ group = \"z0\" }}\nforce = [0.0, 0.0, -19.2]\n\
+             [[body]]\nname = \"block\"\n\
+             generate = {{ box = {{ size = [0.08, 0.08, 0.16], cells = [4, 4, 8], elements = \"{elements}\" }} }}\n\
+             material = {{ young_modulus = 10e3, poisson_ratio = 0.3, density = 1000.0 }}\n{model}"
+        );
+        variants.push(Variant { label: label.into(), scene: scene("block.toml", &text)? });
+    }
     let plan = Plan {
-        title: "A hanging bar with fibres at five angles to its weight",
-        subtitle: "E = 5 kPa, fibres of 50 kPa, held at its top; after 2 s",
-        variants: variants.into(),
+        title: "A hanging block pulled down: the cuts of its elements, or its fibres, decide where it goes",
+        subtitle: "E = 10 kPa, fibres of 40 kPa more, held at its top, pulled by 0.3 E; at rest",
+        variants,
         quantity: Quantity::Displacement,
         at: 2.0,
-        panel: [190, 300],
+        panel: [200, 290],
         camera: CameraRequest::Orbit { azimuth: 12.0, elevation: 8.0, distance: 1.0 },
     };
     drawn(plan, adapter)

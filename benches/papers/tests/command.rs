@@ -24,7 +24,7 @@ fn file(name: &str) -> PathBuf {
 fn figures_of_a_paper_are_made_again() {
     let folder = file("paper-a");
     let out = folder.display().to_string();
-    check(&["a", "--only", "a,f", "--out", &out], 0, "DIFFERS", "11 files");
+    check(&["a", "--only", "a,f", "--out", &out], 0, "the paper is wrong", "11 files");
     let page = std::fs::read_to_string(folder.join("paper-a.html")).unwrap();
     assert!(page.contains("<svg") && page.contains("(f) Resection of a liver in real time"));
     let csv = std::fs::read_to_string(folder.join("a-force.csv")).unwrap();

@@ -3,3 +3,4 @@
 mod command;
 mod outside;
 mod springs;
+mod verdicts;

@@ -16,6 +16,7 @@ pub mod report;
 pub mod resection;
 pub mod roofline;
 pub mod scenes;
+pub mod spring_products;
 pub mod step;
 pub mod subject;
 

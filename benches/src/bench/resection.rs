@@ -3,6 +3,7 @@
 
 use crate::toolbox::prelude::*;
 use sinew::engine::mesh::generate::sphere_tets;
+use sinew::models::body::Evaluation;
 use sinew::models::resection::{Region, Removal};
 use sinew_tune::measures::quantile;
 
@@ -89,6 +90,8 @@ pub struct Organ<'a> {
     pub held: &'a [u32],
     /// Its material.
     pub material: YoungPoisson,
+    /// How its energy is summed.
+    pub evaluation: Evaluation,
 }
 
 /// Length of a frame and of its step (s).
@@ -113,7 +116,8 @@ pub fn run(
         let mesh = sphere_tets(RADIUS, shells)?;
         let held: Vec<u32> =
             (0..).zip(&mesh.points).filter(|(_, p)| p.z > 0.7 * RADIUS).map(|(i, _)| i).collect();
-        let organ = Organ { mesh: &mesh, held: &held, material: preset("liver")?.material };
+        let (material, evaluation) = (preset("liver")?.material, Evaluation::Fused);
+        let organ = Organ { mesh: &mesh, held: &held, material, evaluation };
         let count = mesh.tetrahedra.len();
         runs.push(cut(&organ, frames.min(count), threads, at_random(count))?);
     }
@@ -146,10 +150,11 @@ pub fn cut(
     threads: usize,
     mut next: impl FnMut(usize) -> Region,
 ) -> Result<ResectionRun> {
-    let Organ { mesh, held, material } = *organ;
+    let Organ { mesh, held, material, evaluation } = *organ;
     let mut simulation =
         Simulation::new(SimulationOptions { threads, exclusive: true, ..Default::default() })?;
-    let body = simulation.add_body(&BodyDescription::new("organ", mesh, material))?;
+    let organ = BodyDescription { evaluation, ..BodyDescription::new("organ", mesh, material) };
+    let body = simulation.add_body(&organ)?;
     let rows = simulation.rows(body, "ligament", held)?;
     simulation.add_constraint(Constraint::hold("ligament", rows));
     simulation.set_dt(FRAME);

@@ -31,6 +31,7 @@ enum Command {
 }
 
 fn main() -> ExitCode {
+    sinew_cli::quiet_driver();
     sinew_cli::exit_code(match Cli::parse().command {
         Command::Bench(command) => bench(&command),
     })

@@ -10,6 +10,16 @@ use std::process::ExitCode;
 /// Whether all went well; what did not has been said.
 pub type Outcome = Result<bool, Box<dyn Error>>;
 
+/// Keeps Mesa's Vulkan layer from printing "error: XDG_RUNTIME_DIR is invalid" where there is no desktop: it looks for
+/// one when adapters are listed, and any folder in that variable will do. To be called first in `main`.
+pub fn quiet_driver() {
+    const FOLDER: &str = "XDG_RUNTIME_DIR";
+    if cfg!(target_os = "linux") && std::env::var_os(FOLDER).is_none() {
+        // SAFETY: `main` has just begun, so no other thread reads the environment
+        unsafe { std::env::set_var(FOLDER, std::env::temp_dir()) };
+    }
+}
+
 /// 0 when all went well, 1 for bad input or a failed run; the error goes to stderr.
 pub fn exit_code(outcome: Outcome) -> ExitCode {
     match outcome {

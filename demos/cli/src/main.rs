@@ -20,7 +20,7 @@ use sinew::models::body::Evaluation;
 use sinew::models::material::YoungPoisson;
 use sinew::prelude::{Integrator, Model};
 use sinew::simulation::{Backend, Precision};
-use sinew_cli::{Outcome, PrecisionArgument, choice, exit_code, print};
+use sinew_cli::{Outcome, PrecisionArgument, choice, exit_code, print, quiet_driver};
 use sinew_scene::assemble::{BuildOptions, generate};
 use sinew_scene::cell_springs::SpringTable;
 use sinew_scene::check::check_file;
@@ -391,6 +391,7 @@ enum ShapeOptions {
 }
 
 fn main() -> ExitCode {
+    quiet_driver();
     exit_code(match Cli::parse().command {
         Command::Run(arguments) => run_scene(arguments),
         Command::Render(arguments) => render::render_scene(*arguments),

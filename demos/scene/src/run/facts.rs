@@ -114,6 +114,9 @@ impl RunFacts<'_> {
     fn timing(&mut self) -> RunTiming {
         let steps = self.steps().max(1) as f64;
         let stepping = self.totals.step_times.total();
+        // what systems took in the step that failed is among their times
+        let tried = self.steps() + u64::from(self.totals.failed.is_some());
+        let worked = stepping + self.totals.failed.unwrap_or(0.0);
         let total = self.start.elapsed().as_secs_f64();
         let simulated = if self.is_dynamic() { self.built.simulation.time() } else { 0.0 };
         let stage = |name, seconds: f64, every_step: bool| Stage {
@@ -135,8 +138,8 @@ impl RunFacts<'_> {
             name: entry.name,
             total_s: entry.seconds,
             runs: entry.runs,
-            per_step_ms: 1e3 * entry.seconds / steps,
-            share: if stepping > 0.0 { entry.seconds / stepping } else { 0.0 },
+            per_step_ms: 1e3 * entry.seconds / tried.max(1) as f64,
+            share: if worked > 0.0 { entry.seconds / worked } else { 0.0 },
         });
         RunTiming {
             total_s: total,

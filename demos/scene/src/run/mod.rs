@@ -223,6 +223,7 @@ impl SceneRun<'_> {
         }
         let clock = Instant::now();
         if let Err(error) = self.built.simulation.step() {
+            self.totals.failed = Some(clock.elapsed().as_secs_f64());
             return Ok(Some(error.to_string()));
         }
         self.totals.add_step(&self.built, clock.elapsed().as_secs_f64());

@@ -10,6 +10,9 @@ use sinew::simulation::Simulation;
 pub(super) struct Totals {
     /// Host times of all steps.
     pub step_times: StepTimes,
+    /// Host time (s) of the step that failed and ended the run.
+    #[serde(skip)]
+    pub failed: Option<f64>,
     /// Elastic energy (J) before the first step.
     pub initial: f64,
     /// Largest reaction (N) of every constraint that a probe looks at.

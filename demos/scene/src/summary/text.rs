@@ -257,13 +257,17 @@ impl RunSummary {
         let names = self.timing.systems.iter().map(|s| s.name.chars().count());
         let width = names.max().unwrap_or(0);
         for (i, system) in self.timing.systems.iter().enumerate() {
+            // a run that broke off has no whole of which they are shares
+            let share = match &self.failure {
+                None => format!(" {:>3.0} % of the steps,", 100.0 * system.share),
+                Some(_) => String::new(),
+            };
             line!(
                 block,
                 if i == 0 { "time per system" } else { "" },
-                "{:<width$} {:>8} ms per step, {:>3.0} % of the steps, {} runs",
+                "{:<width$} {:>8} ms per step,{share} {} runs",
                 system.name,
                 short(system.per_step_ms),
-                100.0 * system.share,
                 system.runs
             );
         }
