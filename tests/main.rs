@@ -25,5 +25,6 @@ mod resting;
 mod schedule;
 mod second_order;
 mod snapshot;
+mod traction;
 mod units;
 mod warnings;
