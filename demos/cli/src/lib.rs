@@ -22,6 +22,28 @@ pub fn exit_code(outcome: Outcome) -> ExitCode {
     }
 }
 
+/// Makes sure that `XDG_RUNTIME_DIR` names a folder, by starting this program again with one where it does not: the drivers of
+/// Mesa look for displays there, and print an error that is none.
+pub fn give_displays_a_folder() {
+    #[cfg(unix)]
+    {
+        use std::os::unix::process::CommandExt;
+        const FOLDER: &str = "XDG_RUNTIME_DIR";
+        let folder = std::env::var_os(FOLDER).map(std::path::PathBuf::from);
+        if folder.is_some_and(|folder| folder.is_absolute() && folder.is_dir()) {
+            return;
+        }
+        let folder = std::env::temp_dir();
+        if let (true, Ok(program)) =
+            (folder.is_absolute() && folder.is_dir(), std::env::current_exe())
+        {
+            // comes back only where it cannot be started; this one then goes on
+            let arguments = std::env::args_os().skip(1);
+            let _ = std::process::Command::new(program).args(arguments).env(FOLDER, folder).exec();
+        }
+    }
+}
+
 /// Prints a result; a reader that has had enough (`sinew ... | head`) is no error.
 ///
 /// # Errors
