@@ -32,7 +32,7 @@
 //! | build, step and read a simulation without a window | [`Simulation`], [`SimulationOptions`](simulation::SimulationOptions) |
 //! | read a mesh, check it, name groups | [`Mesh`], [`check`](engine::mesh::check()), [`generate`](engine::mesh::generate) |
 //! | say what a body is made of | [`BodyDescription`], [`YoungPoisson`](models::material::YoungPoisson), [`Model`](models::body::Model) |
-//! | hold, move, load and blow up | [`Constraint`](engine::load::Constraint), [`Load`](engine::load::Load), [`Pressure`](engine::load::Pressure) |
+//! | hold, move, load and blow up | [`Constraint`](engine::load::Constraint), [`Load`](engine::load::Load), [`traction_faces`](simulation::Simulation::traction_faces), [`Pressure`](engine::load::Pressure) |
 //! | press, drag, grasp; let bodies touch; pull with a mouse | [`Tool`], [`BodyContact`](touch::pair::BodyContact), [`Pull`](touch::pull::Pull) |
 //! | cut | [`Simulation::remove_elements`], [`models::resection`] |
 //! | choose integrator, damping and tolerances | [`SolverSettings`](solvers::settings::SolverSettings), [`Integrator`](solvers::settings::Integrator) |

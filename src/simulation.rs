@@ -17,8 +17,10 @@ use sinew_engine::connectivity::ElementKind;
 use sinew_engine::fnv::Fnv64;
 use sinew_engine::lanes::InstructionSet;
 use sinew_engine::law::{ElasticEnergy, EvaluationRequest};
-use sinew_engine::load::{Constraint, Load, Pose, Pressure, TargetError};
-use sinew_engine::mesh::{CheckReport, Mesh};
+use sinew_engine::load::{
+    Constraint, Curve, Load, LoadedFace, LoadedFaces, Pose, Pressure, TargetError,
+};
+use sinew_engine::mesh::{CheckReport, Mesh, Surface};
 use sinew_engine::order::Order;
 pub use sinew_engine::precision::Precision;
 use sinew_engine::ratios::{ElementNow, each_element, measure_area_ratios, measure_volume_ratios};
@@ -39,6 +41,7 @@ use sinew_models::body::change::set_material;
 use sinew_models::body::{BodyDescription, BodyError, spawn_body};
 use sinew_models::laws::pressure::activate as activate_pressure;
 use sinew_models::material::field::{FieldError, MaterialField};
+use sinew_models::traction::loaded_faces;
 use sinew_solvers::explicit::{estimate_stable_step, forget_steps};
 use sinew_solvers::implicit::forget_matrices;
 use sinew_solvers::install_solver;
@@ -165,19 +168,19 @@ pub enum SimulationError {
         /// Vertex of the user's mesh.
         vertex: MeshVertex,
     },
-    /// A pressure names a triangle whose edges are not all in elements of its body.
+    /// A pressure or traction names a face whose edges are not all in elements of its body.
     #[error(
-        "`{name}`: triangle {triangle} (vertices {vertices:?}) of body `{body}` is no face of its \
-         tetrahedra and no triangle of its membrane, so no pressure can act on it"
+        "`{name}`: face {triangle} (vertices {vertices:?}) of body `{body}` is no face of its \
+         solid elements and no cell of its membrane, so nothing can act on it"
     )]
     Face {
-        /// Pressure.
+        /// Pressure or traction.
         name: String,
         /// Body.
         body: String,
         /// Index in the list that was given.
         triangle: usize,
-        /// Its vertices in the user's mesh.
+        /// Its vertices in the user's mesh, of a quadrilateral the first three.
         vertices: [u32; 3],
     },
     /// A mesh has no group of this name.
@@ -237,7 +240,7 @@ named!(Constraint, Load, Pressure, Tool, Pull, BodyContact);
 /// |---|---|---|
 /// | [`new`](Self::new), [`add_body`](Self::add_body) | [`set_dt`](Self::set_dt), [`set_solver`](Self::set_solver) | [`positions`](Self::positions), [`each_position`](Self::each_position) |
 /// | [`group_rows`](Self::group_rows), [`add_constraint`](Self::add_constraint) | [`set_target`](Self::set_target), [`move_tool`](Self::move_tool) | [`tool_report`](Self::tool_report), [`surface`](Self::surface) |
-/// | [`add_load`](Self::add_load), [`add_pressure`](Self::add_pressure) | [`step`](Self::step) | [`evaluate`](Self::evaluate), [`reaction`](Self::reaction) |
+/// | [`add_load`](Self::add_load), [`add_loaded_faces`](Self::add_loaded_faces), [`add_pressure`](Self::add_pressure) | [`step`](Self::step) | [`evaluate`](Self::evaluate), [`reaction`](Self::reaction) |
 /// | [`add_tool`](Self::add_tool), [`add_body_contact`](Self::add_body_contact) | [`remove_elements`](Self::remove_elements) | [`report`](Self::report), [`volume_report`](Self::volume_report) |
 /// | | | [`warnings`](Self::warnings), [`verdict`](Self::verdict) |
 ///
@@ -498,21 +501,84 @@ impl Simulation {
         name: &str,
         triangles: &[[u32; 3]],
     ) -> Result<Vec<[VertexRow; 3]>, SimulationError> {
-        let mut faces = Vec::with_capacity(triangles.len());
-        for (triangle, &vertices) in triangles.iter().enumerate() {
-            let rows = self.rows(body, name, &vertices)?;
-            let [a, b, c] = [rows[0], rows[1], rows[2]];
+        self.rows_of_faces(body, name, triangles)
+    }
+
+    fn rows_of_faces<const N: usize>(
+        &self,
+        body: BodyHandle,
+        name: &str,
+        cells: &[[u32; N]],
+    ) -> Result<Vec<[VertexRow; N]>, SimulationError> {
+        let mut faces = Vec::with_capacity(cells.len());
+        for (triangle, vertices) in cells.iter().enumerate() {
+            let rows = self.rows(body, name, vertices)?;
             let topology = self.topology();
-            let is_edge = |a: VertexRow, b: VertexRow| {
+            let is_edge = |(a, b): (VertexRow, VertexRow)| {
                 topology.block(a.0, b.0).is_some_and(|edge| topology.uses_edge(edge as usize))
             };
-            if ![(a, b), (b, c), (c, a)].iter().all(|&(a, b)| is_edge(a, b)) {
-                let body = topology.bodies[body.0].name.clone();
-                return Err(SimulationError::Face { name: name.into(), body, triangle, vertices });
+            // of a quadrilateral both diagonals too: elements couple all their vertices
+            let mut pairs = (0..N).flat_map(|i| (0..i).map(move |j| (i, j)));
+            if !pairs.all(|(i, j)| is_edge((rows[i], rows[j]))) {
+                let (body, name) = (topology.bodies[body.0].name.clone(), name.into());
+                let vertices = [vertices[0], vertices[1], vertices[2]];
+                return Err(SimulationError::Face { name, body, triangle, vertices });
             }
-            faces.push([a, b, c]);
+            faces.push(std::array::from_fn(|i| rows[i]));
         }
         Ok(faces)
+    }
+
+    /// Faces of a body under the traction `traction` (N/m^2), which keeps its direction, for
+    /// [`Simulation::add_loaded_faces`]: every vertex gets the traction times the integral of its shape function at rest. The
+    /// faces are in the user's order, as [`Mesh::surface`](sinew_engine::mesh::Mesh::surface) gives them; which way they turn
+    /// does not matter.
+    ///
+    /// ```
+    /// use sinew::engine::mesh::generate::box_hexahedra;
+    /// use sinew::engine::mesh::Surface;
+    /// use sinew::prelude::*;
+    ///
+    /// let mesh = box_hexahedra(DVec3::splat(0.1), [2, 2, 2])?;
+    /// let material = YoungPoisson { young_modulus: 5e3, poisson_ratio: 0.4, density: 1000.0 };
+    /// let mut simulation = Simulation::new(SimulationOptions::default())?;
+    /// let body = simulation.add_body(&BodyDescription::new("block", &mesh, material))?;
+    /// let at_end = |q: &[u32; 4]| q.iter().all(|&v| mesh.points[v as usize].x > 0.099);
+    /// let quads = mesh.surface().quads.into_iter().filter(at_end).collect();
+    /// let on = Surface { quads, ..Surface::default() };
+    /// let faces = simulation.traction_faces(body, "pull", &on, DVec3::X * 200.0)?;
+    /// let total: DVec3 = faces.iter().flat_map(|face| &face.forces).map(|(_, f)| *f).sum();
+    /// assert!((total.x - 200.0 * 0.01).abs() < 1e-12);
+    /// simulation.add_loaded_faces("pull", faces, Curve::ramp(0.0, 0.5));
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    ///
+    /// # Errors
+    /// When a face names a vertex that no element uses, or has an edge that none has; `name` says in the error who
+    /// asked.
+    pub fn traction_faces(
+        &mut self,
+        body: BodyHandle,
+        name: &str,
+        on: &Surface,
+        traction: DVec3,
+    ) -> Result<Vec<LoadedFace>, SimulationError> {
+        let triangles = self.rows_of_faces(body, name, &on.triangles)?;
+        let quads = self.rows_of_faces(body, name, &on.quads)?;
+        Ok(loaded_faces(&mut self.world, &triangles, &quads, traction))
+    }
+
+    /// Adds a dead load that faces bear, as [`Simulation::traction_faces`] gives them: a [`Load`] with the sum of their
+    /// forces. A face that loses its last element takes its share along.
+    pub fn add_loaded_faces(
+        &mut self,
+        name: impl Into<String>,
+        faces: Vec<LoadedFace>,
+        curve: Curve,
+    ) -> Entity {
+        let faces = LoadedFaces(faces);
+        let load = Load { name: name.into(), forces: faces.forces(), curve };
+        self.world_mut().spawn((load, faces)).id()
     }
 
     /// Adds a follower pressure on rows of [`Simulation::face_rows`]. Quadrilateral faces are best cut along both

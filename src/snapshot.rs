@@ -21,7 +21,7 @@ use sinew_engine::columns::single_table;
 use sinew_engine::fnv::Fnv64;
 use sinew_engine::lanes::InstructionSet;
 use sinew_engine::law::{DisabledLaws, RecoveringBodies};
-use sinew_engine::load::{Constraint, Load, LoadTime, Pressure, SweptVolumes};
+use sinew_engine::load::{Constraint, Load, LoadTime, LoadedFaces, Pressure, SweptVolumes};
 use sinew_engine::order::{LastOrder, Order};
 use sinew_engine::precision::Precision;
 use sinew_engine::report::{AreaReport, StepReport, VolumeReport};
@@ -47,7 +47,7 @@ use std::sync::Arc;
 const MAGIC: &[u8; 8] = b"SinewSnp";
 /// Number of the format. It is raised whenever something that is stored changes, which a stored snapshot in the tests
 /// notices; other numbers are refused by name.
-const FORMAT: u32 = 2;
+const FORMAT: u32 = 3;
 
 /// A snapshot that cannot be taken, read or restored. The simulation is what it was before.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -213,6 +213,7 @@ pub(crate) struct Acting {
     pub order: Order,
     pub constraint: Option<Constraint>,
     pub load: Option<Load>,
+    pub faces: Option<LoadedFaces>,
     pub pressure: Option<Pressure>,
     pub removal: Option<RemovalRequest>,
     pub tool: Option<(Tool, ToolReport)>,
@@ -621,18 +622,21 @@ pub(crate) fn acting(world: &mut World) -> Vec<(Entity, Acting)> {
     let mut query = world.query::<(
         Entity,
         &Order,
-        (Option<&Constraint>, Option<&Load>, Option<&Pressure>, Option<&RemovalRequest>),
+        (Option<&Constraint>, Option<&Load>, Option<&LoadedFaces>),
+        (Option<&Pressure>, Option<&RemovalRequest>),
         (Option<&Tool>, Option<&ToolReport>),
         (Option<&BodyContact>, Option<&BodyContactReport>),
         (Option<&Pull>, Option<&PullReport>),
     )>();
     let mut found: Vec<(Entity, Acting)> = query
         .iter(world)
-        .map(|(entity, order, (constraint, load, pressure, removal), tool, contact, pull)| {
+        .map(|(entity, order, own, (pressure, removal), tool, contact, pull)| {
+            let (constraint, load, faces) = own;
             let acting = Acting {
                 order: *order,
                 constraint: constraint.cloned(),
                 load: load.cloned(),
+                faces: faces.cloned(),
                 pressure: pressure.cloned(),
                 removal: removal.cloned(),
                 tool: both(tool),
@@ -674,6 +678,7 @@ impl Acting {
         take!(
             constraint: Constraint,
             load: Load,
+            faces: LoadedFaces,
             pressure: Pressure,
             removal: RemovalRequest,
             tool: (Tool, ToolReport),
@@ -692,7 +697,7 @@ impl Acting {
                 }
             )+};
         }
-        give!(constraint, load, pressure, removal, tool, contact, pull);
+        give!(constraint, load, faces, pressure, removal, tool, contact, pull);
     }
 }
 

@@ -27,5 +27,6 @@ mod resting;
 mod schedule;
 mod second_order;
 mod snapshot;
+mod traction;
 mod units;
 mod warnings;

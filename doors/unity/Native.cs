@@ -459,6 +459,10 @@ namespace Sinew
             uint[] triangles, UIntPtr triangleCount, double pressure, out ulong result);
 
         [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_traction_add(SimulationHandle simulation, ulong body, byte[] name,
+            uint[] faces, UIntPtr faceCount, uint corners, double[] traction, out ulong result);
+
+        [DllImport(Library, CallingConvention = C)]
         internal static extern int sinew_body_add(SimulationHandle simulation, MeshHandle mesh, ref NativeBody body,
             out ulong result);
 

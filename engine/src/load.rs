@@ -483,6 +483,36 @@ pub struct Load {
     pub curve: Curve,
 }
 
+/// Faces under tractions that keep their direction, on the entity of the [`Load`] whose forces are what they add up to. A
+/// face that loses its last element leaves the list, and its forces the load.
+#[derive(Component, Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct LoadedFaces(pub Vec<LoadedFace>);
+
+/// A face, or an edge at the rim of a membrane, under a traction.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct LoadedFace {
+    /// Three vertices of the element that bears it, of which the face is made or to which the edge belongs.
+    pub corners: [VertexRow; 3],
+    /// What its vertices get (N): traction times the integral of their shape functions at rest.
+    pub forces: Vec<(VertexRow, DVec3)>,
+}
+
+impl LoadedFaces {
+    /// Forces (N) of all faces, rows ascending. They are added up in the order of the faces.
+    pub fn forces(&self) -> Vec<(VertexRow, DVec3)> {
+        let mut all: Vec<_> = self.0.iter().flat_map(|face| face.forces.iter().copied()).collect();
+        all.sort_by_key(|(row, _)| *row);
+        all.dedup_by(|next, sum| {
+            let same = next.0 == sum.0;
+            if same {
+                sum.1 += next.1;
+            }
+            same
+        });
+        all
+    }
+}
+
 /// Follower pressure: pushes every triangle along its normal with pressure times deformed area. The law
 /// that does so has to be activated (`sinew_models::laws::pressure::activate`).
 #[derive(Component, Clone, Debug, PartialEq, Serialize, Deserialize)]

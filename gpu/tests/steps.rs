@@ -175,9 +175,12 @@ fn free_body_keeps_momentum_and_partly_held_axes_hold() {
 
     let slide = |s: &mut Simulation, body: BodyHandle| {
         guide(s, body, &mesh, "z0", 4);
-        let rows = s.group_rows(body, &mesh, "x1").unwrap();
-        let forces = rows.iter().map(|&row| (row, DVec3::new(0.01, 0.004, 0.0))).collect();
-        s.add_load(Load { name: "pull".into(), forces, curve: Curve::ramp(0.0, 0.1) });
+        let mut end = mesh.surface();
+        end.triangles.retain(|t| t.iter().all(|&v| mesh.points[v as usize].x > 0.2 - 1e-9));
+        let pull = DVec3::new(64.0, 25.6, 0.0);
+        let faces = s.traction_faces(body, "pull", &end, pull).unwrap();
+        assert!(!faces.is_empty());
+        s.add_loaded_faces("pull", faces, Curve::ramp(0.0, 0.1));
     };
     let Some([cpu, gpu]) = both(&mesh, 20, &settings(), slide) else { return };
     let u = relative(&gpu.u, &cpu.u);

@@ -9,6 +9,7 @@
 //! | [`axes`] | axes of anisotropy, fibre fields, muscles, preservation of volume |
 //! | [`body`] | from mesh and material to entities, and to a new material; membranes and lumped springs as parts of bodies |
 //! | [`resection`] | removal of elements |
+//! | [`traction`] | what vertices get of tractions on faces |
 //!
 //! Comparison models, each fused only, without compression term:
 //!
@@ -56,3 +57,4 @@ pub mod frame;
 pub mod laws;
 pub mod material;
 pub mod resection;
+pub mod traction;

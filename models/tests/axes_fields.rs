@@ -6,8 +6,8 @@ use sinew_engine::mesh::generate::{
     box_hexahedra, box_tets, cup_hexahedra, cylinder_tets, jitter_interior,
 };
 use sinew_models::axes::field::{
-    self, FibreError, FibreField, Laplace, angles_by_formula, circular, from_cell_data,
-    from_formula, helicoidal, hemicircular, to_cell_data,
+    self, FibreError, FibreField, Laplace, Second, across, angles_by_formula, circular,
+    from_cell_data, from_formula, helicoidal, hemicircular, to_cell_data,
 };
 
 fn block() -> Mesh {
@@ -183,6 +183,57 @@ fn generators() {
     }
     assert!(circular(&mesh, centre, DVec3::ZERO).is_err());
     assert!(helicoidal(&mesh, centre, axis, f64::NAN).is_err());
+}
+
+/// Every course of fibres has two axes across it, by its rule, and a course that leaves none is told by its element.
+#[test]
+fn axes_across_fibres_complete_a_triad() {
+    let mesh = cylinder_tets(1.0, 2.0, 4, 4).unwrap();
+    let (low, high) = mesh.bounds().unwrap();
+    let (centre, axis) = (0.5 * (low + high), DVec3::new(1.0, 2.0, -1.0).normalize());
+    let helix = helicoidal(&mesh, centre, 5.0 * axis, 0.4).unwrap().directions;
+    let away = Second::Away { centre, axis: 5.0 * axis };
+    let wild = field::random(&mesh, 11).directions;
+    let towards = DVec3::new(0.1, 0.2, 3.0);
+    let each: Vec<DVec3> = helix.clone();
+    let courses = [
+        (&helix, away),
+        (&wild, Second::Coordinate),
+        (&wild, Second::Towards(towards)),
+        (&wild, Second::Each(each.clone())),
+    ];
+    for (fibres, second) in &courses {
+        let [b, c] = across(fibres, second, &mesh).unwrap();
+        assert_eq!((b.len(), c.len()), (fibres.len(), fibres.len()));
+        for (i, &a) in fibres.iter().enumerate() {
+            let of = [a.dot(b[i]), a.dot(c[i]), b[i].dot(c[i]), b[i].length() - 1.0];
+            assert!(of.iter().all(|x| x.abs() < 1e-14), "{second:?}: {of:?}");
+            assert!((a.cross(b[i]).dot(c[i]) - 1.0).abs() < 1e-14);
+            let wanted = match second {
+                Second::Away { .. } => {
+                    let x = centres(&mesh)[i] - centre;
+                    (x - axis * axis.dot(x)).normalize()
+                }
+                Second::Towards(_) => (towards - a * a.dot(towards)).normalize(),
+                Second::Each(own) => (own[i] - a * a.dot(own[i])).normalize(),
+                Second::Coordinate => {
+                    let sines = DVec3::AXES.map(|e| (e - a * a.dot(e)).length());
+                    let most = sines.iter().copied().fold(0.0, f64::max);
+                    let e = DVec3::AXES[sines.iter().position(|s| *s == most).unwrap()];
+                    (e - a * a.dot(e)).normalize()
+                }
+            };
+            assert!(b[i].distance(wanted) < 1e-9, "{second:?}: {} {wanted}", b[i]);
+        }
+    }
+    let mut fibres = wild;
+    fibres[7] = DVec3::new(0.0, 0.6, 0.8);
+    let error = across(&fibres, &Second::Towards(DVec3::new(0.0, 3.0, 4.0)), &mesh).unwrap_err();
+    assert!(matches!(error, FibreError::Parallel { element: 7, .. }), "{error}");
+    let mut each = each;
+    each[9] = fibres[9];
+    let error = across(&fibres, &Second::Each(each), &mesh).unwrap_err();
+    assert!(matches!(error, FibreError::Parallel { element: 9, .. }), "{error}");
 }
 
 #[test]

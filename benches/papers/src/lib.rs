@@ -40,6 +40,15 @@ use sinew_tune::table::escape;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
+/// Writes the meshes on which Natsupakpong & Cavusoglu 2010 is made again as files `b_NAME.msh`, which
+/// [`Options::meshes`] reads and `sinew fit` takes.
+///
+/// # Errors
+/// When a file cannot be written.
+pub fn write_meshes(folder: &Path) -> Result<Vec<PathBuf>> {
+    shapes::write(folder, shapes::PRINTED.iter().map(|(name, _)| *name))
+}
+
 /// How figures are made.
 #[derive(Clone, Debug, Default)]
 pub struct Options {

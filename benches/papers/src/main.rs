@@ -3,7 +3,7 @@
 
 use clap::{Args, Parser};
 use sinew_cli::{Outcome, print};
-use sinew_papers::{Options, PAPER_A, PAPER_B, PAPER_C};
+use sinew_papers::{Options, PAPER_A, PAPER_B, PAPER_C, write_meshes};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -38,13 +38,21 @@ struct PaperBArguments {
     /// printed counts].
     #[arg(long, value_name = "DIR")]
     meshes: Option<PathBuf>,
+    /// Writes the generated meshes as b_*.msh into a folder, and makes no figure.
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["meshes", "only", "out"])]
+    write_meshes: Option<PathBuf>,
 }
 
 /// Figures that differ from the paper are a result, not a failure.
 fn run(command: Cli) -> Outcome {
+    if let Cli::B(PaperBArguments { write_meshes: Some(folder), .. }) = &command {
+        let files = write_meshes(folder)?;
+        eprintln!("{} meshes written to {}", files.len(), folder.display());
+        return Ok(true);
+    }
     let (source, common, meshes) = match command {
         Cli::A(common) => (&PAPER_A, common, None),
-        Cli::B(PaperBArguments { common, meshes }) => (&PAPER_B, common, meshes),
+        Cli::B(PaperBArguments { common, meshes, .. }) => (&PAPER_B, common, meshes),
         Cli::C(common) => (&PAPER_C, common, None),
     };
     let options = Options { meshes, quick: false };

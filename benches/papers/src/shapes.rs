@@ -15,9 +15,11 @@ use glam::{DVec2, DVec3};
 use sinew::engine::mesh::generate::{
     box_hexahedra, jitter_interior, quad_grid, specimen_hexahedra, specimen_quads,
 };
+use sinew::engine::mesh::io::write_gmsh;
 use sinew::engine::mesh::{Group, Mesh};
 use sinew_benches::toolbox::error::{BenchError, Result};
 use std::f64::consts::TAU;
+use std::path::{Path, PathBuf};
 
 /// Width of the straight part of the specimen and thickness of the solid one (m).
 pub(crate) const WIDTH: f64 = 0.01;
@@ -128,6 +130,32 @@ pub(crate) fn variant(name: &str, number: u64) -> Result<Mesh> {
         mesh.groups.push(Group { name: group.into(), vertices, ..Group::default() });
     }
     Ok(mesh)
+}
+
+/// Writes the meshes of some of [`PRINTED`] as `b_NAME.msh`, with the groups `fixed` and `loaded` that `--meshes` reads.
+///
+/// # Errors
+/// When a file cannot be written.
+pub(crate) fn write<'n>(
+    folder: &Path,
+    names: impl IntoIterator<Item = &'n str>,
+) -> Result<Vec<PathBuf>> {
+    std::fs::create_dir_all(folder)
+        .map_err(|e| BenchError::Write { path: folder.into(), reason: e.to_string() })?;
+    let file = |name: &str| {
+        let mut mesh = mesh(name)?;
+        for group in &mut mesh.groups {
+            group.name = match group.name.as_str() {
+                "x0" => "fixed".into(),
+                "x1" => "loaded".into(),
+                _ => continue,
+            };
+        }
+        let path = folder.join(format!("b_{name}.msh"));
+        write_gmsh(&path, &mesh)?;
+        Ok(path)
+    };
+    names.into_iter().map(file).collect()
 }
 
 /// Meshes of squares and bricks.
@@ -336,6 +364,26 @@ mod tests {
                 assert!(low > 15.0 && high < 165.0, "{name}: {low} {high}");
             }
         }
+    }
+
+    /// A mesh that was written is what a figure takes in place of the one that is generated.
+    #[test]
+    fn meshes_that_are_written_are_read_as_they_were() {
+        let folder = std::env::temp_dir().join(format!("sinew-meshes-{}", std::process::id()));
+        let names = ["square_tri", "square_quad", "cube_tet", "cube_hex"];
+        let files = write(&folder, names).unwrap();
+        for (name, file) in names.into_iter().zip(&files) {
+            let (own, read) = (mesh(name).unwrap(), Mesh::read(file).unwrap());
+            let cells = |m: &Mesh| (m.tetrahedra.clone(), m.hexahedra.clone());
+            assert_eq!((&own.points, cells(&own)), (&read.points, cells(&read)), "{name}");
+            let [from_file, generated] = [Some(folder.as_path()), None]
+                .map(|folder| super::super::lumped::Meshes::new(folder).get(name).unwrap());
+            let ends = |s: &super::super::lumped::Specimen| {
+                (s.counts, s.rig.held.clone(), s.rig.loaded.clone())
+            };
+            assert_eq!(ends(&from_file), ends(&generated), "{name}");
+        }
+        std::fs::remove_dir_all(folder).unwrap();
     }
 
     #[test]

@@ -38,4 +38,6 @@ fn the_tables_of_a_paper() {
     check(&["b", "--only", "x"], 1, "", "choose of a, b, c, d, e, f");
     let nowhere = ["b", "--only", "d", "--meshes", "nowhere"];
     check(&nowhere, 1, "", "b_cube_hex.msh");
+    let both = ["b", "--write-meshes", "somewhere", "--only", "d"];
+    check(&both, 2, "", "cannot be used with");
 }

@@ -3,9 +3,10 @@
 use crate::fit_data::{FitDataOptions, fit_data};
 use clap::{Args, ValueEnum};
 use sinew::identify::mass::MassLumping;
-use sinew::identify::{ElementMethod, LinearMaterial, Plane, Section};
+use sinew::identify::{ElementMethod, IdentifyError, LinearMaterial, Plane, Section};
 use sinew_cli::{Outcome, print};
 use sinew_tune::fit::rig::Grips;
+use sinew_tune::fit::whole::{AMPLITUDES, Sharing, Target, WholeRequest};
 use sinew_tune::fit::{FitRequest, file, fit_file};
 use std::path::PathBuf;
 
@@ -16,7 +17,7 @@ method, material and residuals.
   FILE.json  schema \"sinew-body/1\": springs [{nodes, constant, rest_length}], masses [one per vertex],
              element_constants {triangles, quads, tetrahedra, hexahedra: lists of 3, 6, 6, 28 constants},
              mass_lumping, method, young_modulus, poisson_ratio, density, plane, thickness, report,
-             assessment (null where the tests were not possible, untested then says why)
+             whole (how a whole body was fitted, null of elements), assessment (null where the tests were not possible, untested then says why)
   FILE.csv   record,first,second,value,rest_length: lines spring (vertex, vertex, N/m, m), mass (vertex,
              kg), triangle/quad/tetrahedron/hexahedron (element, pair, N/m), and settings by name
 A scene takes FILE.json by springs = \"FILE.json\" in a [[body]] with model = \"mass_spring\"; it needs none
@@ -48,9 +49,21 @@ pub struct FitArguments {
     )]
     poisson: Option<f64>,
     /// frobenius, block, two-norm, nonnegative, two-norm-nonnegative, van-gelder, van-gelder-full, lloyd,
-    /// baudet or paper-a.
-    #[arg(long, value_name = "METHOD", default_value = "frobenius")]
+    /// baudet or delingette.
+    #[arg(long, value_name = "METHOD", default_value = "frobenius", value_parser = method)]
     element_method: ElementMethod,
+    /// What the constants are to meet: the stiffness of each element by itself; that of the assembled body (Frobenius norm); or the
+    /// nodal forces of finite elements in states of tension and shear, with rest lengths. The last two are compared with springs of
+    /// --element-method.
+    #[arg(long, value_name = "elements|body|forces", default_value = "elements")]
+    to: ToArgument,
+    /// Of a whole body: every spring has a constant of its own, or every kind of pair of an element a modulus (constant times
+    /// length^2 over volume).
+    #[arg(long, value_name = "springs|moduli", default_value = "springs")]
+    sharing: Sharing,
+    /// States of --to forces: largest displacements over the length of the body.
+    #[arg(long, value_name = "PART,...", value_delimiter = ',', default_values_t = AMPLITUDES, allow_negative_numbers = true)]
+    amplitudes: Vec<f64>,
     /// What vanishes across a plane body.
     #[arg(long, default_value = "stress")]
     plane: PlaneArgument,
@@ -81,6 +94,17 @@ pub struct FitArguments {
     json: bool,
 }
 
+/// A method by its name, or by the one that it had before.
+fn method(name: &str) -> Result<ElementMethod, IdentifyError> {
+    let method: ElementMethod = name.parse()?;
+    if method.old_name() == Some(name) {
+        eprintln!(
+            "note: `{name}` is now called `{method}`; the next version does not know the old name"
+        );
+    }
+    Ok(method)
+}
+
 #[derive(Clone, Copy, ValueEnum)]
 enum PlaneArgument {
     Stress,
@@ -88,10 +112,33 @@ enum PlaneArgument {
 }
 
 #[derive(Clone, Copy, ValueEnum)]
+enum ToArgument {
+    Elements,
+    Body,
+    Forces,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
 enum AxisArgument {
     X,
     Y,
     Z,
+}
+
+/// How constants of a whole body are found, if they are.
+fn whole(arguments: &FitArguments) -> Result<Option<WholeRequest>, String> {
+    let target = match arguments.to {
+        ToArgument::Body => Target::Body,
+        ToArgument::Forces => Target::Forces,
+        ToArgument::Elements if arguments.sharing != Sharing::Springs => {
+            return Err(
+                "--sharing is of a whole body: give --to body or --to forces with it".into()
+            );
+        }
+        ToArgument::Elements => return Ok(None),
+    };
+    let (sharing, amplitudes) = (arguments.sharing, arguments.amplitudes.clone());
+    Ok(Some(WholeRequest { target, sharing, amplitudes }))
 }
 
 /// Springs for a mesh, which are a result whether or not they are fit for use, or constants from data.
@@ -124,6 +171,7 @@ pub fn fit(arguments: &FitArguments) -> Outcome {
             held: arguments.held.clone(),
             loaded: arguments.loaded.clone(),
         },
+        whole: whole(arguments)?,
     };
     let body = fit_file(&arguments.file, &request)?;
     if arguments.json {

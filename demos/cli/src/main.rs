@@ -5,6 +5,7 @@
 mod advise;
 mod fit;
 mod fit_data;
+mod generate;
 mod progress;
 mod render;
 mod sweep;
@@ -12,6 +13,7 @@ mod sweep;
 use advise::{AdviseArguments, advise_scene};
 use clap::{Args, Parser, Subcommand};
 use fit::{FitArguments, fit};
+use generate::GeneratedShape;
 use progress::Progress;
 use sinew::engine::lanes::InstructionSet;
 use sinew::engine::mesh::merge::MERGE_TOLERANCE;
@@ -27,10 +29,7 @@ use sinew_scene::check::check_file;
 use sinew_scene::mesh_tool::{MeshInfo, convert, merge, read, write};
 use sinew_scene::picture::run_to_page;
 use sinew_scene::run::{LogOptions, Observer, RunOptions, Silent, replay, run};
-use sinew_scene::scene::{
-    BackendName, BoxShape, CylinderShape, ExecutorName, Generate, LoadedScene, SheetCells,
-    SheetShape, SolidCells, SphereShape,
-};
+use sinew_scene::scene::{BackendName, ExecutorName, LoadedScene};
 use sinew_scene::validate::{ValidateOptions, validate};
 use sinew_tune::advise::Choice;
 use std::path::PathBuf;
@@ -313,81 +312,9 @@ enum MeshCommand {
         #[arg(long)]
         json: bool,
     },
-    /// A simple shape; lengths in metres.
-    Generate {
-        #[command(subcommand)]
-        shape: ShapeOptions,
-    },
-}
-
-#[derive(Subcommand)]
-enum ShapeOptions {
-    /// A box with one corner at the origin; groups x0, x1, y0, y1, z0, z1, body.
-    Box {
-        /// Edge lengths X Y Z (m).
-        #[arg(long, num_args = 3, value_names = ["X", "Y", "Z"], required = true, allow_negative_numbers = true)]
-        size: Vec<f64>,
-        /// Cells along each edge; six tetrahedra or one hexahedron in each.
-        #[arg(long, num_args = 3, value_names = ["NX", "NY", "NZ"], required = true)]
-        cells: Vec<usize>,
-        /// tetrahedra, hexahedra or irregular (tetrahedra without a preferred direction).
-        #[arg(long, default_value = "tetrahedra", value_parser = choice::<SolidCells>)]
-        elements: SolidCells,
-        /// Which of the irregular meshes.
-        #[arg(long)]
-        seed: Option<u64>,
-        /// Mesh file to write (.msh, .vtk, .vtu).
-        #[arg(long, short, value_name = "FILE")]
-        out: PathBuf,
-    },
-    /// A cylinder along x from the origin; groups x0, x1, side, body.
-    Cylinder {
-        /// Radius (m).
-        #[arg(long, allow_negative_numbers = true)]
-        radius: f64,
-        /// Length (m).
-        #[arg(long, allow_negative_numbers = true)]
-        length: f64,
-        /// Rings around the axis.
-        #[arg(long, default_value_t = 3)]
-        rings: usize,
-        /// Layers along the axis.
-        #[arg(long, default_value_t = 20)]
-        layers: usize,
-        /// tetrahedra, hexahedra or irregular (tetrahedra moved at random).
-        #[arg(long, default_value = "tetrahedra", value_parser = choice::<SolidCells>)]
-        elements: SolidCells,
-        /// Mesh file to write (.msh, .vtk, .vtu).
-        #[arg(long, short, value_name = "FILE")]
-        out: PathBuf,
-    },
-    /// A rectangle at z = 0 with one corner at the origin; groups x0, x1, y0, y1, body.
-    Sheet {
-        /// Edge lengths X Y (m).
-        #[arg(long, num_args = 2, value_names = ["X", "Y"], required = true, allow_negative_numbers = true)]
-        size: Vec<f64>,
-        /// Cells along each edge.
-        #[arg(long, num_args = 2, value_names = ["NX", "NY"], required = true)]
-        cells: Vec<usize>,
-        /// triangles or quads.
-        #[arg(long, default_value = "triangles", value_parser = choice::<SheetCells>)]
-        elements: SheetCells,
-        /// Mesh file to write (.msh, .vtk, .vtu).
-        #[arg(long, short, value_name = "FILE")]
-        out: PathBuf,
-    },
-    /// A ball around the origin; groups surface, body.
-    Sphere {
-        /// Radius (m).
-        #[arg(long, allow_negative_numbers = true)]
-        radius: f64,
-        /// Shells from centre to surface.
-        #[arg(long, default_value_t = 6)]
-        shells: usize,
-        /// Mesh file to write (.msh, .vtk, .vtu).
-        #[arg(long, short, value_name = "FILE")]
-        out: PathBuf,
-    },
+    /// A shape as below `generate` of a scene; lengths in metres.
+    #[command(subcommand)]
+    Generate(GeneratedShape),
 }
 
 fn main() -> ExitCode {
@@ -562,32 +489,11 @@ fn mesh(command: MeshCommand) -> Outcome {
                 say!("{table}");
             }
         }
-        MeshCommand::Generate { shape } => {
-            let (shape, out) = match shape {
-                ShapeOptions::Box { size, cells, elements, seed, out } => {
-                    let size = [size[0], size[1], size[2]];
-                    let cells = [cells[0], cells[1], cells[2]];
-                    let cuboid = Some(BoxShape { size, cells, elements, seed });
-                    (Generate { cuboid, ..Generate::default() }, out)
-                }
-                ShapeOptions::Cylinder { radius, length, rings, layers, elements, out } => {
-                    let cylinder = Some(CylinderShape { radius, length, rings, layers, elements });
-                    (Generate { cylinder, ..Generate::default() }, out)
-                }
-                ShapeOptions::Sheet { size, cells, elements, out } => {
-                    let (size, cells) = ([size[0], size[1]], [cells[0], cells[1]]);
-                    let sheet = Some(SheetShape { size, cells, elements });
-                    (Generate { sheet, ..Generate::default() }, out)
-                }
-                ShapeOptions::Sphere { radius, shells, out } => {
-                    let sphere = Some(SphereShape { radius, shells });
-                    (Generate { sphere, ..Generate::default() }, out)
-                }
-            };
-            if let Some(mesh) = generate(&shape)? {
-                write(&out, &mesh)?;
+        MeshCommand::Generate(generated) => {
+            if let Some(mesh) = generate(&generated.shape()?)? {
+                write(&generated.out, &mesh)?;
                 say!("{}", MeshInfo::of(&mesh));
-                sayln!("written to {}", out.display());
+                sayln!("written to {}", generated.out.display());
             }
         }
     }

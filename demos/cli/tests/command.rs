@@ -141,6 +141,12 @@ fn checks_and_meshes() {
     let out = file("box.vtu").display().to_string();
     let size = ["mesh", "generate", "box", "--size", "0.1", "0.2", "0.3", "--cells", "1", "2", "3"];
     check(&[&size[..], &["-o", &out]].concat(), 0, "tetrahedra  36", "");
+    let bone = file("bone.msh").display().to_string();
+    let shape = ["mesh", "generate", "specimen", "--width", "0.01", "--cells", "32", "4"];
+    check(&[&shape[..], &["--sheet", "quads", "--out", &bone]].concat(), 0, "grip1", "");
+    check(&[&shape[..3], &["-o", &bone]].concat(), 2, "", "--width");
+    check(&[&shape[..5], &["--cells", "3", "-o", &bone]].concat(), 1, "", "specimen");
+    check(&["mesh", "generate"], 2, "", "balloon");
     let msh = file("box.msh").display().to_string();
     check(&["mesh", "convert", &out, &msh, "--scale", "0.5"], 0, "written to", "");
     check(&["mesh", "info", &msh, "--json"], 0, "\"tetrahedra\": 36", "");
@@ -205,6 +211,12 @@ fn a_fit_reports_writes_and_names_what_is_wrong() {
     let with = |more: &[&'static str]| [&fit[..], more].concat();
     check(&with(&[]), 0, "central springs cannot hold a free Poisson's ratio", "");
     check(&with(&["--element-method", "block"]), 0, "element_method = \"block\"", "");
+    check(&with(&["--to", "body"]), 0, "the assembled stiffness", "");
+    let shared = ["--to", "forces", "--sharing", "moduli", "--amplitudes", "0.1,0.2"];
+    check(&with(&shared), 0, "Pa, edge of a hexahedron", "");
+    check(&with(&["--sharing", "moduli"]), 1, "", "--to body");
+    check(&with(&["--to", "forces", "--amplitudes", "-0.1"]), 1, "", "an amplitude is -0.1");
+    check(&with(&["--element-method", "paper-a"]), 1, "", "now called `delingette`");
     let output = sinew(&with(&["--json", "--element-method", "nonnegative"]));
     let value: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!(
@@ -255,6 +267,14 @@ fn render_writes_a_page_and_refuses_what_it_cannot_draw() {
     check(&["render", &bar, "--models", "svk,jelly", "--png", "x"], 2, "", "jelly");
     let adapter = ["render", &bar, "--png", "x", "--adapter", "no such adapter"];
     check(&adapter, 1, "", "graphics adapter");
+    // what Mesa says of displays while it looks for adapters is no error
+    let alone = Command::new(env!("CARGO_BIN_EXE_sinew"))
+        .args(adapter)
+        .env_remove("XDG_RUNTIME_DIR")
+        .output()
+        .unwrap();
+    let said = String::from_utf8_lossy(&alone.stderr);
+    assert!(said.contains("graphics adapter") && !said.contains("XDG_RUNTIME_DIR"), "{said}");
     check(&["render"], 2, "", "Usage");
     check(&["render", &bar], 1, "", "there is nothing to draw: give --html FILE");
     check(&["render", &bar, "--picture", "x.svg"], 1, "", "pictures are PNG");

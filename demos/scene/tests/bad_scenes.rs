@@ -207,6 +207,38 @@ bad! {
             degrees = 90.0 } }",
         Value { .. }, 16, ["axis", "direction"];
     infinite_force: "-0.1]" => "nan]", Value { .. }, 21, ["force", "finite"];
+    load_of_nothing: "select = { group = \"x1\" }\nforce = [0.0, 0.0, -0.1]" => "",
+        Missing { .. }, 18, ["`force` (N) with `select`", "`traction`"];
+    traction_without_faces: "select = { group = \"x1\" }\nforce = [0.0, 0.0, -0.1]"
+        => "traction = [0.0, 0.0, 1.0]", Missing { .. }, 18, ["key `on`"];
+    faces_without_traction: "select = { group = \"x1\" }\nforce = [0.0, 0.0, -0.1]"
+        => "on = { group = \"x1\" }", Missing { .. }, 18, ["key `traction`"];
+    force_without_selection: "select = { group = \"x1\" }\nforce" => "force",
+        Missing { .. }, 18, ["key `select`"];
+    force_and_traction: "force = [0.0, 0.0, -0.1]"
+        => "force = [0.0, 0.0, -0.1]\ntraction = [0.0, 0.0, 1.0]",
+        Value { .. }, 22, ["both kinds of loads"];
+    infinite_traction: "select = { group = \"x1\" }\nforce = [0.0, 0.0, -0.1]"
+        => "on = { group = \"x1\" }\ntraction = [0.0, inf, 1.0]",
+        Value { .. }, 21, ["traction", "finite"];
+    rim_of_a_solid: "select = { group = \"x1\" }\nforce = [0.0, 0.0, -0.1]"
+        => "on = { rim = \"x1\" }\ntraction = [0.0, 0.0, 1.0]",
+        Value { .. }, 20, ["rim of a membrane", "`group`"];
+    pressure_on_a_rim: "[[probe]]"
+        => "[[pressure]]\nname = \"p\"\non = { rim = \"x1\" }\npressure = 1.0\n[[probe]]",
+        Value { .. }, 26, ["a rim is no face"];
+    fibres_along_their_second_axis: "[[constraint]]"
+        => "[[body.fibres]]\nname = \"a\"\nmodulus = 1.0\ndirection = [1, 2, 0]\n\
+            across = [1.0, 2.0]\ntowards = [-2, -4, 0]\n[[constraint]]",
+        Fibres { .. }, 19, ["element 0", "no second axis"];
+    negative_modulus_across: "[[constraint]]"
+        => "[[body.fibres]]\nname = \"a\"\nmodulus = 1.0\ndirection = [1, 2, 0]\n\
+            across = [1.0, -2.0]\n[[constraint]]",
+        Axes { .. }, 18, ["`body[0].fibres[0].across`", "`a_3`", "-2 Pa"];
+    second_axis_of_nothing: "[[constraint]]"
+        => "[[body.fibres]]\nname = \"a\"\nmodulus = 1.0\ndirection = [1, 2, 0]\n\
+            towards = [1, 0, 0]\n[[constraint]]",
+        Value { .. }, 18, ["`across`"];
     negative_tolerance: "integrator = \"safe\"" => "linear_tolerance = -1.0",
         Setting { .. }, 7, ["linear_tolerance = -1"];
     damped_explicit: "integrator = \"safe\""

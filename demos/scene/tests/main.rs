@@ -23,3 +23,4 @@ mod text;
 mod tools;
 mod touch;
 mod truth;
+mod what_acts;

@@ -8,6 +8,7 @@ use sinew_identify::mass::MassLumping;
 use sinew_identify::{ElementMethod, LinearMaterial, Plane, Section};
 use sinew_tune::fit::assess::{self, limits};
 use sinew_tune::fit::rig::{Grips, Rig, Test};
+use sinew_tune::fit::whole::{AMPLITUDES, Sharing, Target, WholeRequest};
 use sinew_tune::fit::{
     BodySpring, ElementConstants, FitRequest, FittedBody, file, fit_file, fit_mesh,
 };
@@ -20,6 +21,7 @@ fn request(method: ElementMethod, nu: f64) -> FitRequest {
         method,
         masses: MassLumping::RowSum,
         grips: Grips::default(),
+        whole: None,
     }
 }
 
@@ -268,6 +270,72 @@ fn springs_without_tests() {
     let grips = Grips { axis: None, held: same.clone(), loaded: same };
     let text = fit_mesh(&ball, &FitRequest { grips, ..good }).unwrap_err().to_string();
     assert!(text.contains("both held and loaded"), "{text}");
+}
+
+/// Constants of a whole body meet it better than those of its elements, are told as such, and are what a scene runs.
+#[test]
+fn springs_of_a_whole_body() {
+    let good = request(ElementMethod::Frobenius, 0.3);
+    let sheet = quad_grid(DVec2::new(0.06, 0.02), [6, 2]).unwrap();
+    let tetrahedra = box_tets(DVec3::new(0.06, 0.02, 0.02), [6, 2, 2]).unwrap();
+    for mesh in [&hex_box(), &sheet, &tetrahedra] {
+        let elements = fit_mesh(mesh, &good).unwrap();
+        let mut residuals = Vec::new();
+        for (target, sharing) in [
+            (Target::Body, Sharing::Springs),
+            (Target::Body, Sharing::Moduli),
+            (Target::Forces, Sharing::Springs),
+            (Target::Forces, Sharing::Moduli),
+        ] {
+            let amplitudes = AMPLITUDES.to_vec();
+            let whole = Some(WholeRequest { target, sharing, amplitudes });
+            let body = fit_mesh(mesh, &FitRequest { whole, ..good.clone() }).unwrap();
+            let report = body.whole.clone().unwrap();
+            assert_eq!((report.target, report.sharing), (target, sharing));
+            if sharing == Sharing::Springs {
+                assert!(report.residual < report.residual_of_elements, "{report:?}");
+                assert_eq!(report.unknowns, body.springs.len());
+            } else {
+                assert_eq!((report.unknowns, report.iterations), (report.moduli.len(), 0));
+            }
+            assert_eq!(report.states.len(), if target == Target::Body { 0 } else { 6 });
+            residuals.push(report.residual);
+            let same = |a: &FittedBody| a.springs.iter().map(|s| s.nodes).collect::<Vec<_>>();
+            assert_eq!(same(&body), same(&elements));
+            assert_eq!(body.masses, elements.masses);
+            let least = body.springs.iter().map(|s| s.constant).fold(f64::INFINITY, f64::min);
+            assert_eq!(body.report.least_constant, least);
+            let text = body.to_string();
+            assert!(
+                text.contains("whole body") && text.contains("springs = \"FILE.json\""),
+                "{text}"
+            );
+            assert_eq!(saved("whole.json", &body), body);
+            let plain = FittedBody { assessment: None, untested: None, ..body };
+            assert_eq!(saved("whole.csv", &plain), plain);
+        }
+        // more unknowns, nearer
+        assert!(residuals[0] < residuals[1] && residuals[2] < residuals[3], "{residuals:?}");
+    }
+    let whole = |target, amplitudes| {
+        let sharing = Sharing::Springs;
+        FitRequest { whole: Some(WholeRequest { target, sharing, amplitudes }), ..good.clone() }
+    };
+    let text = fit_mesh(&hex_box(), &whole(Target::Forces, vec![0.1, -0.2])).unwrap_err();
+    assert!(text.to_string().contains("an amplitude is -0.2"), "{text}");
+    // without ends there are no states, but a stiffness
+    let ball = sphere_tets(0.01, 1).unwrap();
+    assert!(fit_mesh(&ball, &whole(Target::Forces, vec![0.1])).is_err());
+    assert!(fit_mesh(&ball, &whole(Target::Body, vec![])).unwrap().whole.is_some());
+    // what was found runs in a scene, and is other than the springs of elements
+    let read = format!("{CYLINDER}\nsprings = \"body.json\"");
+    let run = |request: &FitRequest| {
+        run_scene(&read, &json(&fit_mesh(&cylinder(), request).unwrap())).unwrap().0
+    };
+    let (elements, body) = (run(&good), run(&whole(Target::Body, vec![])));
+    let off = elements.iter().zip(&body).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max);
+    let largest = elements.iter().map(|u| u.length()).fold(0.0, f64::max);
+    assert!(off > 1e-3 * largest && off < 0.5 * largest, "{off} {largest}");
 }
 
 /// A scene of one body, whose springs come from `springs` (JSON) where `key` says so.

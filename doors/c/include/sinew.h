@@ -878,6 +878,17 @@ sinew_status sinew_pressure_add(struct sinew_simulation *simulation,
                                 double pressure,
                                 sinew_handle *out);
 
+// Adds a traction (three numbers, N/m^2 at rest) that keeps its direction, on faces with `corners` vertices each (3 or 4), or
+// without faces (`face_count` is 0) on the whole surface. Every vertex gets what its shape function says. It is a load.
+sinew_status sinew_traction_add(struct sinew_simulation *simulation,
+                                sinew_handle body,
+                                const char *name,
+                                const uint32_t *faces,
+                                size_t face_count,
+                                uint32_t corners,
+                                const double *traction,
+                                sinew_handle *out);
+
 // Adds a tool.
 sinew_status sinew_tool_add(struct sinew_simulation *simulation,
                             const struct sinew_tool *tool,

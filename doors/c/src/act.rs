@@ -5,7 +5,7 @@ use super::call::{
 };
 use super::simulation::add;
 use super::types::*;
-use sinew_embed::{ConstraintSpec, Curve, Motion, Pose};
+use sinew_embed::{ConstraintSpec, Curve, Motion, Pose, TractionOn};
 use std::ffi::c_char;
 
 /// Holds vertices where they are; `sinew_constraint_pose` moves them.
@@ -146,5 +146,32 @@ pub unsafe extern "C" fn sinew_pressure_add(
         let count = times("triangles", triangle_count, 3)?;
         let triangles = slice("triangles", triangles, count)?;
         sim.add_pressure(body, text("name", name)?, triangles, pressure, Curve::Constant)
+    })
+}
+
+/// Adds a traction (three numbers, N/m^2 at rest) that keeps its direction, on faces with `corners` vertices each (3 or 4), or
+/// without faces (`face_count` is 0) on the whole surface. Every vertex gets what its shape function says. It is a load.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn sinew_traction_add(
+    simulation: *mut sinew_simulation,
+    body: sinew_handle,
+    name: *const c_char,
+    faces: *const u32,
+    face_count: usize,
+    corners: u32,
+    traction: *const f64,
+    out: *mut sinew_handle,
+) -> sinew_status {
+    add(simulation, out, |sim| {
+        let count = times("faces", face_count, corners as usize)?;
+        let faces = slice("faces", faces, count)?;
+        let on = match corners {
+            _ if face_count == 0 => TractionOn::Whole,
+            3 => TractionOn::Triangles(faces),
+            4 => TractionOn::Quads(faces),
+            _ => return Err(invalid("corners", "a face has 3 or 4 of them")),
+        };
+        let traction = three("traction", traction)?;
+        sim.add_traction(body, text("name", name)?, on, traction, Curve::Constant)
     })
 }

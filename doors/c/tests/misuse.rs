@@ -76,6 +76,9 @@ fn null_is_an_argument_everywhere() {
         sinew_load_add(sim, body, null(), null(), 1, null(), 1, null_mut());
         sinew_pressure_add(none, 0, null(), null(), 0, 1.0, null_mut());
         sinew_pressure_add(sim, body, null(), null(), 1, 1.0, null_mut());
+        sinew_traction_add(none, 0, null(), null(), 0, 3, null(), null_mut());
+        sinew_traction_add(sim, body, null(), null(), 1, 3, null(), null_mut());
+        sinew_traction_add(sim, body, null(), null(), usize::MAX, 4, null(), null_mut());
         sinew_tool_add(none, null(), null_mut());
         sinew_tool_add(sim, null(), null_mut());
         sinew_tool_move(none, 0, null(), null(), 0.0, 0);
@@ -175,6 +178,7 @@ fn wrong_handles_are_told() {
             sinew_reaction(sim, handle, null(), null_mut(), null_mut());
             sinew_load_add(sim, handle, name.as_ptr(), vertex.as_ptr(), 1, xyz.as_ptr(), 1, &mut wide);
             sinew_pressure_add(sim, handle, name.as_ptr(), [0, 1, 2].as_ptr(), 1, 1.0, &mut wide);
+            sinew_traction_add(sim, handle, name.as_ptr(), null(), 0, 3, xyz.as_ptr(), &mut wide);
             sinew_tool_move(sim, handle, xyz.as_ptr(), null(), 0.0, 0);
             sinew_tool_grip(sim, handle, 1);
             sinew_read_tool_report(sim, handle, &mut report);

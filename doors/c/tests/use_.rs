@@ -189,6 +189,29 @@ fn constraints_loads_and_pressures_act() {
         let external = slab.read(SINEW_EXTERNAL_FORCES);
         assert!((external[6] - 0.1).abs() < 1e-12 && external[0] == 0.0);
         ok(sinew_remove(sim, load));
+        let down = [0.0, 0.0, -30.0];
+        ok(sinew_traction_add(sim, body, pull.as_ptr(), null(), 0, 3, down.as_ptr(), &mut load));
+        ok(sinew_step(sim, 1));
+        let external = slab.read(SINEW_EXTERNAL_FORCES);
+        let total: f64 = external.iter().skip(2).step_by(3).sum();
+        ok(sinew_remove(sim, load));
+        ok(sinew_surface(sim, body, triangles.as_mut_ptr(), 3000, &mut needed, &mut revision));
+        // part by part it is the same
+        let part = [triangles.as_ptr(), triangles[3..].as_ptr()];
+        let mut halves = [0; 2];
+        for (i, count) in [1, needed / 3 - 1].into_iter().enumerate() {
+            let name = c(["first", "others"][i]);
+            let (name, down) = (name.as_ptr(), down.as_ptr());
+            ok(sinew_traction_add(sim, body, name, part[i], count, 3, down, &mut halves[i]));
+        }
+        ok(sinew_step(sim, 1));
+        let external = slab.read(SINEW_EXTERNAL_FORCES);
+        let again: f64 = external.iter().skip(2).step_by(3).sum();
+        assert!(total < 0.0 && (again / total - 1.0).abs() < 1e-12, "{total} {again}");
+        halves.into_iter().for_each(|half| ok(sinew_remove(sim, half)));
+        let five =
+            sinew_traction_add(sim, body, pull.as_ptr(), part[0], 1, 5, down.as_ptr(), &mut load);
+        assert_eq!(five, SINEW_ARGUMENT);
         ok(sinew_surface(sim, body, triangles.as_mut_ptr(), 3000, &mut needed, &mut revision));
         assert_eq!(needed % 3, 0);
         ok(sinew_pressure_add(

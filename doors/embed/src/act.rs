@@ -11,6 +11,19 @@ use sinew::engine::row::VertexRow;
 use sinew::engine::vertex::FixedAxes;
 use sinew::simulation::BodyHandle;
 
+/// Faces of a body that bear a traction.
+#[derive(Clone, Copy, Debug)]
+pub enum TractionOn<'a> {
+    /// The boundary of its solid elements, or without these all of its membrane.
+    Whole,
+    /// Those faces of it that have all their vertices in a group of its mesh.
+    Group(&'a str),
+    /// Triangles, three vertices each.
+    Triangles(&'a [u32]),
+    /// Quadrilaterals, four vertices each.
+    Quads(&'a [u32]),
+}
+
 /// A constraint to be.
 #[derive(Clone, Debug)]
 pub struct ConstraintSpec<'a> {
@@ -195,6 +208,51 @@ impl Embedding {
         let own = Pressure { name: name.into(), faces, pressure, curve };
         let entity = self.built.simulation.add_pressure(own);
         Ok(self.handles.add(Kind::Pressure, name, Target::Entity(entity)))
+    }
+
+    /// Adds a traction (N/m^2 at rest) that keeps its direction; every vertex of a face gets what its shape function says.
+    ///
+    /// # Errors
+    /// When there is no such body or group, a face is none of its elements, the name is taken or a number cannot be
+    /// used.
+    pub fn add_traction(
+        &mut self,
+        body: Handle,
+        name: &str,
+        on: TractionOn<'_>,
+        traction: [f64; 3],
+        curve: Curve,
+    ) -> Result<Handle> {
+        self.name_is_free(Kind::Load, name)?;
+        let index = self.body(body)?;
+        let points = self.vertex_count(body)?;
+        let mesh = self.mesh(body)?;
+        let (triangles, quads) = match on {
+            TractionOn::Triangles(list) => (cells("triangles", list, points)?, Vec::new()),
+            TractionOn::Quads(list) => (Vec::new(), cells("quads", list, points)?),
+            _ if mesh.is_solid() => {
+                let surface = mesh.surface();
+                (surface.triangles, surface.quads)
+            }
+            _ => (mesh.triangles.clone(), mesh.quads.clone()),
+        };
+        let mut on_faces = sinew::engine::mesh::Surface { triangles, quads };
+        if let TractionOn::Group(group) = on {
+            let mut chosen = self.group(body, group)?;
+            chosen.sort_unstable();
+            let within = |face: &[u32]| face.iter().all(|v| chosen.binary_search(v).is_ok());
+            on_faces.triangles.retain(|t| within(t));
+            on_faces.quads.retain(|q| within(q));
+        }
+        if on_faces.triangles.is_empty() && on_faces.quads.is_empty() {
+            return Err(InputError::invalid(format!("`{name}`"), "no face is given").into());
+        }
+        let traction = vector("traction", traction)?;
+        curve_is_usable("load", name, &curve)?;
+        let simulation = &mut self.built.simulation;
+        let faces = simulation.traction_faces(BodyHandle(index), name, &on_faces, traction)?;
+        let entity = simulation.add_loaded_faces(name, faces, curve);
+        Ok(self.handles.add(Kind::Load, name, Target::Entity(entity)))
     }
 
     /// Rows of triangles of a body, at least one.

@@ -36,7 +36,7 @@ mod mesh;
 mod snapshot;
 mod touch;
 
-pub use act::{ConstraintSpec, Wrench};
+pub use act::{ConstraintSpec, TractionOn, Wrench};
 pub use body::{Quantity, Surface};
 pub use choice::{choice, preset, solver_settings, spring_rule};
 pub use embedding::{Embedding, Energy, Options, Overrides, Report};

@@ -8,7 +8,7 @@ use sinew::touch::field::DistanceField;
 use sinew_scene::assemble::generate;
 use sinew_scene::error::hint;
 use sinew_scene::mesh_tool::MeshInfo;
-use sinew_scene::scene::{Generate, Selection};
+use sinew_scene::scene::{Generate, SHAPES, Selection};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -90,9 +90,8 @@ pub fn mesh_from_generator(toml: &str) -> Result<Mesh> {
     let invalid = |problem: String| EmbedError::from(InputError::invalid("generate", problem));
     let shape: Generate =
         toml::from_str(toml).map_err(|e| invalid(e.message().replace('\n', ", ")))?;
-    generate(&shape)?.ok_or_else(|| {
-        invalid("give one of `box`, `cylinder`, `sphere`, `sheet`, `specimen`, `disc`, `balloon` and `cup`".into())
-    })
+    let names = || SHAPES.iter().map(|shape| shape.name).collect::<Vec<_>>().join(", ");
+    generate(&shape)?.ok_or_else(|| invalid(format!("give one of {}", names())))
 }
 
 /// Vertices of a mesh by a table as below `select` of a scene, such as `half_space = { point = [0, 0, 0.05], normal = [0, 0, 1]

@@ -73,6 +73,35 @@ fn pressure_pushes_along_normals() {
 }
 
 #[test]
+fn tractions_keep_their_direction() {
+    let mesh = slab();
+    let group = mesh.group("z1").unwrap();
+    let triangles: Vec<u32> =
+        group.cells.triangles.iter().flat_map(|&t| mesh.triangles[t as usize]).collect();
+    for on in [TractionOn::Group("z1"), TractionOn::Triangles(&triangles)] {
+        let (mut sim, body, hold) = held(&equilibria());
+        let push = [3.0, 0.0, -20.0];
+        let load = sim.add_traction(body, "push", on, push, Curve::Constant).unwrap();
+        sim.step(1).unwrap();
+        let force = sim.reaction(hold, [0.0; 3]).unwrap().force;
+        assert!(
+            near(force[2], 20.0 * 0.01, 1e-4) && near(force[0], -3.0 * 0.01, 1e-4),
+            "{force:?}"
+        );
+        sim.remove(load).unwrap();
+        sim.step(1).unwrap();
+        assert!(sim.reaction(hold, [0.0; 3]).unwrap().force[2].abs() < 1e-6);
+        let mut refused = |on, traction: [f64; 3]| {
+            sim.add_traction(body, "push", on, traction, Curve::Constant).unwrap_err().text
+        };
+        assert!(refused(TractionOn::Group("top"), push).contains("top"));
+        assert!(refused(TractionOn::Triangles(&[]), push).contains("no face"));
+        assert!(refused(TractionOn::Quads(&[0, 1, 2]), push).contains("4 for each"));
+        assert!(refused(TractionOn::Whole, [f64::NAN; 3]).contains("traction"));
+    }
+}
+
+#[test]
 fn constraints_move_follow_and_let_go() {
     let (mut sim, body, _) = held(&options());
     let top = sim.group(body, "z1").unwrap();

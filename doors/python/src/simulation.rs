@@ -509,6 +509,25 @@ impl Engine {
         self.0.with(|own| own.add_pressure(body, name, &triangles.0, pressure, curve(over)))
     }
 
+    /// On faces of so many corners, of a group, or on the whole surface.
+    fn add_traction(
+        &self,
+        body: Handle,
+        name: &str,
+        faces: Option<(usize, Indices)>,
+        group: Option<&str>,
+        traction: Vec3,
+        over: Option<CurveIn>,
+    ) -> PyResult<Handle> {
+        let on = match (&faces, group) {
+            (Some((4, list)), _) => TractionOn::Quads(&list.0),
+            (Some((_, list)), _) => TractionOn::Triangles(&list.0),
+            (None, Some(group)) => TractionOn::Group(group),
+            (None, None) => TractionOn::Whole,
+        };
+        self.0.with(|own| own.add_traction(body, name, on, traction, curve(over)))
+    }
+
     fn add_tool(&self, spec: ToolIn) -> PyResult<Handle> {
         self.0.with(|own| {
             let (tool, on) = tool(spec)?;

@@ -57,6 +57,16 @@ def test_moved_turned_loaded_pressed(small):
     assert set(sim.loads) == {"z1"} and set(sim.pressures) == {"x0"}
     assert body.external_forces.shape == body.positions.shape
     load.remove(), press.remove()
+    sim.step()
+    weight = body.external_forces.sum(axis=0)
+    pulls = []
+    for faces in ("z1", body.faces("z1"), None):
+        pull = sim.traction(body, (0, 0, 30.0), faces, name="pull")
+        sim.step()
+        assert set(sim.loads) == {"pull"}
+        pulls.append((body.external_forces.sum(axis=0) - weight)[2])
+        pull.remove()
+    assert np.isclose(pulls[0], pulls[1]) and pulls[2] > 1.5 * pulls[0] > 0
     turn = sim.turn(body, "z1", angle=0.1, axis=(0, 0, 1), centre=(0.05, 0.05, 0.06), over=(sim.time, sim.time + 0.05))
     sim.step(10)
     assert np.abs(turn.wrench((0.05, 0.05, 0.06)).torque[2]) > 1e-6

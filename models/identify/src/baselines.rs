@@ -1,7 +1,7 @@
 //! Closed forms for spring constants from the literature, per element and in N/m.
 //!
 //! Constants are in the order of [`pairs`]. `E2 = E t` (N/m) is the modulus of a sheet; for plane
-//! strain `E / (1 - nu^2)` and `nu / (1 - nu)` take the place of `E` and `nu`. All but paper A's were
+//! strain `E / (1 - nu^2)` and `nu / (1 - nu)` take the place of `E` and `nu`. All but Delingette's were
 //! written down from memory of the literature, not from the original texts, and count as *recalled*
 //! ([`ElementMethod::recalled`]): what they reproduce was checked, the wording of their authors was
 //! not.
@@ -16,7 +16,7 @@
 //! | Lloyd et al. 2007 | tetrahedron | `2 sqrt(2)/25 E l`, `l` the edge of the regular tetrahedron of the same volume (made for nu = 1/4) |
 //! | Baudet et al. 2007 | rectangle `i x j` | along `i`: `E2 (j^2 (3 nu + 2) - i^2) / (4 i j (1+nu))`, diagonals `E2 (i^2+j^2) / (4 i j (1+nu))` |
 //! | Baudet et al. 2007 | cube of edge `a` | edges `a E (4 nu + 1)/(8 (1+nu))`, body diagonals `3 a E/(8 (1+nu))`, face diagonals 0 |
-//! | Delingette 2008 (paper A) | triangle, tetrahedron | `2 L^2 k` of the tensile biquadratic springs, always positive |
+//! | Delingette 2008 | triangle, tetrahedron | `2 L^2 k` of the tensile biquadratic springs, always positive |
 //!
 //! Baudet's springs have the right Young's modulus, Poisson's ratio and shear modulus only together
 //! with lateral forces: [`baudet_rectangle_correction`], [`baudet_cube_correction`], and
@@ -78,8 +78,10 @@ pub(crate) fn constants(
         (ElementMethod::Lloyd, ElementKind::Tetrahedron) => element.lloyd_tetrahedron(),
         (ElementMethod::Baudet, ElementKind::Quad) => element.baudet_rectangle()?,
         (ElementMethod::Baudet, ElementKind::Hexahedron) => element.baudet_cube()?,
-        (ElementMethod::PaperA, ElementKind::Triangle) => element.paper_a_triangle(),
-        (ElementMethod::PaperA, ElementKind::Tetrahedron) => element.paper_a_tetrahedron()?,
+        (ElementMethod::Delingette, ElementKind::Triangle) => element.delingette_triangle(),
+        (ElementMethod::Delingette, ElementKind::Tetrahedron) => {
+            element.delingette_tetrahedron()?
+        }
         _ => return Ok(None),
     }))
 }
@@ -155,7 +157,7 @@ impl Element<'_> {
 
     /// `k_i = (2 cot_i^2 (lambda2 + mu2) + mu2) / (16 A)`, where `mu2 = E2/(1+nu)` is twice the shear
     /// modulus.
-    fn paper_a_triangle(&self) -> Vec<f64> {
+    fn delingette_triangle(&self) -> Vec<f64> {
         let lambda = self.modulus * self.nu / (1.0 - self.nu * self.nu);
         let mu = self.modulus / (1.0 + self.nu);
         let all: f64 = self.lengths.iter().map(|l| l * l).sum();
@@ -170,7 +172,7 @@ impl Element<'_> {
     }
 
     /// `k_ij = V/2 ((lambda + mu) (D_i . D_j)^2 + mu |D_i|^2 |D_j|^2)` with the shape vectors `D`.
-    fn paper_a_tetrahedron(&self) -> Result<Vec<f64>, ElementError> {
+    fn delingette_tetrahedron(&self) -> Result<Vec<f64>, ElementError> {
         let moduli = self.material.moduli(None)?;
         let (d, _) = self.geometry.gradients([0.25; 3]);
         Ok(pairs(4)

@@ -75,7 +75,8 @@ pub enum ElementMethod {
     /// Baudet et al., [`baselines`](crate::baselines).
     Baudet,
     /// Tensile springs of Delingette 2008, [`baselines`](crate::baselines).
-    PaperA,
+    #[serde(alias = "paper-a")]
+    Delingette,
 }
 
 impl ElementMethod {
@@ -90,7 +91,7 @@ impl ElementMethod {
         Self::VanGelderFull,
         Self::Lloyd,
         Self::Baudet,
-        Self::PaperA,
+        Self::Delingette,
     ];
 
     /// Name in files and on the command line.
@@ -105,7 +106,15 @@ impl ElementMethod {
             Self::VanGelderFull => "van-gelder-full",
             Self::Lloyd => "lloyd",
             Self::Baudet => "baudet",
-            Self::PaperA => "paper-a",
+            Self::Delingette => "delingette",
+        }
+    }
+
+    /// Name that it had before, which is still read.
+    pub const fn old_name(self) -> Option<&'static str> {
+        match self {
+            Self::Delingette => Some("paper-a"),
+            _ => None,
         }
     }
 
@@ -131,7 +140,7 @@ impl ElementMethod {
             | Self::TwoNorm
             | Self::Nonnegative
             | Self::TwoNormNonnegative => true,
-            Self::VanGelder | Self::PaperA => matches!(kind, Triangle | Tetrahedron),
+            Self::VanGelder | Self::Delingette => matches!(kind, Triangle | Tetrahedron),
             Self::VanGelderFull => matches!(kind, Triangle),
             Self::Lloyd => matches!(kind, Triangle | Quad | Tetrahedron),
             Self::Baudet => matches!(kind, Quad | Hexahedron),

@@ -21,7 +21,7 @@
 //! | [`mesh`] | a whole mesh, in parallel; congruent elements are fitted once |
 //! | [`response`] | the moduli that a spring lattice really has |
 //! | [`error_metrics`] | paper B's errors between two sets of positions |
-//! | `virtual_test` (feature `virtual-test`) | tension, shear, torsion and bending of meshes: finite elements against springs |
+//! | `virtual_test` (feature `virtual-test`) | tension, shear, torsion and bending of meshes: finite elements against springs; springs found for a whole body |
 //!
 //! # What springs cannot do
 //!
@@ -29,7 +29,7 @@
 //! 1/4 in space and 1/3 in the plane for any target ([`response`] measures it). Near
 //! incompressibility the fits are several times too stiff in tension. Fits may also give negative
 //! constants, which make a tangent indefinite; every fit counts them, and the non-negative fits
-//! and [`ElementMethod::PaperA`] have none.
+//! and [`ElementMethod::Delingette`] have none.
 //!
 //! ```
 //! use sinew_identify::cells::Cells;

@@ -39,6 +39,21 @@ pub struct FittedSprings {
     pub report: FitReport,
 }
 
+impl FittedSprings {
+    /// Puts other constants (N/m), one to an edge, in the place of these; what the report says of sums is that of the new ones.
+    pub fn set_constants(&mut self, constants: Vec<f64>) {
+        (self.report.negative_edges, self.report.least_constant) = negative_and_least(&constants);
+        self.constants = constants;
+    }
+}
+
+/// How many sums are negative, and the least.
+fn negative_and_least(constants: &[f64]) -> (usize, f64) {
+    let largest = constants.iter().fold(0f64, |m, k| m.max(k.abs()));
+    let negative = constants.iter().filter(|&&k| k < -NEGATIVE * largest).count();
+    (negative, constants.iter().copied().fold(f64::INFINITY, f64::min))
+}
+
 /// How a fit of a mesh went.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FitReport {
@@ -337,7 +352,7 @@ fn report(
     let over = |value: fn(&ElementFit) -> f64| {
         Residuals::new(fit_of.iter().map(move |&fit| value(&fits[fit])))
     };
-    let largest = constants.iter().fold(0f64, |m, k| m.max(k.abs()));
+    let (negative_edges, least_constant) = negative_and_least(constants);
     // where the springs are exact, norm and bound are rounding
     let gaps = fits
         .iter()
@@ -352,8 +367,8 @@ fn report(
         distinct_fits: fits.len(),
         element_constants: fit_of.iter().map(|&f| fits[f].constants.len()).sum(),
         negative_element_constants: fit_of.iter().map(|&f| fits[f].negative).sum(),
-        negative_edges: constants.iter().filter(|&&k| k < -NEGATIVE * largest).count(),
-        least_constant: constants.iter().copied().fold(f64::INFINITY, f64::min),
+        negative_edges,
+        least_constant,
         frobenius_residual: over(|f| f.frobenius_residual),
         two_norm_residual: over(|f| f.two_norm_residual),
         worst_certificate_gap: gaps.reduce(f64::max),

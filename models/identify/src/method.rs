@@ -32,10 +32,12 @@ impl FromStr for ElementMethod {
     /// use sinew_identify::ElementMethod;
     ///
     /// assert_eq!("two-norm".parse(), Ok(ElementMethod::TwoNorm));
+    /// assert_eq!("paper-a".parse(), Ok(ElementMethod::Delingette));
     /// assert!("2-norm".parse::<ElementMethod>().unwrap_err().to_string().contains("two-norm"));
     /// ```
     fn from_str(name: &str) -> Result<Self, Self::Err> {
-        Self::ALL.into_iter().find(|m| m.name() == name).ok_or_else(|| {
+        let called = |m: &Self| m.name() == name || m.old_name() == Some(name);
+        Self::ALL.into_iter().find(called).ok_or_else(|| {
             let known: Vec<_> = Self::ALL.iter().map(|m| m.name()).collect();
             IdentifyError::UnknownMethod { name: name.to_owned(), known: known.join(", ") }
         })
@@ -99,7 +101,7 @@ pub fn fit_element(
         | ElementMethod::VanGelderFull
         | ElementMethod::Lloyd
         | ElementMethod::Baudet
-        | ElementMethod::PaperA => baselines::constants(method, geometry, material, section)?
+        | ElementMethod::Delingette => baselines::constants(method, geometry, material, section)?
             .ok_or_else(|| method.not_served(geometry.kind()))?,
     };
     let mut fit = ElementFit::measure(&problem, constants);

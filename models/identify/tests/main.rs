@@ -6,3 +6,5 @@ mod mesh;
 mod reference;
 #[cfg(feature = "virtual-test")]
 mod virtual_test;
+#[cfg(feature = "virtual-test")]
+mod whole;

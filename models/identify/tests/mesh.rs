@@ -115,7 +115,7 @@ fn exact_cases() {
                 ElementMethod::Nonnegative,
                 ElementMethod::TwoNormNonnegative,
                 ElementMethod::VanGelderFull,
-                ElementMethod::PaperA,
+                ElementMethod::Delingette,
             ] {
                 let fit = fit_element(&geometry, &material, &section, method).expect("fit");
                 assert!(fit.frobenius_residual < 1e-14, "{method}: {}", fit.frobenius_residual);
@@ -351,7 +351,7 @@ fn names() {
         assert_eq!(method.to_string().parse(), Ok(method));
         assert_eq!(serde_json::to_string(&method).unwrap(), format!("\"{method}\""));
     }
-    assert!(ElementMethod::Lloyd.recalled() && !ElementMethod::PaperA.recalled());
+    assert!(ElementMethod::Lloyd.recalled() && !ElementMethod::Delingette.recalled());
 }
 
 /// What is wrong, where, and what to do.

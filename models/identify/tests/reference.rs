@@ -274,9 +274,9 @@ fn scaled(nodes: &[[f64; 3]], s: [f64; 3]) -> Vec<[f64; 3]> {
     nodes.iter().map(|n| [n[0] * s[0], n[1] * s[1], n[2] * s[2]]).collect()
 }
 
-/// Paper A's tensile springs against the vectors of the solid and membrane laws.
+/// Delingette's tensile springs against the vectors of the solid and membrane laws.
 #[test]
-fn tensile_springs_of_paper_a() {
+fn tensile_springs_of_delingette() {
     let triangles = load(include_str!("../../tests/data/triangles.json"));
     for case in triangles["cases"].as_array().expect("cases") {
         let nodes = points(&case["rest"]);
@@ -284,7 +284,8 @@ fn tensile_springs_of_paper_a() {
         let material = LinearMaterial::new(number("E_2d"), number("nu")).expect("material");
         let geometry = ElementGeometry::new(ElementKind::Triangle, &nodes).expect("geometry");
         let section = Section::default();
-        let fit = fit_element(&geometry, &material, &section, ElementMethod::PaperA).expect("fit");
+        let fit =
+            fit_element(&geometry, &material, &section, ElementMethod::Delingette).expect("fit");
         // stored: edge i opposite vertex i; ours: 01 02 12
         let stored = numbers(&case["mass_spring"]["spring_constant"]);
         let expected = [stored[2], stored[1], stored[0]];
@@ -297,7 +298,8 @@ fn tensile_springs_of_paper_a() {
         let material = LinearMaterial::new(number("E"), number("nu")).expect("material");
         let geometry = ElementGeometry::new(ElementKind::Tetrahedron, &nodes).expect("geometry");
         let section = Section::default();
-        let fit = fit_element(&geometry, &material, &section, ElementMethod::PaperA).expect("fit");
+        let fit =
+            fit_element(&geometry, &material, &section, ElementMethod::Delingette).expect("fit");
         let expected = numbers(&case["mass_spring"]["spring_constant"]);
         assert_close(case["name"].as_str().expect("name"), &fit.constants, &expected, 1e-9);
         assert!(fit.constants.iter().all(|&k| k > 0.0));

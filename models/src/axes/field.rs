@@ -4,7 +4,7 @@
 //! Where a field comes from: cell data of the mesh ([`from_cell_data`]), a formula ([`from_formula`]), two
 //! surfaces ([`Laplace`], the rule-based fibres of heart models), or a generator ([`circular`],
 //! [`hemicircular`], [`helicoidal`], [`random`]). A constant field needs none of these: a family takes one
-//! direction for all elements.
+//! direction for all elements. [`across`] finds two more directions, orthogonal to those of a field.
 
 use glam::DVec3;
 use sinew_engine::element_kind::ByKind;
@@ -66,6 +66,19 @@ pub enum FibreError {
     Shape {
         /// Index in the mesh, hexahedra counted after tetrahedra.
         element: usize,
+    },
+    /// Fibres along the direction that their second axis is taken from.
+    #[error(
+        "the fibre of element {element}, {value}, runs along {what}, so there is no second axis across it on that side; \
+         give another direction"
+    )]
+    Parallel {
+        /// What it is parallel to.
+        what: String,
+        /// Index in the mesh, hexahedra counted after tetrahedra.
+        element: usize,
+        /// The fibre.
+        value: DVec3,
     },
     /// A surface without vertices.
     #[error("the {which} surface has no vertex of the body; name a group of its vertices")]
@@ -254,6 +267,92 @@ pub fn from_formula(mesh: &Mesh, formulas: [&str; 3]) -> Result<FibreField, Fibr
     normalised("formula", vectors, false)
 }
 
+/// Where the second of three orthogonal axes lies; the first is the fibre.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Second {
+    /// The part across the fibre of that of the coordinate axes x, y and z, in this order, which is farthest from the fibre.
+    /// It jumps where another one becomes the farthest.
+    Coordinate,
+    /// The part across the fibre of one direction, of any length.
+    Towards(DVec3),
+    /// Away from an axis through `centre` (m), for fibres that run round it or along it, in part or wholly; on the axis any
+    /// direction across it.
+    Away {
+        /// A point on the axis (m).
+        centre: DVec3,
+        /// Direction of the axis.
+        axis: DVec3,
+    },
+    /// The part across the fibre of a direction in every element, such as that [through the wall](Laplace::transmural).
+    Each(Vec<DVec3>),
+}
+
+/// Sine below which a fibre counts as parallel to a direction.
+const PARALLEL: f64 = 1e-6;
+
+/// The second and third axes of the triads whose first axes are `fibres` (unit vectors): the second as [`Second`] says, the
+/// third `first x second`. One direction for all elements gives one of either.
+///
+/// ```
+/// use glam::DVec3;
+/// use sinew_engine::mesh::Mesh;
+/// use sinew_models::axes::field::{Second, across};
+///
+/// let fibre = DVec3::new(0.6, 0.8, 0.0);
+/// let [second, third] = across(&[fibre], &Second::Towards(DVec3::X), &Mesh::default())?;
+/// assert!((second[0] - DVec3::new(0.8, -0.6, 0.0)).length() < 1e-15);
+/// assert!((third[0] - DVec3::NEG_Z).length() < 1e-15);
+/// assert!(across(&[fibre], &Second::Towards(3.0 * fibre), &Mesh::default()).is_err());
+/// # Ok::<(), sinew_models::axes::field::FibreError>(())
+/// ```
+///
+/// # Errors
+/// [`FibreError::Parallel`] names the first element whose fibre runs along the direction that was to give its second axis.
+pub fn across(
+    fibres: &[DVec3],
+    second: &Second,
+    mesh: &Mesh,
+) -> Result<[Vec<DVec3>; 2], FibreError> {
+    let centres = match second {
+        Second::Away { .. } => barycentres(mesh)?,
+        _ => Vec::new(),
+    };
+    let mut result = [Vec::with_capacity(fibres.len()), Vec::with_capacity(fibres.len())];
+    for (element, &fibre) in fibres.iter().enumerate() {
+        let towards = match second {
+            Second::Coordinate => {
+                let along = fibre.abs();
+                let nearest = along.min_element();
+                [DVec3::X, DVec3::Y, DVec3::Z][(0..3).find(|&k| along[k] == nearest).unwrap_or(0)]
+            }
+            Second::Towards(direction) => *direction,
+            Second::Away { centre, axis } => {
+                let axis = axis_of(*axis)?;
+                round(axis, *centre, centres[element]).cross(axis)
+            }
+            Second::Each(directions) => directions[element],
+        };
+        let part = towards.reject_from_normalized(fibre);
+        let unit = part.try_normalize().filter(|_| part.length() > PARALLEL * towards.length());
+        let unit = unit.ok_or_else(|| FibreError::Parallel {
+            what: match second {
+                Second::Each(_) => format!("the direction {towards} there"),
+                _ => towards.to_string(),
+            },
+            element,
+            value: fibre,
+        })?;
+        result[0].push(unit);
+        result[1].push(fibre.cross(unit));
+    }
+    Ok(result)
+}
+
+/// Unit vector round an axis at a place; on the axis any across it.
+fn round(axis: DVec3, centre: DVec3, at: DVec3) -> DVec3 {
+    axis.cross(at - centre).try_normalize().unwrap_or(axis.any_orthonormal_vector())
+}
+
 /// Directions round an axis through `centre` (m); on the axis, any across it.
 ///
 /// # Errors
@@ -268,12 +367,20 @@ pub fn circular(mesh: &Mesh, centre: DVec3, axis: DVec3) -> Result<FibreField, F
 /// # Errors
 /// When a direction is none, or the mesh has no points.
 pub fn hemicircular(mesh: &Mesh, axis: DVec3, side: DVec3) -> Result<FibreField, FibreError> {
+    circular(mesh, middle_of_side(mesh, side)?, axis)
+}
+
+/// Middle (m) of the side of the mesh's box that a direction points to.
+///
+/// # Errors
+/// When it is no direction, or the mesh has no points.
+pub fn middle_of_side(mesh: &Mesh, side: DVec3) -> Result<DVec3, FibreError> {
     let side = axis_of(side)?;
     let Some((low, high)) = mesh.bounds() else { return Err(FibreError::Shape { element: 0 }) };
     let (middle, half) = (0.5 * (low + high), 0.5 * (high - low));
     // from the middle to the box along the side
     let reach = half / side.abs();
-    circular(mesh, middle + side * reach.min_element(), axis)
+    Ok(middle + side * reach.min_element())
 }
 
 /// Concentric helices round an axis through `centre` (m), rising along it by `pitch` (rad, between the fibre
@@ -292,11 +399,9 @@ pub fn helicoidal(
         let value = format!("{pitch} rad about {centre}");
         return Err(FibreError::Parameter { what: "the helix", value, remedy: "" });
     }
-    let across = axis.any_orthonormal_vector();
-    let round = |x: DVec3| axis.cross(x - centre).try_normalize().unwrap_or(across);
     let vectors = barycentres(mesh)?.into_iter();
     let (sin, cos) = libm::sincos(pitch);
-    let vectors = vectors.map(|x| round(x) * cos + axis * sin).collect();
+    let vectors = vectors.map(|x| round(axis, centre, x) * cos + axis * sin).collect();
     normalised("helix", vectors, false)
 }
 

@@ -370,11 +370,13 @@ impl Matter<'_> {
             let (cells, of_sheet, usual) = match kind {
                 ElementKind::Tetrahedron => {
                     let cells = Elements { tetrahedra: lists.tetrahedra(), ..none };
-                    (cells, false, ElementMethod::PaperA)
+                    (cells, false, ElementMethod::Delingette)
                 }
-                ElementKind::Triangle => {
-                    (Elements { triangles: lists.triangles(), ..none }, true, ElementMethod::PaperA)
-                }
+                ElementKind::Triangle => (
+                    Elements { triangles: lists.triangles(), ..none },
+                    true,
+                    ElementMethod::Delingette,
+                ),
                 ElementKind::Hexahedron => (
                     Elements { hexahedra: lists.hexahedra(), ..none },
                     false,

@@ -157,6 +157,19 @@ fn deformed<R: Real>(
     now
 }
 
+/// Integrals (m^2) of the shape functions over a part of a face at rest. Of a curved face they are as good as the points, of a
+/// flat one exact.
+pub fn areas(Points(points): &Points, rest: &[[f64; 3]; VERTICES - 1]) -> [f64; VERTICES] {
+    let mut areas = [0.0; VERTICES];
+    for point in points {
+        let [x, y] = tangents(point, rest);
+        let normal = cross(x, y);
+        let weight = point.weight * dot(normal, normal).sqrt();
+        areas.iter_mut().zip(point.shape).for_each(|(area, n)| *area += weight * n);
+    }
+    areas
+}
+
 /// Volume (m^3) that a part of a face sweeps from rest to displacements `u` (m), positive along its normal; `rest` are the
 /// vectors from its first vertex to the others at rest (m).
 #[inline(always)]

@@ -326,7 +326,7 @@ fn reach_of(pressure: &Pressure, topology: &Topology, rest: &[RestPosition]) -> 
     topology.bodies.iter().map(of_body).sum()
 }
 
-fn sorted(mut t: [u32; 3]) -> [u32; 3] {
+pub(crate) fn sorted(mut t: [u32; 3]) -> [u32; 3] {
     t.sort_unstable();
     t
 }
@@ -338,11 +338,11 @@ fn is_turned(a: [u32; 3], b: [u32; 3]) -> bool {
 
 /// What a triangle covers of the face of a ten-node tetrahedron.
 #[derive(Clone, Copy, Debug)]
-struct Cover {
+pub(crate) struct Cover {
     /// The face, rows of its corners ascending.
-    nodes: [u32; 6],
+    pub nodes: [u32; 6],
     /// One of its [`PARTS`].
-    part: u8,
+    pub part: u8,
 }
 
 impl Cover {
@@ -360,7 +360,7 @@ impl Cover {
 }
 
 /// Those of some triangles that lie in faces of ten-node tetrahedra, by their sorted rows.
-fn curved_faces(
+pub(crate) fn curved_faces(
     world: &mut World,
     triangles: impl Iterator<Item = [u32; 3]>,
 ) -> BTreeMap<[u32; 3], Cover> {

@@ -13,7 +13,7 @@
 //!
 //! A follower pressure goes on acting on a face for as long as an element of either kind has it; faces
 //! that none has any more leave their [`Pressure`](sinew_engine::load::Pressure) for good. The surface that a cut lays open carries no
-//! pressure until it is given one.
+//! pressure until it is given one. The same holds for tractions ([`LoadedFaces`](sinew_engine::load::LoadedFaces)).
 //!
 //! Removing elements is an action from outside: their elastic energy (and the kinetic energy of the
 //! removed mass) leaves the scene, see [`RemovalReport`].

@@ -171,7 +171,7 @@ impl Resection {
             own.sum_weight_shifts::<S>(world, &soft, &touched);
         }
         if !touched.unused_triangles.is_empty() || !touched.unused_edges.is_empty() {
-            report.pressure_faces = own.drop_pressures(world, body);
+            report.pressure_faces = own.drop_faces(world, body);
         }
 
         own.update_topology(&mut world.resource_mut::<Topology>(), body, &touched);

@@ -32,7 +32,7 @@ pub struct RemovalReport {
     pub edges: usize,
     /// Mesh faces that no element uses any more.
     pub faces: usize,
-    /// Faces that follower pressures lost with them.
+    /// Faces that follower pressures and tractions lost with them.
     pub pressure_faces: usize,
     /// Vertices that lost their last element, by their indices in the user's mesh, ascending.
     pub orphans: Vec<MeshVertex>,

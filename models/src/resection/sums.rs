@@ -3,7 +3,7 @@
 use bevy_ecs::prelude::*;
 use sinew_engine::columns::single_table;
 use sinew_engine::connectivity::{ByKind, ElementKind, Incidence, Touched};
-use sinew_engine::load::Pressure;
+use sinew_engine::load::{Load, LoadedFaces, Pressure};
 use sinew_engine::row::VertexRow;
 use sinew_engine::scalar::{Scalar, sub};
 use sinew_engine::topology::Topology;
@@ -157,8 +157,8 @@ impl BodyResection {
         }
     }
 
-    /// Takes the faces that no element has any more out of the pressures; how many there were.
-    pub(super) fn drop_pressures(&self, world: &mut World, body: usize) -> usize {
+    /// Takes the faces that no element has any more out of pressures and tractions; how many there were.
+    pub(super) fn drop_faces(&self, world: &mut World, body: usize) -> usize {
         let rows = world.resource::<Topology>().bodies[body].vertices.clone();
         let is_gone = |face: &[VertexRow; 3]| {
             if !rows.contains(&face[0].0) {
@@ -180,6 +180,15 @@ impl BodyResection {
             let before = pressure.faces.len();
             pressure.bypass_change_detection().faces.retain(|face| !is_gone(face));
             dropped += before - pressure.faces.len();
+        }
+        for (mut load, mut faces) in world.query::<(&mut Load, &mut LoadedFaces)>().iter_mut(world)
+        {
+            let before = faces.0.len();
+            faces.0.retain(|face| !is_gone(&face.corners));
+            if faces.0.len() < before {
+                load.forces = faces.forces();
+                dropped += before - faces.0.len();
+            }
         }
         dropped
     }

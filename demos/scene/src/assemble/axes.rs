@@ -9,13 +9,14 @@ use crate::scene::{
     HemicircularEntry, Key, LaplaceEntry, Mode, MuscleEntry,
 };
 use crate::warning::{Level, Warning};
+use glam::DVec3;
 use sinew::engine::mesh::Mesh;
 use sinew::models::axes::description::{
     AxesDescription, AxesError, AxisAngle, AxisFamily, ModulusOf,
 };
 use sinew::models::axes::field::{
-    FibreError, FibreField, Laplace, angles_by_formula, circular, from_angles, from_cell_data,
-    from_formula, helicoidal, hemicircular, random,
+    FibreError, FibreField, Laplace, Second, across, angles_by_formula, from_angles,
+    from_cell_data, from_formula, helicoidal, middle_of_side, random,
 };
 use sinew::models::axes::muscle::MuscleSettings;
 use sinew::models::body::Model;
@@ -37,9 +38,11 @@ pub(super) fn axes(
         return Ok(None);
     }
     let mut families = Vec::with_capacity(body.fibres.len());
+    // which entry made them
+    let mut owners = Vec::with_capacity(body.fibres.len());
     for (i, entry) in body.fibres.iter().enumerate() {
         let key = key.at("fibres").entry(i);
-        let field = directions(&key, entry, mesh)?;
+        let (field, second) = directions(&key, entry, mesh)?;
         if field.repaired > 0 {
             warnings.push(Warning::new(
                 "scene.fibres.length",
@@ -54,20 +57,31 @@ pub(super) fn axes(
             Some(entry) => Some(muscle(&key.at("muscle"), entry, mode)?),
             None => None,
         };
-        families.push(AxisFamily {
+        let others = others(&key, entry, &field.directions, second, mesh)?;
+        let own = AxisFamily {
             name: Cow::Owned(entry.name.clone()),
             directions: Cow::Owned(field.directions),
             modulus: entry.modulus,
             viscosity: entry.viscosity.unwrap_or(0.0),
             share: share.map(Cow::Owned),
-            muscle,
+            muscle: None,
+        };
+        let others = others.into_iter().map(|(name, directions, modulus)| AxisFamily {
+            name: Cow::Owned(name),
+            directions: Cow::Owned(directions),
+            modulus,
+            ..own.clone()
         });
+        let all: Vec<_> = others.collect();
+        owners.extend(std::iter::repeat_n(i, 1 + all.len()));
+        families.push(AxisFamily { muscle, ..own });
+        families.extend(all);
     }
     let entry = body.axes.clone().unwrap_or_default();
     let mut angles = Vec::with_capacity(entry.angles.len());
     for (i, angle) in entry.angles.iter().enumerate() {
         let key = key.at("axes.angles").entry(i).at("between");
-        let known = || body.fibres.iter().map(|f| f.name.as_str());
+        let known = || families.iter().map(|f: &AxisFamily| &*f.name);
         let family = |name: &str| {
             known().position(|f| f == name).ok_or_else(|| key.unknown("fibres", name, known()))
         };
@@ -84,21 +98,23 @@ pub(super) fn axes(
     }
     let description = AxesDescription { families, angles, volume_modulus };
     let checked = description.validate(mesh.tetrahedra.len(), mesh.hexahedra.len());
-    checked.map_err(|source| error(wrong_key(key, body, &description, &source), source))?;
+    checked.map_err(|source| error(wrong_key(key, &owners, &description, &source), source))?;
     Ok(Some(description))
 }
 
 /// Key of what is wrong.
 fn wrong_key<'a>(
     key: &Key<'a>,
-    body: &BodyEntry,
+    owners: &[usize],
     axes: &AxesDescription,
     error: &AxesError,
 ) -> Key<'a> {
     let of = |family: &str, what: &str| {
         // of two with the same name the second
-        let at = body.fibres.iter().rposition(|f| f.name == family).unwrap_or(0);
-        key.at("fibres").entry(at).at(what)
+        let at = axes.families.iter().rposition(|f| f.name == family).unwrap_or(0);
+        let first = owners.iter().position(|owner| *owner == owners[at]).unwrap_or(at);
+        let what = if at > first && what == "modulus" { "across" } else { what };
+        key.at("fibres").entry(owners[at]).at(what)
     };
     let shared = key.at("axes");
     match error {
@@ -122,8 +138,39 @@ fn wrong_key<'a>(
     }
 }
 
-/// The directions of a family: one, or one for every element.
-fn directions(key: &Key, entry: &FibreEntry, mesh: &Mesh) -> Result<FibreField, SceneError> {
+/// Names, directions and moduli of the axes across a family, none without.
+fn others(
+    key: &Key,
+    entry: &FibreEntry,
+    fibres: &[DVec3],
+    second: Second,
+    mesh: &Mesh,
+) -> Result<Vec<(String, Vec<DVec3>, f64)>, SceneError> {
+    let towards = entry.towards.map(|own| key.at("towards").axis(own)).transpose()?;
+    let Some(moduli) = entry.across else {
+        return match towards {
+            Some(_) => Err(key.at("towards").value(
+                "there is no second axis",
+                "give `across`, moduli of a second and a third axis, or leave it out",
+            )),
+            None => Ok(Vec::new()),
+        };
+    };
+    let at = if towards.is_some() { "towards" } else { "across" };
+    let second = towards.map_or(second, Second::Towards);
+    let axes = across(fibres, &second, mesh).map_err(|source| key.at(at).error(source))?;
+    let named = |(i, (directions, modulus)): (usize, (Vec<DVec3>, f64))| {
+        (format!("{}_{}", entry.name, i + 2), directions, modulus)
+    };
+    Ok(axes.into_iter().zip(moduli).enumerate().map(named).collect())
+}
+
+/// The directions of a family, one or one for every element, and where a second axis across them lies.
+fn directions(
+    key: &Key,
+    entry: &FibreEntry,
+    mesh: &Mesh,
+) -> Result<(FibreField, Second), SceneError> {
     let given = [
         entry.direction.is_some(),
         entry.data.is_some(),
@@ -143,46 +190,51 @@ fn directions(key: &Key, entry: &FibreEntry, mesh: &Mesh) -> Result<FibreField, 
         move |source: FibreError| key.error(source)
     };
     let point = |name: &str, values: [f64; 3]| key.at(name).finite(values);
+    let plain = |field: Result<FibreField, SceneError>| Ok((field?, Second::Coordinate));
     if let Some(direction) = entry.direction {
         let key = key.at("direction");
         let unit = key.finite(direction)?.try_normalize();
         let unit = unit.ok_or_else(|| key.value("the direction has no length", "give a vector"))?;
-        return Ok(FibreField { directions: vec![unit], repaired: 0 });
+        return plain(Ok(FibreField { directions: vec![unit], repaired: 0 }));
     }
     if let Some(name) = &entry.data {
-        return from_cell_data(mesh, name).map_err(|source| match source {
+        return plain(from_cell_data(mesh, name).map_err(|source| match source {
             // near misses first
             FibreError::Data { .. } if !mesh.cell_data.is_empty() => {
                 let known = mesh.cell_data.iter().filter_map(|d| d.name.strip_suffix("_x"));
                 key.at("data").unknown("vectors", name, known)
             }
             source => error("data")(source),
-        });
+        }));
     }
     if let Some([x, y, z]) = &entry.formula {
-        return from_formula(mesh, [x, y, z]).map_err(error("formula"));
+        return plain(from_formula(mesh, [x, y, z]).map_err(error("formula")));
     }
     if let Some(angles) = &entry.azimuth_elevation {
-        return by_angles(&key.at("azimuth_elevation"), angles, mesh);
+        return plain(by_angles(&key.at("azimuth_elevation"), angles, mesh));
     }
     if let Some(rule) = &entry.laplace {
         return by_laplace(&key.at("laplace"), rule, mesh);
     }
+    let round = |name: &str, centre: DVec3, axis: DVec3, pitch: f64| {
+        let field = helicoidal(mesh, centre, axis, pitch).map_err(error(name))?;
+        Ok((field, Second::Away { centre, axis }))
+    };
     if let Some(CircularEntry { centre, axis }) = entry.circular {
         let (centre, axis) = (point("circular.centre", centre)?, point("circular.axis", axis)?);
-        return circular(mesh, centre, axis).map_err(error("circular"));
+        return round("circular", centre, axis, 0.0);
     }
     if let Some(HemicircularEntry { axis, side }) = entry.hemicircular {
         let (axis, side) = (point("hemicircular.axis", axis)?, point("hemicircular.side", side)?);
-        return hemicircular(mesh, axis, side).map_err(error("hemicircular"));
+        let centre = middle_of_side(mesh, side).map_err(error("hemicircular"))?;
+        return round("hemicircular", centre, axis, 0.0);
     }
     if let Some(HelicoidalEntry { centre, axis, degrees }) = entry.helicoidal {
         let centre = point("helicoidal.centre", centre)?;
         let axis = point("helicoidal.axis", axis)?;
-        let field = helicoidal(mesh, centre, axis, degrees.to_radians());
-        return field.map_err(error("helicoidal"));
+        return round("helicoidal", centre, axis, degrees.to_radians());
     }
-    Ok(random(mesh, entry.random.as_ref().map_or(0, |r| r.seed)))
+    plain(Ok(random(mesh, entry.random.as_ref().map_or(0, |r| r.seed))))
 }
 
 fn by_angles(
@@ -210,13 +262,20 @@ fn by_angles(
     from_angles([&angles[0], &angles[1]], axis, zero).map_err(error)
 }
 
-fn by_laplace(key: &Key, rule: &LaplaceEntry, mesh: &Mesh) -> Result<FibreField, SceneError> {
+fn by_laplace(
+    key: &Key,
+    rule: &LaplaceEntry,
+    mesh: &Mesh,
+) -> Result<(FibreField, Second), SceneError> {
     let error = |source: FibreError| key.error(source);
     let inner = group_vertices(&key.at("from"), &rule.from, mesh)?;
     let outer = group_vertices(&key.at("to"), &rule.to, mesh)?;
     let (angles, axis) = match (rule.helix, rule.axis) {
         (Some(angles), Some(axis)) => (angles, axis),
-        (None, None) => return Ok(Laplace::solve(mesh, &inner, &outer).map_err(error)?.through()),
+        (None, None) => {
+            let through = Laplace::solve(mesh, &inner, &outer).map_err(error)?.through();
+            return Ok((through, Second::Coordinate));
+        }
         (helix, _) => {
             let (given, missing) =
                 if helix.is_some() { ("helix", "axis") } else { ("axis", "helix") };
@@ -229,7 +288,9 @@ fn by_laplace(key: &Key, rule: &LaplaceEntry, mesh: &Mesh) -> Result<FibreField,
     };
     let axis = key.at("axis").finite(axis)?;
     let laplace = Laplace::solve(mesh, &inner, &outer).map_err(error)?;
-    laplace.helix(axis, angles[0].to_radians(), angles[1].to_radians()).map_err(error)
+    let [from, to] = angles.map(f64::to_radians);
+    let field = laplace.helix(axis, from, to).map_err(error)?;
+    Ok((field, Second::Each(laplace.transmural)))
 }
 
 fn muscle(key: &Key, entry: &MuscleEntry, mode: Mode) -> Result<MuscleSettings, SceneError> {

@@ -8,6 +8,7 @@ use super::{axes, meshes};
 use crate::error::SceneError;
 use crate::scene::{BodyEntry, Key, MembraneEntry, PreparedMesh, SpringMethod};
 use crate::springs::{Matter, Springs};
+use crate::warning::{Level, Warning};
 use sinew::engine::mesh::{CheckOptions, Mesh, check};
 use sinew::models::body::lumped::{HexahedronSprings, SpringRule, UniformSprings};
 use sinew::models::body::sheet::{Bending, MembraneModel, MembraneSettings, PlaneState};
@@ -65,6 +66,9 @@ pub(super) fn body(
     let axes = axes::axes(key, body, &checked.mesh, built.plan.mode, &mut built.warnings)?;
     let rule =
         spring_rule(key, (body.element_method, body.spring_constant), body.hexahedron_springs)?;
+    tell_old_name(key, body.element_method, &mut built.warnings);
+    let of_sheet = body.membrane.as_ref().and_then(|membrane| membrane.element_method);
+    tell_old_name(&key.at("membrane"), of_sheet, &mut built.warnings);
     let springs = springs(key, body, &checked.mesh, material, membrane.as_ref())?;
     let of_file = springs.as_ref().and_then(|s| s.masses);
     let description = BodyDescription {
@@ -109,6 +113,18 @@ pub(super) fn body(
     })
 }
 
+fn tell_old_name(key: &Key, method: Option<SpringMethod>, warnings: &mut Vec<Warning>) {
+    let Some(SpringMethod::Renamed(method)) = method else { return };
+    let old = method.old_name().unwrap_or_default();
+    warnings.push(Warning::new(
+        "scene.name.renamed",
+        Level::Note,
+        format!("`{}`", key.at("element_method").path()),
+        format!("`{old}` is now called `{method}`"),
+        format!("write `{method}`; the next version does not know `{old}`"),
+    ));
+}
+
 /// Where the constants of springs come from, by the keys of a body or a membrane.
 fn spring_rule(
     key: &Key,
@@ -135,7 +151,7 @@ fn spring_rule(
     };
     Ok(match method {
         None => None,
-        Some(SpringMethod::Fitted(method)) => Some(method.into()),
+        Some(SpringMethod::Fitted(method) | SpringMethod::Renamed(method)) => Some(method.into()),
         Some(SpringMethod::Uniform) => {
             let key = key.at("spring_constant");
             let constant = constant.ok_or_else(|| {

@@ -124,9 +124,18 @@ fn motion(key: &Key, entry: Option<&MotionEntry>) -> Result<(Motion, String), Sc
     }
 }
 
+/// Whether its vertices stay where they are along an axis (0, 1, 2).
+fn stays(constraint: &Constraint, axis: usize) -> bool {
+    match &constraint.motion {
+        Motion::Hold => true,
+        Motion::Translate(by) => by[axis] == 0.0,
+        _ => false,
+    }
+}
+
 /// What may not be meant: a motion in one step, vertices that an earlier constraint holds too.
 fn warn_about(own: &BuiltConstraint, entry: &ConstraintEntry, built: &mut BuiltScene) {
-    let BuiltScene { constraints, warnings, plan, .. } = built;
+    let BuiltScene { constraints, warnings, plan, simulation, .. } = built;
     let subject = format!("constraint `{}`", own.name);
     let mut warn = |code: &str, message: String, remedy: &str| {
         warnings.push(Warning::new(code, Level::Warning, &subject, message, remedy));
@@ -138,11 +147,17 @@ fn warn_about(own: &BuiltConstraint, entry: &ConstraintEntry, built: &mut BuiltS
             "add a curve such as `curve = { ramp = [0.0, 1.0] }`",
         );
     }
+    let motion = |of: &BuiltConstraint| simulation.world().get::<Constraint>(of.entity);
+    // along axes on which neither moves both ask for the same
+    let differ = |other: &BuiltConstraint| {
+        let still = |k| [motion(own), motion(other)].iter().all(|c| c.is_some_and(|c| stays(c, k)));
+        (0..3).any(|k| own.axes.holds(k) && other.axes.holds(k) && !still(k))
+    };
     for other in constraints.iter() {
         if other.body != own.body
-            || other.axes.0 & own.axes.0 == 0
             || own.from >= other.until
             || other.from >= own.until
+            || !differ(other)
         {
             continue;
         }

@@ -1,7 +1,7 @@
 //! Meshes: read or generated, and put in place.
 
 use crate::error::SceneError;
-use crate::scene::{BodyEntry, Generate, Key, Rotation, SheetCells, SolidCells};
+use crate::scene::{BodyEntry, Generate, Key, Rotation, SHAPES, SheetCells, SolidCells};
 use glam::{DQuat, DVec2, DVec3};
 use sinew::engine::load::rotation;
 use sinew::engine::mesh::generate::{
@@ -84,9 +84,8 @@ pub(super) fn placed(key: &Key, body: &BodyEntry) -> Result<Mesh, SceneError> {
     let mesh = match (&body.mesh, &body.generate) {
         (Some(path), None) => key.loaded.read_mesh(path).map_err(error)?,
         (None, Some(shape)) => generate(shape).map_err(error)?.ok_or_else(|| {
-            let remedy = "give one of `box`, `cylinder`, `sphere`, `sheet`, `specimen`, `disc`, \
-                          `balloon` and `cup`";
-            own.value("not exactly one shape is given", remedy)
+            let names: Vec<&str> = SHAPES.iter().map(|shape| shape.name).collect();
+            own.value("not exactly one shape is given", format!("give one of {}", names.join(", ")))
         })?,
         (None, None) => {
             let remedy = "give `mesh` (a file) or `generate` (a shape)";

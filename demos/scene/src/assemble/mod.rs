@@ -84,7 +84,11 @@ pub fn build(loaded: &LoadedScene, options: &BuildOptions) -> Result<BuiltScene,
     if built.plan.settings.integrator == Integrator::QuasiStatic {
         constraints::check_all_held(loaded, &built)?;
         built.simulation.check_support().map_err(|error| {
-            loaded.key("mode").value(error.to_string(), "a static scene needs every body held")
+            loaded.key("mode").value(
+                error.to_string(),
+                "a static scene needs every body held; a flat sheet too across its plane, for example by \
+                 `select = { all = true }` with `axes = \"z\"`",
+            )
         })?;
     }
     let checked = built.simulation.check_backend();

@@ -4,7 +4,7 @@ use super::body::BuiltBody;
 use crate::error::{SceneError, SceneProblem, hint};
 use crate::scene::{FacesEntry, Key, PatchRegion, Selection};
 use sinew::engine::mesh::{FindingCode, Group, Mesh, Patch, Surface};
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 
 /// The body of that name, or the only one.
 pub(super) fn which_body(
@@ -169,17 +169,68 @@ pub(super) fn group_cells(
 /// Triangles that a pressure pushes along their normals, and the share of the pressure that each gets: with
 /// quadrilaterals among them half, because these are cut along both diagonals, so that every corner gets
 /// what its shape function gives it, and triangles come twice.
-pub(super) fn faces(
+pub(super) fn pressed_faces(
     key: &Key,
     on: &FacesEntry,
     body: &BuiltBody,
 ) -> Result<(Vec<[u32; 3]>, f64), SceneError> {
+    let Surface { triangles, quads } = faces(key, on, body)?;
+    if quads.is_empty() {
+        return Ok((triangles, 1.0));
+    }
+    let cut = |[a, b, c, d]: [u32; 4]| [[a, b, c], [a, c, d], [b, c, d], [a, b, d]];
+    let twice = triangles.iter().chain(&triangles).copied();
+    Ok((twice.chain(quads.into_iter().flat_map(cut)).collect(), 0.5))
+}
+
+/// Edges of the rim of a membrane between vertices of a group, each with a third vertex of its cell; at least one.
+pub(super) fn rim_edges(
+    key: &Key,
+    group: &str,
+    body: &BuiltBody,
+) -> Result<Vec<[u32; 3]>, SceneError> {
+    let key = key.at("rim");
+    let mut vertices = group_vertices(&key, group, &body.mesh)?;
+    vertices.sort_unstable();
+    let mut edges: BTreeMap<[u32; 2], (usize, u32)> = BTreeMap::new();
+    let triangles = body.membrane_triangles().iter().map(|t| &t[..]);
+    for cell in triangles.chain(body.membrane_quads().iter().map(|q| &q[..])) {
+        let n = cell.len();
+        for i in 0..n {
+            let edge = sorted([cell[i], cell[(i + 1) % n]]);
+            edges.entry(edge).or_insert((0, cell[(i + 2) % n])).0 += 1;
+        }
+    }
+    let within = |edge: &[u32; 2]| edge.iter().all(|v| vertices.binary_search(v).is_ok());
+    let rim: Vec<[u32; 3]> = edges
+        .into_iter()
+        .filter(|(edge, (cells, _))| *cells == 1 && within(edge))
+        .map(|([a, b], (_, third))| [a, b, third])
+        .collect();
+    if rim.is_empty() {
+        let found = format!("no edge at the rim of a membrane lies between vertices of `{group}`");
+        return Err(
+            key.value(found, "name a group at the rim, or give `group` for faces of a solid")
+        );
+    }
+    Ok(rim)
+}
+
+/// Faces of a body, those of a solid inward; at least one.
+pub(super) fn faces(key: &Key, on: &FacesEntry, body: &BuiltBody) -> Result<Surface, SceneError> {
     let inward = |[a, b, c]: [u32; 3]| [a, c, b];
     let inward_quad = |[a, b, c, d]: [u32; 4]| [a, d, c, b];
     let inward_surface = |surface: Surface| {
         let triangles = surface.triangles.into_iter().map(inward);
         (triangles.collect(), surface.quads.into_iter().map(inward_quad).collect())
     };
+    if on.rim.is_some() {
+        let found = "a rim is no face";
+        return Err(key.at("rim").value(
+            found,
+            "give faces; a rim is for the traction of a [[load]], without other keys",
+        ));
+    }
     let (triangles, quads) = match (&on.group, on.surface, &on.patch, on.membrane) {
         (Some(group), None, None, None) => {
             let surface = body.mesh.surface();
@@ -220,12 +271,7 @@ pub(super) fn faces(
         let found = format!("body `{}` has no such triangles", body.name);
         return Err(key.value(found, "choose other ones, or give the body a membrane"));
     }
-    if quads.is_empty() {
-        return Ok((triangles, 1.0));
-    }
-    let cut = |[a, b, c, d]: [u32; 4]| [[a, b, c], [a, c, d], [b, c, d], [a, b, d]];
-    let twice = triangles.iter().chain(&triangles).copied();
-    Ok((twice.chain(quads.into_iter().flat_map(cut)).collect(), 0.5))
+    Ok(Surface { triangles, quads })
 }
 
 fn sorted<const N: usize>(mut cell: [u32; N]) -> [u32; N] {

@@ -43,8 +43,8 @@ pub struct BodyEntry {
     #[serde(default)]
     pub volume: VolumeRule,
     /// How spring constants of `"mass_spring"` are found: `"frobenius"`, `"block"`, `"two-norm"`,
-    /// `"nonnegative"`, `"two-norm-nonnegative"`, `"van-gelder"`, `"lloyd"`, `"baudet"`, `"paper-a"` or `"uniform"`;
-    /// without, `"paper-a"` for tetrahedra and `"frobenius"` for hexahedra.
+    /// `"nonnegative"`, `"two-norm-nonnegative"`, `"van-gelder"`, `"lloyd"`, `"baudet"`, `"delingette"` or `"uniform"`;
+    /// without, `"delingette"` for tetrahedra and `"frobenius"` for hexahedra.
     pub element_method: Option<SpringMethod>,
     /// Constant (N/m) of every spring with `"uniform"`.
     pub spring_constant: Option<f64>,
@@ -94,6 +94,8 @@ impl BodyEntry {
 pub enum SpringMethod {
     /// From the material.
     Fitted(ElementMethod),
+    /// The same by the name that the method had before.
+    Renamed(ElementMethod),
     /// The scene gives one for all.
     Uniform,
 }
@@ -114,7 +116,7 @@ impl SpringMethod {
 impl Serialize for SpringMethod {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         serializer.serialize_str(match self {
-            Self::Fitted(method) => method.name(),
+            Self::Fitted(method) | Self::Renamed(method) => method.name(),
             Self::Uniform => Self::UNIFORM,
         })
     }
@@ -126,7 +128,11 @@ impl<'de> Deserialize<'de> for SpringMethod {
         if name == Self::UNIFORM {
             return Ok(Self::Uniform);
         }
-        name.parse().map(Self::Fitted).map_err(|_| D::Error::unknown_variant(&name, &Self::NAMES))
+        match name.parse::<ElementMethod>() {
+            Ok(method) if method.old_name() == Some(&name) => Ok(Self::Renamed(method)),
+            Ok(method) => Ok(Self::Fitted(method)),
+            Err(_) => Err(D::Error::unknown_variant(&name, &Self::NAMES)),
+        }
     }
 }
 
@@ -144,7 +150,7 @@ pub struct MembraneEntry {
     /// `"stress"` (default): thin, free to become thinner; `"strain"`: a slice of a long body.
     #[serde(default)]
     pub plane: PlaneState,
-    /// As [`BodyEntry::element_method`], also `"van-gelder-full"`; without, `"paper-a"` for triangles and
+    /// As [`BodyEntry::element_method`], also `"van-gelder-full"`; without, `"delingette"` for triangles and
     /// `"frobenius"` for quadrilaterals.
     pub element_method: Option<SpringMethod>,
     /// As [`BodyEntry::spring_constant`].

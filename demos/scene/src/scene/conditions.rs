@@ -156,7 +156,7 @@ pub struct RotationAbout {
     pub degrees: f64,
 }
 
-/// A force on vertices.
+/// A force on vertices, or a traction on faces; both keep their direction.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LoadEntry {
@@ -164,10 +164,14 @@ pub struct LoadEntry {
     pub name: String,
     /// Name of the body; may be left out when there is only one.
     pub body: Option<String>,
-    /// Which vertices.
-    pub select: Selection,
+    /// Which vertices bear `force`.
+    pub select: Option<Selection>,
     /// Total force (N), shared equally by the vertices.
-    pub force: [f64; 3],
+    pub force: Option<[f64; 3]>,
+    /// Which faces bear `traction`.
+    pub on: Option<FacesEntry>,
+    /// Force per rest area (N/m^2), shared by the vertices as their shape functions say.
+    pub traction: Option<[f64; 3]>,
     /// Factor over time; 1 without it. Dynamic scenes.
     pub curve: Option<CurveEntry>,
 }
@@ -188,7 +192,7 @@ pub struct PressureEntry {
     pub curve: Option<CurveEntry>,
 }
 
-/// Triangles of a body; exactly one key.
+/// Faces of a body; exactly one key.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FacesEntry {
@@ -201,6 +205,9 @@ pub struct FacesEntry {
     pub patch: Option<PatchRegion>,
     /// All triangles of the membrane, pushed along their normals.
     pub membrane: Option<bool>,
+    /// Of a traction alone: edges at the rim of the membrane between vertices of this group. The force per length is the
+    /// traction times the thickness.
+    pub rim: Option<String>,
 }
 
 /// A factor over time; exactly one key.

@@ -13,7 +13,12 @@ pub struct FibreEntry {
     pub name: String,
     /// Modulus along the fibres (Pa), added to that of the body's material.
     pub modulus: f64,
-    /// Viscosity along the fibres (Pa s); no damping without it.
+    /// Moduli (Pa) along a second and a third axis, orthogonal to the fibres and to each other: families `NAME_2` and
+    /// `NAME_3`.
+    pub across: Option<[f64; 2]>,
+    /// The second axis is the part of this direction across the fibres; without it, the course of the fibres tells.
+    pub towards: Option<[f64; 3]>,
+    /// Viscosity along the fibres, and along the axes across them (Pa s); no damping without it.
     pub viscosity: Option<f64>,
     /// The same direction everywhere, of any length.
     pub direction: Option<[f64; 3]>,

@@ -26,7 +26,7 @@ pub use read::LoadedScene;
 pub(crate) use read::{Key, PreparedMesh};
 pub use resection::{CutterEntry, ResectionEntry};
 pub use shape::{
-    BalloonShape, BoxShape, CupShape, CylinderShape, DiscShape, Generate, Rotation, SheetCells,
-    SheetShape, SolidCells, SpecimenShape, SphereShape,
+    BalloonShape, BoxShape, CupShape, CylinderShape, DiscShape, Generate, Rotation, SHAPES,
+    ShapeDocument, ShapeKey, SheetCells, SheetShape, SolidCells, SpecimenShape, SphereShape,
 };
 pub use touch::{ContactEntry, PartEntry, PullEntry, ToolEntry, ToolShape, TouchedEntry};

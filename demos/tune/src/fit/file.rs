@@ -8,6 +8,7 @@
 //! | `schema`, `mesh`, `method`, `mass_lumping` | | | text | |
 //! | `plane` (plane bodies only) | | | `stress` or `strain` | |
 //! | `young_modulus` (Pa), `poisson_ratio`, `density` (kg/m^3), `thickness` (m, plane bodies only) | | | number | |
+//! | `whole` (constants found for the body as a whole only: its report as JSON) | | | text | |
 //! | `frobenius_residual`, `two_norm_residual` (mean, then worst with its element) | `mean` or `worst` | element | number | |
 //! | `spring` | vertex | vertex | constant, N/m | m |
 //! | `mass` | vertex | | kg | |
@@ -125,6 +126,9 @@ fn to_csv(body: &FittedBody) -> Result<Vec<u8>, csv::Error> {
     }
     if let Some(thickness) = body.thickness {
         setting("thickness", thickness.to_string())?;
+    }
+    if let Some(whole) = &body.whole {
+        setting("whole", serde_json::to_string(whole).unwrap_or_default())?;
     }
     let r = &body.report;
     setting("distinct_fits", r.distinct_fits.to_string())?;
@@ -269,6 +273,12 @@ fn from_csv(bytes: &[u8]) -> Result<FittedBody, String> {
         element_constants: lists,
         report,
         freedom: None,
+        whole: match settings.get::<String>("whole")? {
+            Some(text) => {
+                Some(serde_json::from_str(&text).map_err(|e| format!("record `whole`: {e}"))?)
+            }
+            None => None,
+        },
         assessment: None,
         untested: None,
     })

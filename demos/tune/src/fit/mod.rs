@@ -4,6 +4,7 @@ pub mod assess;
 pub mod file;
 mod report;
 pub mod rig;
+pub mod whole;
 
 use assess::{Assessment, assess};
 use glam::DVec3;
@@ -13,11 +14,13 @@ use sinew::engine::mesh::{CheckError, CheckOptions, Mesh, MeshError, check};
 use sinew_identify::cells::Cells;
 use sinew_identify::fit::ConstantRange;
 use sinew_identify::mass::MassLumping;
-use sinew_identify::mesh::{ElementFits, FitReport, fit_each, mesh_masses};
+use sinew_identify::mesh::{ElementFits, FitReport, FittedSprings, fit_each, mesh_masses};
 use sinew_identify::method::constant_ranges;
+use sinew_identify::springs::pairs;
 use sinew_identify::virtual_test::VirtualTestError;
 use sinew_identify::{ElementError, ElementMethod, IdentifyError, LinearMaterial, Plane, Section};
 use std::path::PathBuf;
+use whole::{Target, WholeReport, WholeRequest};
 
 pub use sinew_scene::springs::{BodySpring, ElementConstants, SCHEMA};
 
@@ -82,6 +85,11 @@ pub enum FitError {
         /// Mesh.
         mesh: String,
     },
+    /// A state that is none.
+    #[error(
+        "an amplitude is {0}; give positive ones, such as 0.1 for a tenth of the length of the body"
+    )]
+    Amplitude(f64),
     /// A file that cannot be read or written.
     #[error("{}: {reason}", path.display())]
     File {
@@ -113,6 +121,9 @@ pub struct FitRequest {
     pub masses: MassLumping,
     /// Ends of the virtual tests.
     pub grips: Grips,
+    /// Finds the constants for the body as a whole; without, element by element. Those of `method` are then what it is
+    /// compared with.
+    pub whole: Option<WholeRequest>,
 }
 
 /// A body of springs: what `sinew fit` finds and writes.
@@ -141,13 +152,16 @@ pub struct FittedBody {
     /// How the mass of an element was shared among its vertices.
     #[serde(default)]
     pub mass_lumping: MassLumping,
-    /// Constants of single elements.
+    /// Constants of single elements. Of constants of a whole body the elements round a spring have equal parts.
     pub element_constants: ElementConstants,
-    /// Residuals and negative constants.
+    /// Residuals and negative constants; of elements they are those of `method`.
     pub report: FitReport,
     /// 2-norm fits: how well the least norm determines the constants; none in files of springs alone (CSV).
     #[serde(default)]
     pub freedom: Option<Freedom>,
+    /// How constants were found for the body as a whole; none where they were found element by element.
+    #[serde(default)]
+    pub whole: Option<WholeReport>,
     /// What the virtual tests found; none in files of springs alone (CSV) and where they were not possible.
     pub assessment: Option<Assessment>,
     /// Why the virtual tests were not possible: finite elements have no answer in them.
@@ -222,6 +236,7 @@ pub fn fit_file(path: &std::path::Path, request: &FitRequest) -> Result<FittedBo
 ///     method: ElementMethod::Baudet,
 ///     masses: MassLumping::RowSum,
 ///     grips: Grips::default(),
+///     whole: None,
 /// };
 /// let body = fit_mesh(&mesh, &request)?;
 /// // Baudet's squares are exact at a ratio of 1/3
@@ -252,18 +267,28 @@ pub fn fit_mesh(mesh: &Mesh, request: &FitRequest) -> Result<FittedBody> {
     let cells = rig.cells();
     let material = request.material;
     let fits = fit_each(&rig.points, &cells, &[material], &rig.section, request.method)?;
-    let springs = fits.pooled(&cells, request.method);
     let freedom = Freedom::of(&rig, &cells, &fits, &material)?;
+    let mut springs = fits.pooled(&cells, request.method);
+    let whole = match (&request.whole, &no_rig) {
+        (Some(WholeRequest { target: Target::Forces, .. }), Some(_)) => {
+            return Err(no_rig.unwrap_or(IdentifyError::NoElements.into()));
+        }
+        (Some(whole), _) => Some(whole.find(&rig, &material, &mut springs)?),
+        (None, _) => None,
+    };
     let own = mesh_masses(&rig.points, &cells, request.density, &rig.section, request.masses)?;
     let mut masses = vec![0.0; mesh.points.len()];
     rig.nodes.iter().zip(own).for_each(|(&v, m)| masses[v as usize] = m);
     let at = |v: u32| DVec3::from(rig.points[v as usize]);
     let length = |[a, b]: [u32; 2]| at(a).distance(at(b));
     let mut lists = ElementConstants::default();
+    let shares = whole.is_some().then(|| equal_shares(&cells, &springs));
     for element in 0..cells.len() {
-        let list = lists.list(cells.element(element).0);
-        list.push(fits.of(element).constants.clone());
+        let (kind, _, nodes) = cells.element(element);
+        let own = || fits.of(element).constants.clone();
+        lists.list(kind).push(shares.as_ref().map_or_else(own, |shares| shares(nodes)));
     }
+    drop(shares);
     let tested = match no_rig {
         Some(e) => Err(e),
         None => assess(&rig, &material, &springs),
@@ -297,7 +322,29 @@ pub fn fit_mesh(mesh: &Mesh, request: &FitRequest) -> Result<FittedBody> {
         element_constants: lists,
         report: springs.report,
         freedom,
+        whole,
         assessment,
         untested,
     })
+}
+
+/// Constants (N/m) of an element by its nodes: an equal part of every spring for each of the elements round it.
+fn equal_shares<'a>(
+    cells: &Cells<'_>,
+    springs: &'a FittedSprings,
+) -> impl Fn(&[u32]) -> Vec<f64> + use<'a> {
+    let place =
+        |a: u32, b: u32| springs.edges.binary_search(&[a.min(b), a.max(b)]).unwrap_or_else(|at| at);
+    let mut round = vec![0.0; springs.edges.len()];
+    for element in 0..cells.len() {
+        let nodes = cells.element(element).2;
+        pairs(nodes.len()).for_each(|(a, b)| round[place(nodes[a], nodes[b])] += 1.0);
+    }
+    move |nodes| {
+        let share = |(a, b): (usize, usize)| {
+            let at = place(nodes[a], nodes[b]);
+            springs.constants[at] / round[at]
+        };
+        pairs(nodes.len()).map(share).collect()
+    }
 }

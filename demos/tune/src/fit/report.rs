@@ -1,6 +1,7 @@
 //! The report of `sinew fit` on a terminal.
 
 use super::assess::Assessment;
+use super::whole::WholeReport;
 use super::{FittedBody, Freedom};
 use crate::table::three_digits;
 use crate::table_of;
@@ -52,6 +53,9 @@ impl fmt::Display for FittedBody {
                 r.worst_element
             )
         };
+        if let Some(whole) = &self.whole {
+            return self.of_whole(whole, f);
+        }
         writeln!(f, "  residual     |R - K|_F / |R|_F  {}", residual(&r.frobenius_residual))?;
         writeln!(f, "               |R - K|_2 / |R|_2  {}", residual(&r.two_norm_residual))?;
         if let Some(gap) = r.worst_certificate_gap {
@@ -69,11 +73,7 @@ impl fmt::Display for FittedBody {
             self.springs.len(),
             three_digits(r.least_constant)
         )?;
-        match (&self.assessment, &self.untested) {
-            (Some(assessment), _) => self.tests(assessment, f)?,
-            (None, Some(reason)) => writeln!(f, "  tests        not possible: {reason}")?,
-            (None, None) => {}
-        }
+        self.all_tests(f)?;
         writeln!(f, "In a scene: model = \"mass_spring\", element_method = \"{}\"", self.method)
     }
 }
@@ -114,6 +114,52 @@ impl FittedBody {
             }
         }
         Ok(())
+    }
+
+    /// What was found for the body as a whole.
+    fn of_whole(&self, whole: &WholeReport, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let r = &self.report;
+        writeln!(f, "  whole body   {}", whole.words())?;
+        for (kind, modulus) in &whole.moduli {
+            writeln!(f, "  modulus      {} Pa, {kind}", three_digits(*modulus))?;
+        }
+        if !whole.states.is_empty() {
+            let states = whole.states.iter().map(|(test, size)| format!("{test} {size}"));
+            writeln!(f, "  states       {}", states.collect::<Vec<_>>().join(", "))?;
+        }
+        writeln!(
+            f,
+            "  residual     {} (springs found element by element: {})",
+            three_digits(whole.residual),
+            three_digits(whole.residual_of_elements)
+        )?;
+        if whole.is_open() {
+            writeln!(
+                f,
+                "  open         after {} iterations a gradient of {:.1e} is left: the states hardly tell some constants",
+                whole.iterations, whole.gradient
+            )?;
+        }
+        writeln!(
+            f,
+            "  negative     {} of {} springs (least {} N/m)",
+            r.negative_edges,
+            self.springs.len(),
+            three_digits(r.least_constant)
+        )?;
+        self.all_tests(f)?;
+        writeln!(
+            f,
+            "In a scene: model = \"mass_spring\", springs = \"FILE.json\", as --out FILE.json writes it"
+        )
+    }
+
+    fn all_tests(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match (&self.assessment, &self.untested) {
+            (Some(assessment), _) => self.tests(assessment, f),
+            (None, Some(reason)) => writeln!(f, "  tests        not possible: {reason}"),
+            (None, None) => Ok(()),
+        }
     }
 
     /// What the virtual tests found.

@@ -25,7 +25,7 @@ fn title(p: &Parameter) -> String {
 /// Whether everything follows from prescribed motions: there is no force whose size is known.
 fn only_motions(loaded: &LoadedScene, observations: &Observations) -> bool {
     let scene = &loaded.scene;
-    let loaded = scene.loads.iter().any(|load| load.force != [0.0; 3])
+    let loaded = scene.loads.iter().any(|load| load.force.or(load.traction) != Some([0.0; 3]))
         || scene.pressures.iter().any(|p| p.pressure != 0.0)
         || scene.gravity != [0.0; 3];
     !loaded && observations.files.iter().all(|file| file.kind == DataKind::Displacements)

@@ -440,7 +440,7 @@ class Removal:
     """Mesh faces that no element uses any more."""
 
     pressure_faces: int
-    """Faces that follower pressures lost with them."""
+    """Faces that follower pressures and tractions lost with them."""
 
     orphans: list[int]
     """Vertices that lost their last element, by their indices in the user's mesh, ascending."""

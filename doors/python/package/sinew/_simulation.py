@@ -726,6 +726,27 @@ class Simulation:
         handle = self._own.add_pressure(body.handle, own, which, float(pressure), _curve(curve, over))
         return Pressure(self, handle, own)
 
+    def traction(
+        self,
+        body: Body,
+        traction: ArrayLike,
+        faces: Vertices | None = None,
+        *,
+        over: Over | None = None,
+        curve: Curve | None = None,
+        name: str | None = None,
+    ) -> Load:
+        """A traction (3,) (N/m^2 at rest) that keeps its direction, on faces: triangles (m, 3), quadrilaterals (m, 4), those of
+        a group, or the whole surface. Every vertex gets what its shape function says."""
+        own = self._name("load", name, faces)
+        group = faces if isinstance(faces, str) else None
+        which = None
+        if faces is not None and group is None:
+            corners = 4 if np.asarray(faces).shape[-1:] == (4,) else 3
+            which = corners, indices("faces", faces, corners)
+        push = vector("traction", traction)
+        return Load(self, self._own.add_traction(body.handle, own, which, group, push, _curve(curve, over)), own)
+
     def add_tool(
         self,
         name: str,

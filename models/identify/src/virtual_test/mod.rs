@@ -11,6 +11,8 @@
 //! machine would. Plane bodies (triangles and quadrilaterals) lie in x and y; the third coordinate is
 //! ignored and must be the same everywhere.
 //!
+//! [`whole`] finds the springs of a body as a whole: for its assembled stiffness, or for its forces in given states.
+//!
 //! Systems are factorised directly: meshes of these tests are small, and springs with negative
 //! constants are indefinite.
 
@@ -18,6 +20,7 @@ pub mod facets;
 pub mod gauge;
 mod sparse;
 mod springs;
+pub mod whole;
 
 use thiserror::Error;
 

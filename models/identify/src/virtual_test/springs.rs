@@ -164,7 +164,7 @@ pub fn rest_length_springs(
 }
 
 /// Springs and their rest lengths.
-struct Springs<'a> {
+pub(super) struct Springs<'a> {
     points: &'a [[f64; 3]],
     edges: &'a [[u32; 2]],
     constants: &'a [f64],
@@ -173,7 +173,7 @@ struct Springs<'a> {
 }
 
 impl<'a> Springs<'a> {
-    fn new(
+    pub(super) fn new(
         points: &'a [[f64; 3]],
         edges: &'a [[u32; 2]],
         constants: &'a [f64],
@@ -185,7 +185,7 @@ impl<'a> Springs<'a> {
 
     /// Unit vector from the second node to the first, length, and change of length formed without
     /// cancellation: `l - L = (l^2 - L^2) / (l + L)`, `l^2 - L^2 = du . (2 X + du)`.
-    fn spring(&self, s: usize, u: &[f64]) -> ([f64; 3], f64, f64) {
+    pub(super) fn spring(&self, s: usize, u: &[f64]) -> ([f64; 3], f64, f64) {
         let [a, b] = self.edges[s].map(|n| n as usize);
         let rest = sub(self.points[a], self.points[b]);
         let mut du = [0.0; 3];
