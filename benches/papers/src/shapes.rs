@@ -143,7 +143,7 @@ pub(crate) fn write<'n>(
     std::fs::create_dir_all(folder)
         .map_err(|e| BenchError::Write { path: folder.into(), reason: e.to_string() })?;
     let file = |name: &str| {
-        let mut mesh = mesh(name)?;
+        let mut mesh = variant(name, 0)?;
         for group in &mut mesh.groups {
             group.name = match group.name.as_str() {
                 "x0" => "fixed".into(),
@@ -373,7 +373,7 @@ mod tests {
         let names = ["square_tri", "square_quad", "cube_tet", "cube_hex"];
         let files = write(&folder, names).unwrap();
         for (name, file) in names.into_iter().zip(&files) {
-            let (own, read) = (mesh(name).unwrap(), Mesh::read(file).unwrap());
+            let (own, read) = (variant(name, 0).unwrap(), Mesh::read(file).unwrap());
             let cells = |m: &Mesh| (m.tetrahedra.clone(), m.hexahedra.clone());
             assert_eq!((&own.points, cells(&own)), (&read.points, cells(&read)), "{name}");
             let [from_file, generated] = [Some(folder.as_path()), None]

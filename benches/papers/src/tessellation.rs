@@ -437,7 +437,8 @@ struct SolidSprings {
 fn solid_springs() -> Result<Vec<SolidSprings>> {
     let side = 0.02;
     let random = irregular_box_tets(DVec3::splat(side), [5, 5, 5], 0.15, 0)?;
-    let meshes = [("cells cut at random", random), ("nearly regular", shapes::mesh("cube_tet")?)];
+    let meshes =
+        [("cells cut at random", random), ("nearly regular", shapes::variant("cube_tet", 0)?)];
     let runs: Vec<(f64, usize)> = SOLID_RATIOS.iter().flat_map(|nu| [(*nu, 0), (*nu, 1)]).collect();
     let run = |&(poisson_ratio, i): &(f64, usize)| {
         let (name, mesh) = &meshes[i];
