@@ -1,11 +1,36 @@
 //! What axes a body has, as the user states it, and how they are packed into tables.
 
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 use std::fmt;
 
 use super::muscle::{MuscleError, MuscleSettings};
 use crate::material::LameParameters;
+
+/// What the springs along fibres measure.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum FibreForm {
+    /// The stretch `l = |F a|`: energy density `Y/2 (l - 1)^2`.
+    #[default]
+    Stretch,
+    /// The Green-Lagrange strain along the fibre: energy density `Y/2 (a.E a)^2`, `a.E a = (l^2 - 1)/2`. The fibres of
+    /// St Venant-Kirchhoff: in pooled tetrahedra they only add to the constants of the springs
+    /// ([`SpringConstants::add_fibre`](crate::element::precompute::SpringConstants::add_fibre)). They soften in
+    /// compression, and give way below a stretch of 0.58.
+    Biquadratic,
+}
+
+impl FibreForm {
+    /// Name in scene files and reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Stretch => "stretch",
+            Self::Biquadratic => "biquadratic",
+        }
+    }
+}
 
 /// Axes of one kind: a direction in every solid element and a modulus along it.
 #[derive(Clone, Debug, PartialEq)]
@@ -17,6 +42,8 @@ pub struct AxisFamily<'a> {
     pub directions: Cow<'a, [DVec3]>,
     /// Modulus along the axis (Pa): stress per stretch, over the rest area.
     pub modulus: f64,
+    /// What it measures.
+    pub form: FibreForm,
     /// Viscosity along the axis (Pa s): stress per rate of stretch ([`damper`](super::damper)), 0 without
     /// damping.
     pub viscosity: f64,
@@ -34,6 +61,7 @@ impl<'a> AxisFamily<'a> {
             name: Cow::Borrowed(name),
             directions: Cow::Borrowed(directions),
             modulus,
+            form: FibreForm::default(),
             viscosity: 0.0,
             share: None,
             muscle: None,
@@ -58,6 +86,7 @@ impl<'a> AxisFamily<'a> {
             name: Cow::Owned(self.name.into_owned()),
             directions: Cow::Owned(self.directions.into_owned()),
             modulus: self.modulus,
+            form: self.form,
             viscosity: self.viscosity,
             share: self.share.map(|s| Cow::Owned(s.into_owned())),
             muscle: self.muscle,
@@ -89,7 +118,23 @@ pub struct AxesDescription<'a> {
 /// Coordinate directions of [`AxesDescription::isotropic`].
 const COORDINATES: [[DVec3; 1]; 3] = [[DVec3::X], [DVec3::Y], [DVec3::Z]];
 
+/// Axes (unit vectors) and moduli (Pa) of the biquadratic fibres of some families in an element.
+pub(crate) fn biquadratic<'a>(
+    families: &'a [AxisFamily<'a>],
+    element: usize,
+) -> impl Iterator<Item = (DVec3, f64)> + 'a {
+    let own = families.iter().filter(move |f| {
+        f.form == FibreForm::Biquadratic && f.share(element) > 0.0
+    });
+    own.map(move |f| (super::spawn::unit(f, element), f.modulus * f.share(element)))
+}
+
 impl AxesDescription<'_> {
+    /// Whether some of its fibres are biquadratic.
+    pub fn has_biquadratic(&self) -> bool {
+        self.families.iter().any(|f| f.form == FibreForm::Biquadratic)
+    }
+
     /// Axes along x, y and z that amount to an isotropic material at small strain: `Y = 2 mu`, `G = mu`,
     /// `Lambda = lambda`.
     pub fn isotropic(material: LameParameters) -> AxesDescription<'static> {
@@ -176,6 +221,9 @@ impl AxesDescription<'_> {
                 }
             }
             if let Some(muscle) = &family.muscle {
+                if family.form == FibreForm::Biquadratic {
+                    return Err(AxesError::ActiveForm { family: name() });
+                }
                 let error = |source| AxesError::Muscle { family: name(), source };
                 muscle.validate().map_err(error)?;
             }
@@ -198,7 +246,8 @@ impl AxesDescription<'_> {
     }
 
     /// Packs families and angles into what one entity holds. Angles are covered by triads as long as
-    /// there are any; a passive family goes with the first triad that has it, others are single fibres.
+    /// there are any; a passive family goes with the first triad that has it, others are single fibres. Biquadratic
+    /// families are always single.
     pub fn pack(&self) -> Vec<AxisGroup> {
         let mut left: Vec<([usize; 2], f64)> = Vec::new();
         for AxisAngle { families: [i, j], modulus } in self.angles.iter().copied() {
@@ -209,7 +258,8 @@ impl AxesDescription<'_> {
             }
         }
         let mut groups = Vec::new();
-        let mut placed: Vec<bool> = self.families.iter().map(|f| f.muscle.is_some()).collect();
+        let single = |f: &AxisFamily| f.muscle.is_some() || f.form == FibreForm::Biquadratic;
+        let mut placed: Vec<bool> = self.families.iter().map(single).collect();
         let mut volume = self.volume_modulus;
         while let Some(&([i, j], _)) = left.first() {
             let pairs = |k: usize| [[i.min(k), i.max(k)], [j.min(k), j.max(k)]];
@@ -235,8 +285,12 @@ impl AxesDescription<'_> {
             volume = 0.0;
         }
         for (i, family) in self.families.iter().enumerate() {
-            if !placed[i] || family.muscle.is_some() {
-                groups.push(AxisGroup::Fibre(i));
+            match family.form {
+                FibreForm::Biquadratic => groups.push(AxisGroup::Biquadratic(i)),
+                FibreForm::Stretch if !placed[i] || single(family) => {
+                    groups.push(AxisGroup::Fibre(i));
+                }
+                FibreForm::Stretch => {}
             }
         }
         if volume > 0.0 {
@@ -260,8 +314,10 @@ pub enum AxisGroup {
         /// Modulus of volume (Pa).
         volume: f64,
     },
-    /// A family.
+    /// A family that measures its stretch.
     Fibre(usize),
+    /// A family that measures its strain.
+    Biquadratic(usize),
     /// Modulus of volume (Pa).
     Volume(f64),
 }
@@ -391,6 +447,15 @@ pub enum AxesError {
         families: [usize; 2],
         /// Number of families.
         count: usize,
+    },
+    /// Active fibres of a form that has no activation.
+    #[error(
+        "family `{family}` is active and of the form \"biquadratic\", which has no stretch to act on: take the form \
+         \"stretch\", or leave the muscle out"
+    )]
+    ActiveForm {
+        /// Name of the family.
+        family: String,
     },
     /// A muscle that cannot be used.
     #[error("muscle of family `{family}`: {source}")]

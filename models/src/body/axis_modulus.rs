@@ -4,11 +4,13 @@ use bevy_ecs::prelude::*;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::vertex::BodyId;
 
+use super::change::sum_springs;
 use super::description::SoftBody;
 use super::edit_log::{Edit, before_edit, log_edit};
 use crate::axes::columns::*;
-use crate::axes::description::{AxesError, ModulusOf};
+use crate::axes::description::{AxesError, FibreForm, ModulusOf};
 use crate::axes::muscle::Muscles;
+use crate::frame::rules::Evaluation;
 
 /// Gives a family of axes of body number `body` another modulus (Pa). Displacements, activations and
 /// everything else stay.
@@ -25,8 +27,9 @@ pub fn set_axis_modulus<S: Scalar>(
 ) -> Result<(), AxesError> {
     before_edit::<S>(world);
     let mut bodies = world.query::<&mut SoftBody>();
-    let axes = bodies.iter_mut(world).find(|soft| soft.index == body);
-    let axes = axes.and_then(|soft| soft.into_inner().axes.as_mut());
+    let soft = bodies.iter_mut(world).find(|soft| soft.index == body);
+    let is_pooled = soft.as_ref().is_some_and(|soft| soft.evaluation == Evaluation::Pooled);
+    let axes = soft.and_then(|soft| soft.into_inner().axes.as_mut());
     let families = axes.map_or(&mut [][..], |axes| &mut axes.description.families);
     let Some(index) = families.iter().position(|f| f.name == family) else {
         let known = families.iter().map(|f| f.name.to_string()).collect();
@@ -36,6 +39,7 @@ pub fn set_axis_modulus<S: Scalar>(
         return Err(AxesError::Modulus { of: ModulusOf::Family(family.into()), value: modulus });
     }
     families[index].modulus = modulus;
+    let is_pooled = is_pooled && families[index].form == FibreForm::Biquadratic;
     let muscles = world.get_resource::<Muscles>().cloned().unwrap_or_default();
     let mut entities = world.query::<(
         (&AxisSource, &BodyId, Option<&MuscleIndex>),
@@ -62,6 +66,9 @@ pub fn set_axis_modulus<S: Scalar>(
             1 => b.into_iter().for_each(|mut b| b.0 = stiffness),
             _ => c.into_iter().for_each(|mut c| c.0 = stiffness),
         }
+    }
+    if is_pooled {
+        sum_springs::<S>(world, body);
     }
     log_edit(world, Edit::AxisModulus { body, family: family.into(), modulus });
     Ok(())

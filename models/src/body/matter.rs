@@ -5,6 +5,7 @@
 use super::description::{MassRule, SoftBody};
 use super::lumped::{self, ElementSprings, GivenSprings, SpringRule};
 use super::sheet::{MembraneModel, MembraneSettings, PlaneState};
+use crate::axes::description::{AxisFamily, biquadratic};
 use crate::element::membrane::{self, RestTriangle};
 use crate::element::precompute::{ADJACENT_PAIRS, RestTetrahedron, SpringConstants};
 use crate::frame::rules::Evaluation;
@@ -48,6 +49,8 @@ pub(crate) struct Matter<'a> {
     pub equal_masses: bool,
     /// Its membrane.
     pub membrane: Option<MembraneSettings>,
+    /// Fibres of its solid elements.
+    pub families: &'a [AxisFamily<'a>],
 }
 
 impl SoftBody {
@@ -60,6 +63,7 @@ impl SoftBody {
         let &Self { model, evaluation, spring_rule, masses, membrane, .. } = self;
         let (field, given, lumping) = (self.field(), self.given.as_deref(), masses.lumping());
         let equal_masses = masses == MassRule::Equal;
+        let families = self.axes.as_ref().map_or(&[][..], |axes| &axes.description.families);
         Matter {
             ordered,
             rest_of,
@@ -71,6 +75,7 @@ impl SoftBody {
             lumping,
             equal_masses,
             membrane,
+            families,
         }
     }
 }
@@ -285,8 +290,8 @@ impl Matter<'_> {
         sums
     }
 
-    /// Constants of the springs of pooled elements, summed over elements; `lame` are the Lamé parameters (Pa) of
-    /// their tetrahedra.
+    /// Constants of the springs of pooled elements, summed over elements, those of biquadratic fibres among them; `lame`
+    /// are the Lamé parameters (Pa) of their tetrahedra.
     pub fn pooled_springs<'c>(
         &self,
         cells: &'c Cells,
@@ -296,10 +301,16 @@ impl Matter<'_> {
     ) -> PooledSprings<'c> {
         let tensile = vec![0.0; edges.count()];
         let angular = vec![None; triangles.count()];
-        let mut sums = PooledSprings { cells, edges, triangles, tensile, angular };
+        let volumetric = Vec::new();
+        let mut sums = PooledSprings { cells, edges, triangles, tensile, angular, volumetric };
         if self.evaluation == Evaluation::Pooled {
             for (&t, &lame) in elements[ElementKind::Tetrahedron].iter().zip(lame) {
-                let constants = SpringConstants::new(&self.tetrahedron(t), lame);
+                let rest = self.tetrahedron(t);
+                let mut constants = SpringConstants::new(&rest, lame);
+                let place = self.place(ElementKind::Tetrahedron, t);
+                for (axis, modulus) in biquadratic(self.families, place) {
+                    constants.add_fibre(&rest, axis.to_array(), modulus);
+                }
                 sums.add_tetrahedron(t, self.ordered.tetrahedra()[t as usize], &constants);
             }
         }
@@ -322,6 +333,8 @@ pub(crate) struct PooledSprings<'a> {
     pub tensile: Vec<f64>,
     /// Angular springs of the triangles, `None` where there is none.
     pub angular: Vec<Option<[f64; 3]>>,
+    /// Volumetric springs of the tetrahedra, in the order in which these were given.
+    pub volumetric: Vec<[f64; 3]>,
 }
 
 impl PooledSprings<'_> {
@@ -335,6 +348,7 @@ impl PooledSprings<'_> {
 
     fn add_tetrahedron(&mut self, t: u32, nodes: [u32; 4], constants: &SpringConstants) {
         let cells = self.cells;
+        self.volumetric.push(constants.volumetric);
         self.add_tensile(cells.edges_of.tetrahedra.of(t), &constants.tensile);
         for (c, [apex, j, k]) in constants.angular.iter().zip(ADJACENT_PAIRS) {
             // the face through the pair lies opposite the one vertex that it does not use

@@ -34,7 +34,7 @@ use super::surface::read_surface;
 use crate::axes::description::{AxesError, BodyAxes};
 use crate::axes::spawn::spawn_axes;
 use crate::axes::systems::AxesOnly;
-use crate::element::precompute::{RestTetrahedron, SpringConstants};
+use crate::element::precompute::RestTetrahedron;
 use crate::frame::part::{
     Offsets, RestShapes, SolidPart, are_vertices, bad_vertices, rest_shapes, spawn_hexahedra,
     spawn_tetrahedra, spawn_tetrahedra10,
@@ -110,6 +110,7 @@ fn spawn<S: Scalar>(world: &mut World, body: &BodyDescription) -> Result<Entity,
         lumping,
         equal_masses: body.masses == MassRule::Equal,
         membrane,
+        families: body.axes.as_ref().map_or(&[][..], |axes| &axes.families),
     };
     let springs =
         matter.element_springs().map_err(|source| BodyError::Springs { body: name(), source })?;
@@ -141,7 +142,7 @@ fn spawn<S: Scalar>(world: &mut World, body: &BodyDescription) -> Result<Entity,
     let (layout, rest_of, rest) = (&layout, &rest_of, &rest);
     let part = SolidPart { layout, rest_of, rest, lame, compression, clusters, at };
     part.spawn_vertices::<S>(world, &masses, &shifts);
-    if body.model.softens() {
+    if model.softens() {
         report_compression::<S>(world, at.body.0);
     }
     part.spawn_edges::<S>(world, &mass_spring);
@@ -151,12 +152,13 @@ fn spawn<S: Scalar>(world: &mut World, body: &BodyDescription) -> Result<Entity,
     if law.is_none() {
         world.resource_mut::<BodiesWithoutRecovery>().insert(at.body.0 as usize);
     }
-    part.spawn::<S>(world, model, law, (evaluation, body.volume), &edge_rows);
+    let springs_of = (&edge_rows[..], &pooled.volumetric[..]);
+    part.spawn::<S>(world, model, law, (evaluation, body.volume), springs_of);
     if let Some(sheet) = &sheet {
         sheet.spawn::<S>(world, layout, at);
     }
     if let Some(axes) = &body.axes {
-        spawn_axes::<S>(world, axes, &part);
+        spawn_axes::<S>(world, axes, &part, evaluation);
     }
     partition_laws::<S>(world);
     resection::install::<S>(world);
@@ -424,14 +426,15 @@ impl SolidPart<'_> {
         world.spawn_batch(vertices.collect::<Vec<_>>());
     }
 
-    /// Spawns the elements with the mark of their law.
+    /// Spawns the elements with the mark of their law; pooled tetrahedra with the edge-table rows of the edges of the
+    /// layout, and their volumetric springs.
     fn spawn<S: Scalar>(
         &self,
         world: &mut World,
         model: Model,
         law: Option<&'static LawRow>,
         (evaluation, volume): (Evaluation, VolumeRule),
-        edge_rows: &[u32],
+        springs: (&[u32], &[[f64; 3]]),
     ) {
         type Alone = fn(&mut World, &SolidPart);
         // without a law: springs, or axes alone
@@ -456,7 +459,7 @@ impl SolidPart<'_> {
             let pooled = evaluation == Evaluation::Pooled && elements == Elements::Tetrahedra;
             match law {
                 _ if none => {}
-                Some(_) if pooled => self.spawn_pooled::<S>(world, edge_rows),
+                Some(_) if pooled => self.spawn_pooled::<S>(world, springs),
                 // without one it was refused before
                 Some(law) => {
                     if let Some(law) = law.in_elements(elements, volume) {
@@ -468,10 +471,12 @@ impl SolidPart<'_> {
         }
     }
 
-    /// Spawns pooled tetrahedra; `edge_rows` are the edge-table rows of the edges of the layout.
-    fn spawn_pooled<S: Scalar>(&self, world: &mut World, edge_rows: &[u32]) {
-        let constants = self.rest.tetrahedra.iter().zip(&self.lame[0]);
-        let constants = constants.map(|(rest, &lame)| volumetric_bundle::<S>(rest, lame));
+    fn spawn_pooled<S: Scalar>(
+        &self,
+        world: &mut World,
+        (edge_rows, volumetric): (&[u32], &[[f64; 3]]),
+    ) {
+        let constants = volumetric.iter().map(|&own| volumetric_bundle::<S>(own));
         let edges = self.layout.cells.edges_of.tetrahedra.each::<6>();
         let elements = self.tetrahedra::<S>().zip(edges).zip(constants);
         let elements = elements.map(|((tetrahedron, e), constants)| {
@@ -559,11 +564,8 @@ impl SolidPart<'_> {
 type Volumetric<S> =
     (VolumetricStiffness<S, 0>, VolumetricStiffness<S, 1>, VolumetricStiffness<S, 2>);
 
-/// Volumetric springs of a pooled tetrahedron.
-pub(super) fn volumetric_bundle<S: Scalar>(
-    rest: &RestTetrahedron,
-    lame: LameParameters,
-) -> Volumetric<S> {
-    let [a, b, c] = SpringConstants::new(rest, lame).volumetric.map(S::from_f64);
+/// Volumetric springs (N/m^3) of a pooled tetrahedron.
+pub(super) fn volumetric_bundle<S: Scalar>(constants: [f64; 3]) -> Volumetric<S> {
+    let [a, b, c] = constants.map(S::from_f64);
     (VolumetricStiffness(a), VolumetricStiffness(b), VolumetricStiffness(c))
 }

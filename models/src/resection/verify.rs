@@ -1,7 +1,9 @@
 //! Holds a body that lost elements against one that is built anew from what is left.
 
 use super::columns::{AtRemoval, Order, Quantity, quantities};
-use crate::axes::columns::{AxisAngleStiffness, FibreActive, VolumeAlone};
+use crate::axes::columns::{
+    AxisAngleStiffness, Biquadratic, FibreActive, PooledBiquadratic, VolumeAlone,
+};
 use crate::axes::muscle::{Muscles, copy_activations};
 use crate::body::description::{BodyDescription, BodyError, SoftBody};
 use crate::body::present::Resection;
@@ -359,6 +361,11 @@ impl Elements<'_> {
     fn add_axes<C: ElementRows, S: Scalar>(&self, world: &mut World, all: &mut Snapshot) {
         self.add::<C, With<AxisAngleStiffness<S, 0>>>(world, "axes in", all);
         self.add::<C, With<FibreActive<S>>>(world, "fibre in", all);
+        self.add::<C, Or<(With<Biquadratic>, With<PooledBiquadratic>)>>(
+            world,
+            "biquadratic fibre in",
+            all,
+        );
         self.add::<C, With<VolumeAlone>>(world, "volume of", all);
     }
 
