@@ -13,7 +13,7 @@ const MATERIAL: YoungPoisson =
 #[test]
 fn the_springs_of_a_tetrahedron_store_the_energy_of_the_material() {
     let mesh = box_tets([1.0, 2.0, 0.5].into(), [1, 1, 1]).unwrap();
-    let table = SpringTable::of(&mesh, MATERIAL, None, &[2]).unwrap();
+    let table = SpringTable::of(&mesh, MATERIAL, None, None, &[2]).unwrap();
     let cell = &table.cells[0];
     let strain: f64 = 0.5 * (1.1 * 1.1 - 1.0);
     let change = |e: [u32; 2]| {
@@ -41,7 +41,7 @@ fn sheets_have_springs_too() {
     mesh.points = vec![DVec3::ZERO, DVec3::X, DVec3::new(0.5, 0.75_f64.sqrt(), 0.0)];
     mesh.triangles = vec![[0, 1, 2]];
     mesh.groups.clear();
-    let table = SpringTable::of(&mesh, MATERIAL, Some(0.001), &[0]).unwrap();
+    let table = SpringTable::of(&mesh, MATERIAL, None, Some(0.001), &[0]).unwrap();
     let springs = &table.cells[0].springs;
     let size = |kind: &str| {
         let own = springs.iter().filter(|s| s.kind == kind).map(|s| s.biquadratic.abs());
@@ -49,6 +49,6 @@ fn sheets_have_springs_too() {
     };
     assert_eq!(springs.len(), 6);
     assert!(size("angular") < 1e-12 * size("tensile"), "{springs:?}");
-    let error = SpringTable::of(&mesh, MATERIAL, None, &[0]).unwrap_err().to_string();
+    let error = SpringTable::of(&mesh, MATERIAL, None, None, &[0]).unwrap_err().to_string();
     assert!(error.contains("--thickness"), "{error}");
 }

@@ -180,6 +180,9 @@ pub struct SpringConstants {
 }
 
 impl SpringConstants {
+    /// No springs.
+    pub const NONE: Self = Self { tensile: [0.0; 6], angular: [0.0; 12], volumetric: [0.0; 3] };
+
     /// The constants with which the springs carry exactly the St Venant-Kirchhoff energy.
     pub fn new(rest: &RestTetrahedron, material: LameParameters) -> Self {
         let LameParameters { lambda, mu } = material;
@@ -190,7 +193,7 @@ impl SpringConstants {
                 g[i][j] = dot(rest.gradients[i], rest.gradients[j]);
             }
         }
-        let mut constants = Self { tensile: [0.0; 6], angular: [0.0; 12], volumetric: [0.0; 3] };
+        let mut constants = Self::NONE;
         for (k, [i, j]) in constants.tensile.iter_mut().zip(EDGES) {
             *k = half_volume * ((lambda + mu) * g[i][j] * g[i][j] + mu * g[i][i] * g[j][j]);
         }

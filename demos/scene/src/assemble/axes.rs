@@ -58,6 +58,7 @@ pub(super) fn axes(
             name: Cow::Owned(entry.name.clone()),
             directions: Cow::Owned(field.directions),
             modulus: entry.modulus,
+            form: entry.form,
             viscosity: entry.viscosity.unwrap_or(0.0),
             share: share.map(Cow::Owned),
             muscle,
@@ -109,6 +110,7 @@ fn wrong_key<'a>(
         AxesError::Direction { family, .. } => of(family, "direction"),
         AxesError::Muscle { family, source } => of(family, &format!("muscle.{}", source.quantity)),
         AxesError::Viscosity { family, .. } => of(family, "viscosity"),
+        AxesError::ActiveForm { family } => of(family, "form"),
         AxesError::Angle { families, .. } => {
             let at = axes.angles.iter().position(|a| a.families == *families).unwrap_or(0);
             shared.at("angles").entry(at).at("between")

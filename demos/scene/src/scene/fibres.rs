@@ -2,6 +2,7 @@
 
 use super::conditions::CurveEntry;
 use serde::{Deserialize, Serialize};
+use sinew::models::axes::description::FibreForm;
 
 /// A family of fibres: a direction in every solid element, given by exactly one of `direction`, `data`,
 /// `formula`, `azimuth_elevation`, `laplace`, `circular`, `hemicircular`, `helicoidal` and `random`. Directions and places
@@ -13,6 +14,9 @@ pub struct FibreEntry {
     pub name: String,
     /// Modulus along the fibres (Pa), added to that of the body's material.
     pub modulus: f64,
+    /// What their springs measure: `"stretch"` (default) or `"biquadratic"`.
+    #[serde(default)]
+    pub form: FibreForm,
     /// Viscosity along the fibres (Pa s); no damping without it.
     pub viscosity: Option<f64>,
     /// The same direction everywhere, of any length.

@@ -14,7 +14,7 @@ pub use touch::{ForceSummary, PairSummary, PullSummary, ToolSummary, TouchSummar
 use crate::assemble::{MaterialRanges, ResectionSummary};
 use serde::{Deserialize, Serialize};
 use sinew::engine::report::StepTotals;
-use sinew::models::axes::description::AxesDescription;
+use sinew::models::axes::description::{AxesDescription, FibreForm};
 use sinew::models::body::lumped::SpringRule;
 use sinew::models::body::sheet::MembraneModel;
 use sinew::models::body::{Evaluation, Model, VolumeRule};
@@ -267,6 +267,8 @@ pub struct FamilySummary {
     pub name: String,
     /// Modulus (Pa).
     pub modulus: f64,
+    /// What their springs measure.
+    pub form: FibreForm,
     /// Viscosity (Pa s).
     pub viscosity: f64,
     /// Active stress (Pa) at full activation; `None` when passive.
@@ -285,6 +287,7 @@ impl AxesSummary {
         let families = axes.families.iter().map(|f| FamilySummary {
             name: f.name.to_string(),
             modulus: f.modulus,
+            form: f.form,
             viscosity: f.viscosity,
             peak_stress: f.muscle.as_ref().map(|m| m.peak_stress),
             activation: f.muscle.as_ref().and_then(|_| activation(&f.name)),

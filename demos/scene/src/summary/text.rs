@@ -6,6 +6,7 @@ use super::{
 };
 use crate::assemble::ResectionSummary;
 use crate::text::{TextBlock, counted, line, pressure, seconds, short, write_blocks};
+use sinew::models::axes::description::FibreForm;
 use sinew::models::body::lumped::SpringRule;
 use sinew::models::body::sheet::MembraneModel;
 use sinew::models::body::{Evaluation, Model, VolumeRule};
@@ -486,7 +487,10 @@ impl AxesSummary {
                 let stress = pressure(stress);
                 format!(", active stress up to {stress}, activation {activation} at the end")
             });
-            let modulus = pressure(family.modulus);
+            let modulus = match family.form {
+                FibreForm::Stretch => pressure(family.modulus),
+                form => format!("{}, {}", pressure(family.modulus), form.name()),
+            };
             line!(block, format!("  fibres {}", family.name), "{modulus}{viscous}{active}");
         }
         let [smallest, largest, last] = self.volume_ratio.map(short);
