@@ -2,6 +2,7 @@
 
 mod axes;
 mod bad_input;
+mod biquadratic;
 mod clusters;
 mod common;
 mod comparison_models;

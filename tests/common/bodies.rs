@@ -3,7 +3,7 @@
 use glam::{DVec2, DVec3};
 use sinew_engine::mesh::Mesh;
 use sinew_engine::mesh::generate::{box_hexahedra, box_tets, quad_grid, triangle_grid};
-use sinew_models::axes::description::AxesDescription;
+use sinew_models::axes::description::{AxesDescription, FibreForm};
 use sinew_models::body::sheet::{MembraneDescription, MembraneModel};
 use sinew_models::body::{BodyDescription, Evaluation, Model, VolumeRule};
 use sinew_models::material::YoungPoisson;
@@ -67,9 +67,13 @@ impl Meshes {
                     bodies.push(BodyDescription { model, volume, ..body.clone() });
                 }
             }
-            for kind in 0..3 {
+            for kind in 0..4 {
                 let (model, axes) = (Model::Axes, Some(axes(kind)));
                 bodies.push(BodyDescription { model, axes, ..body.clone() });
+            }
+            if body.middles.is_empty() && body.hexahedra.is_empty() {
+                let (evaluation, axes) = (Evaluation::Pooled, Some(axes(3)));
+                bodies.push(BodyDescription { evaluation, axes, ..body });
             }
         }
         for mesh in [&self.triangles, &self.quads] {
@@ -79,12 +83,12 @@ impl Meshes {
     }
 }
 
-/// Axes that need every law: a triad, a single fibre, volume alone; all with dampers.
+/// Axes that need every law: a triad, a single fibre, volume alone, a biquadratic fibre; all with dampers.
 fn axes(kind: usize) -> AxesDescription<'static> {
     let mut axes = AxesDescription::isotropic(MATERIAL.lame().unwrap());
     match kind {
         0 => {}
-        1 => {
+        1 | 3 => {
             axes.families.truncate(1);
             axes.angles.clear();
             axes.volume_modulus = 0.0;
@@ -96,6 +100,9 @@ fn axes(kind: usize) -> AxesDescription<'static> {
     }
     for family in &mut axes.families {
         family.viscosity = 3.0;
+        if kind == 3 {
+            family.form = FibreForm::Biquadratic;
+        }
     }
     axes
 }

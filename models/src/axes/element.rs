@@ -31,6 +31,7 @@
 //! Chords shorter than 1e-6 of their rest length count as that long where they are divided by: everything
 //! is finite in collapsed and inverted elements.
 
+use sinew_engine::compression::COMPRESSED;
 use sinew_engine::element::{displacement_gradient, volume_change};
 use sinew_engine::law::TangentKind;
 use sinew_engine::scalar::{Real, add, cross, dot, mat_vec, scale, sub};
@@ -433,6 +434,13 @@ impl<R: Real> BiquadraticFibre<R> {
         let h = along(&self.shape, u);
         let deformed = add(self.axis, h);
         (deformed, R::from_f64(0.5) * dot(h, add(self.axis, deformed)))
+    }
+
+    /// Whether the stretch is below [`COMPRESSED`](sinew_engine::compression::COMPRESSED).
+    #[inline(always)]
+    pub(crate) fn is_pressed(&self, u: &[[R; 3]; 4]) -> R::Mask {
+        let (_, e) = self.strain(u);
+        R::less(e, R::from_f64(0.5 * (COMPRESSED * COMPRESSED - 1.0)))
     }
 
     /// `3 e + 1`.

@@ -439,6 +439,22 @@ where
     }
 }
 
+/// Whether something is true of the gradients (1/m) and displacements (m) of a tetrahedron that stands for some point.
+pub(crate) fn at_any_point<S, const V: usize, const P: usize, const Q: usize>(
+    rest: &PointsRest<f64, Q>,
+    u: &[[f64; 3]; V],
+    is_true: impl Fn([[f64; 3]; 3], &[[f64; 3]; 4]) -> bool,
+) -> bool
+where
+    S: Shape<V, P, Q>,
+{
+    let derivatives = &S::derivatives();
+    (0..Q).any(|q| {
+        let u = point_differences::<f64, 4, _, _, _>(derivatives, u, q);
+        is_true(rest.gradients::<f64>(q), &u)
+    })
+}
+
 /// Energy (J) of the axes of an entity in `f64`, from its columns as one element and its rest shape.
 pub(crate) fn energy_at_points<S, E, const V: usize, const P: usize, const Q: usize>(
     rest: &PointsRest<f64, Q>,

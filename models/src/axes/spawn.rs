@@ -18,6 +18,7 @@ use super::damper::{self, AxialDamper};
 use super::description::{AxesDescription, AxisFamily, AxisGroup};
 use super::muscle::{self, Muscle, Muscles};
 use super::points;
+use super::softening::report_fibres;
 use super::systems;
 use crate::frame::hexahedra::{Brick, Shape, TenNodes};
 use crate::frame::part::SolidPart;
@@ -98,6 +99,9 @@ pub(crate) fn spawn_axes<S: Scalar>(
     evaluation: Evaluation,
 ) {
     let groups = axes.pack();
+    if axes.has_biquadratic() {
+        report_fibres::<S>(world);
+    }
     let muscles = spawn_muscles::<S>(world, axes, part.at.body.0 as usize);
     let mut triads: Vec<(Place, ShapeGradientBundle<S>, TriadMade<S>)> = Vec::new();
     let mut fibres: Vec<(Place, ShapesMade<S>, FibreMade<S>)> = Vec::new();
