@@ -2,14 +2,19 @@
 //! law. Axes of all forms together are in `axes`, which removes, changes and compares them.
 
 use crate::common::*;
-use glam::{DMat3, DQuat, DVec3};
+use glam::{DMat3, DQuat, DVec2, DVec3};
+use sinew::engine::connectivity::ElementKind;
 use sinew::engine::law::{DisabledLaws, ElasticEnergy, TangentKind};
 use sinew::engine::mesh::Mesh;
-use sinew::engine::mesh::generate::{box_hexahedra, box_tets, jitter_interior};
+use sinew::engine::mesh::generate::{
+    box_hexahedra, box_tets, jitter_interior, quad_grid, triangle_grid,
+};
 use sinew::engine::schedule::Executor;
 use sinew::models::axes::description::{AxesDescription, AxisFamily, FibreForm};
 use sinew::models::axes::muscle::MuscleSettings;
 use sinew::models::body::Evaluation;
+use sinew::models::body::sheet::MembraneDescription;
+use sinew::models::element::membrane::plane_stress;
 use sinew::prelude::*;
 
 const FIBRE: f64 = 4e4;
@@ -334,4 +339,107 @@ fn active_biquadratic_fibres_are_refused() {
     let own = BodyDescription { axes: Some(axes), ..body(&mesh, Evaluation::Fused, DVec3::X) };
     let error = refused(&own);
     assert!(error.contains("`fibres`") && error.contains("take the form \"stretch\""), "{error}");
+}
+
+/// A jittered sheet in space, turned so that no axis is special.
+fn sheet_mesh() -> Mesh {
+    let mut mesh = triangle_grid(DVec2::new(0.06, 0.04), [6, 4]).unwrap();
+    let turn = DQuat::from_axis_angle(DVec3::new(0.6, 0.0, 0.8), 0.7);
+    for (x, noise) in mesh.points.iter_mut().zip(random_field(200, 3)) {
+        let inside = x.x > 1e-9 && x.x < 0.06 - 1e-9 && x.y > 1e-9 && x.y < 0.04 - 1e-9;
+        let moved = if inside { *x + 2e-3 * DVec3::new(noise.x, noise.y, 0.0) } else { *x };
+        *x = turn * moved;
+    }
+    mesh
+}
+
+/// Membranes too: the energy of a uniform strain is that of the closed form, pooled and fused bodies are the same to
+/// rounding, another modulus makes the body that has it, and removed triangles take their fibres with them.
+#[test]
+fn fibres_of_membranes() {
+    const THICKNESS: f64 = 1e-3;
+    let mesh = sheet_mesh();
+    let turn = DQuat::from_axis_angle(DVec3::new(0.6, 0.0, 0.8), 0.7);
+    let a = DVec3::new(0.8, 0.6, 0.0);
+    // a part across the plane does not count
+    let given = [turn * (a + DVec3::Z)];
+    let family = |modulus| {
+        let family = AxisFamily::new("fibres", &given, modulus);
+        [AxisFamily { form: FibreForm::Biquadratic, ..family }]
+    };
+    let x = random_field(mesh.points.len(), 4);
+    let start = |evaluation, fibres: &[AxisFamily]| {
+        let own = MembraneDescription::new(&mesh.triangles, THICKNESS, material());
+        let own = MembraneDescription { evaluation, fibres, ..own };
+        let (mut simulation, handle) = alone(options(Precision::F64, 1), &sheet(&mesh.points, own));
+        simulation.set_gravity(DVec3::ZERO);
+        (simulation, handle)
+    };
+    let moduli = plane_stress(material().young_modulus * THICKNESS, material().poisson_ratio);
+    let f = |x: DVec3| DVec3::new(x.x * 1.1 + 0.05 * x.y, 0.95 * x.y, 0.2 * x.x - 0.1 * x.y);
+    let e = {
+        let (p, q) = (f(DVec3::X), f(DVec3::Y));
+        [0.5 * (p.dot(p) - 1.0), 0.5 * (q.dot(q) - 1.0), 0.5 * p.dot(q)]
+    };
+    let along = e[0] * a.x * a.x + e[1] * a.y * a.y + 2.0 * e[2] * a.x * a.y;
+    let trace = e[0] + e[1];
+    let squares = e[0] * e[0] + e[1] * e[1] + 2.0 * e[2] * e[2];
+    let density = 0.5 * moduli.lambda * trace * trace
+        + moduli.mu * squares
+        + 0.5 * FIBRE * THICKNESS * along * along;
+    let expected = density * 0.06 * 0.04;
+    let mut found = Vec::new();
+    for evaluation in [Evaluation::Pooled, Evaluation::Fused] {
+        let (mut simulation, handle) = start(evaluation, &family(FIBRE));
+        let u: Vec<DVec3> =
+            mesh.points.iter().map(|x| turn * f(turn.inverse() * *x) - *x).collect();
+        simulation.displace(handle, &u);
+        let energy = simulation.evaluate();
+        assert!((energy / expected - 1.0).abs() < 1e-12, "{evaluation:?}: {energy} {expected}");
+        disturb(&mut simulation, handle, 3e-3, 9);
+        let products = [TangentKind::Exact, TangentKind::GaussNewton]
+            .map(|kind| tangent_product(&mut simulation, handle, kind, &x));
+        found.push((simulation.evaluate(), simulation.elastic_forces(handle), products));
+        // another modulus
+        let (mut other, own) = start(evaluation, &family(1e3));
+        disturb(&mut other, own, 3e-3, 9);
+        other.set_axis_modulus(own, "fibres", FIBRE).unwrap();
+        assert_eq!(other.evaluate(), simulation.evaluate(), "{evaluation:?}");
+        assert_eq!(other.elastic_forces(own), simulation.elastic_forces(handle));
+        // removal
+        let before = simulation.evaluate();
+        let report = simulation.remove(handle, region(ElementKind::Triangle, (3..11).collect()));
+        let after = simulation.evaluate();
+        assert!((before - after - report.elastic_energy).abs() < 1e-11 * before, "{evaluation:?}");
+        assert_as_fresh(&mut simulation, handle, "membrane with fibres");
+        simulation.set_axis_modulus(handle, "fibres", 2e4).unwrap();
+        assert_as_fresh(&mut simulation, handle, "membrane with changed fibres");
+    }
+    let [pooled, fused] = &found[..] else { unreachable!() };
+    assert!((pooled.0 / fused.0 - 1.0).abs() < 1e-12);
+    assert!(max_distance(&pooled.1, &fused.1) < 1e-12 * max_length(&fused.1));
+    for (a, b) in pooled.2.iter().zip(&fused.2) {
+        assert!(max_distance(a, b) < 1e-12 * max_length(b));
+    }
+}
+
+#[test]
+fn bad_fibres_of_membranes_are_refused() {
+    let mesh = sheet_mesh();
+    let quads = quad_grid(DVec2::splat(0.1), [2, 2]).unwrap();
+    let normal = DQuat::from_axis_angle(DVec3::new(0.6, 0.0, 0.8), 0.7) * DVec3::Z;
+    let of = |mesh: &Mesh, change: &dyn Fn(&mut AxisFamily)| {
+        let mut family = along(DVec3::X, FIBRE).families.remove(0);
+        change(&mut family);
+        let fibres = [family];
+        let own = MembraneDescription::new(&mesh.triangles, 1e-3, material());
+        let own = MembraneDescription { quads: &mesh.quads, fibres: &fibres, ..own };
+        refused(&sheet(&mesh.points, own))
+    };
+    assert!(of(&quads, &|_| {}).contains("cut the quadrilaterals"));
+    let error = of(&mesh, &|own| own.directions = vec![normal].into());
+    assert!(error.contains("square to triangle"), "{error}");
+    assert!(of(&mesh, &|own| own.form = FibreForm::Stretch).contains("form \"biquadratic\""));
+    assert!(of(&mesh, &|own| own.viscosity = 1.0).contains("viscous"));
+    assert!(of(&mesh, &|own| own.modulus = -1.0).contains("-1 Pa"));
 }

@@ -3,7 +3,7 @@
 use glam::{DVec2, DVec3};
 use sinew_engine::mesh::Mesh;
 use sinew_engine::mesh::generate::{box_hexahedra, box_tets, quad_grid, triangle_grid};
-use sinew_models::axes::description::{AxesDescription, FibreForm};
+use sinew_models::axes::description::{AxesDescription, AxisFamily, FibreForm};
 use sinew_models::body::sheet::{MembraneDescription, MembraneModel};
 use sinew_models::body::{BodyDescription, Evaluation, Model, VolumeRule};
 use sinew_models::material::YoungPoisson;
@@ -19,6 +19,8 @@ pub struct Meshes {
     pub hexahedra: Mesh,
     pub triangles: Mesh,
     pub quads: Mesh,
+    /// Fibres of a membrane.
+    fibres: [AxisFamily<'static>; 1],
 }
 
 impl Meshes {
@@ -32,6 +34,10 @@ impl Meshes {
             hexahedra: box_hexahedra(size, cells).unwrap(),
             triangles: triangle_grid(side, [3, 3]).unwrap(),
             quads: quad_grid(side, [3, 3]).unwrap(),
+            fibres: [AxisFamily {
+                form: FibreForm::Biquadratic,
+                ..AxisFamily::new("f", &[DVec3::new(0.6, 0.8, 0.0)], 1e4)
+            }],
         }
     }
 
@@ -78,6 +84,14 @@ impl Meshes {
         }
         for mesh in [&self.triangles, &self.quads] {
             bodies.extend(sheets(mesh));
+        }
+        for mut body in sheets(&self.triangles) {
+            if let Some(own) = &mut body.membrane
+                && own.model == MembraneModel::Biquadratic
+            {
+                own.fibres = &self.fibres;
+                bodies.push(body);
+            }
         }
         bodies
     }

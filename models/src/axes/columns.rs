@@ -281,6 +281,17 @@ pub struct Biquadratic;
 #[component(clone_behavior = Ignore)]
 pub struct PooledBiquadratic;
 
+/// Marks biquadratic fibres in membrane triangles. Such a triangle is a tetrahedron whose last vertex is that before, with
+/// shape 0.
+#[derive(Component, Clone, Copy, Debug, Default)]
+#[component(clone_behavior = Ignore)]
+pub struct SheetBiquadratic;
+
+/// Marks those that are part of pooled springs, as [`PooledBiquadratic`].
+#[derive(Component, Clone, Copy, Debug, Default)]
+#[component(clone_behavior = Ignore)]
+pub struct PooledSheetBiquadratic;
+
 /// Columns of the table of biquadratic fibres.
 #[derive(Clone, Copy, Debug)]
 pub struct BiquadraticColumns<'a, S> {
@@ -290,7 +301,7 @@ pub struct BiquadraticColumns<'a, S> {
     stiffness: &'a [S],
 }
 
-/// Query data of [`BiquadraticColumns`]; the filter is [`Biquadratic`] or [`PooledBiquadratic`].
+/// Query data of [`BiquadraticColumns`]; the filter is one of the marks of these fibres.
 pub type BiquadraticData<S> = (
     (&'static AxisVertices, &'static AxisBlocks),
     FibreShapes<S>,

@@ -32,7 +32,8 @@ impl FibreForm {
     }
 }
 
-/// Axes of one kind: a direction in every solid element and a modulus along it.
+/// Axes of one kind: a direction in every solid element and a modulus along it; or in every triangle of a membrane
+/// ([`MembraneDescription::fibres`](crate::body::sheet::MembraneDescription::fibres)).
 #[derive(Clone, Debug, PartialEq)]
 pub struct AxisFamily<'a> {
     /// Name, unique among the families of the body.
@@ -81,7 +82,53 @@ impl<'a> AxisFamily<'a> {
         self.share.as_ref().map_or(1.0, |share| share[element])
     }
 
-    fn into_owned(self) -> AxisFamily<'static> {
+    /// The family in some elements, which are numbered anew in this order.
+    pub(crate) fn of_elements(&self, elements: &[usize]) -> AxisFamily<'static> {
+        let mut own = self.clone().into_owned();
+        if own.directions.len() > 1 {
+            own.directions = elements.iter().map(|&e| self.directions[e]).collect();
+        }
+        own.share = self.share.as_ref().map(|share| elements.iter().map(|&e| share[e]).collect());
+        own
+    }
+
+    /// Checks everything for a body of so many elements.
+    fn validate(&self, count: usize) -> Result<(), AxesError> {
+        let name = || self.name.to_string();
+        check_modulus(ModulusOf::Family(name()), self.modulus)?;
+        let value = self.viscosity;
+        if !(value >= 0.0 && value.is_finite()) {
+            return Err(AxesError::Viscosity { family: name(), value });
+        }
+        let found = self.directions.len();
+        if found != 1 && found != count {
+            return Err(AxesError::Length { family: name(), what: "directions", found, count });
+        }
+        if let Some(share) = &self.share {
+            let found = share.len();
+            if found != count {
+                return Err(AxesError::Length { family: name(), what: "shares", found, count });
+            }
+            if let Some(element) = share.iter().position(|x| !(*x >= 0.0 && x.is_finite())) {
+                let value = share[element];
+                return Err(AxesError::Share { family: name(), element, value });
+            }
+        }
+        for element in 0..if found == 1 { 1 } else { count } {
+            let value = self.direction(element);
+            let unused = found > 1 && self.share(element) == 0.0;
+            if !unused && value.try_normalize().is_none() {
+                return Err(AxesError::Direction { family: name(), element, value });
+            }
+        }
+        let Some(muscle) = &self.muscle else { return Ok(()) };
+        if self.form == FibreForm::Biquadratic {
+            return Err(AxesError::ActiveForm { family: name() });
+        }
+        muscle.validate().map_err(|source| AxesError::Muscle { family: name(), source })
+    }
+
+    pub(crate) fn into_owned(self) -> AxisFamily<'static> {
         AxisFamily {
             name: Cow::Owned(self.name.into_owned()),
             directions: Cow::Owned(self.directions.into_owned()),
@@ -129,6 +176,45 @@ pub(crate) fn biquadratic<'a>(
     own.map(move |f| (super::spawn::unit(f, element), f.modulus * f.share(element)))
 }
 
+fn check_modulus(of: ModulusOf, value: f64) -> Result<(), AxesError> {
+    match value >= 0.0 && value.is_finite() {
+        true => Ok(()),
+        false => Err(AxesError::Modulus { of, value }),
+    }
+}
+
+/// Checks families for a body of so many elements.
+fn validate_families(families: &[AxisFamily], count: usize) -> Result<(), AxesError> {
+    families.iter().enumerate().try_for_each(|(i, family)| {
+        match families[..i].iter().any(|other| other.name == family.name) {
+            true => Err(AxesError::Duplicate { family: family.name.to_string() }),
+            false => family.validate(count),
+        }
+    })
+}
+
+/// Checks the fibres of a membrane of so many triangles beside those of a solid.
+pub(crate) fn validate_sheet(
+    families: &[AxisFamily],
+    solid: &[AxisFamily],
+    count: usize,
+) -> Result<(), AxesError> {
+    validate_families(families, count)?;
+    for family in families {
+        let name = || family.name.to_string();
+        if solid.iter().any(|other| other.name == family.name) {
+            return Err(AxesError::Duplicate { family: name() });
+        }
+        if family.form != FibreForm::Biquadratic {
+            return Err(AxesError::SheetForm { family: name() });
+        }
+        if family.viscosity != 0.0 {
+            return Err(AxesError::SheetViscosity { family: name() });
+        }
+    }
+    Ok(())
+}
+
 impl AxesDescription<'_> {
     /// Whether some of its fibres are biquadratic.
     pub fn has_biquadratic(&self) -> bool {
@@ -158,18 +244,10 @@ impl AxesDescription<'_> {
 
     /// The axes of some elements, which are numbered anew in this order.
     pub(crate) fn of_elements(&self, elements: &[usize]) -> AxesDescription<'static> {
-        let mut own = self.clone().into_owned();
-        for family in &mut own.families {
-            if family.directions.len() > 1 {
-                let left = elements.iter().map(|&e| family.directions[e]).collect();
-                family.directions = Cow::Owned(left);
-            }
-            if let Some(share) = &family.share {
-                let left = elements.iter().map(|&e| share[e]).collect();
-                family.share = Some(Cow::Owned(left));
-            }
+        AxesDescription {
+            families: self.families.iter().map(|family| family.of_elements(elements)).collect(),
+            ..self.clone().into_owned()
         }
-        own
     }
 
     /// Checks everything for a body of so many tetrahedra and hexahedra, which lists hold in this order.
@@ -184,57 +262,15 @@ impl AxesDescription<'_> {
         if self.families.is_empty() && self.volume_modulus == 0.0 {
             return Err(AxesError::Nothing);
         }
-        let modulus = |of: ModulusOf, value: f64| match value >= 0.0 && value.is_finite() {
-            true => Ok(()),
-            false => Err(AxesError::Modulus { of, value }),
-        };
-        modulus(ModulusOf::Volume, self.volume_modulus)?;
-        for (i, family) in self.families.iter().enumerate() {
-            let name = || family.name.to_string();
-            if self.families[..i].iter().any(|other| other.name == family.name) {
-                return Err(AxesError::Duplicate { family: name() });
-            }
-            modulus(ModulusOf::Family(name()), family.modulus)?;
-            let value = family.viscosity;
-            if !(value >= 0.0 && value.is_finite()) {
-                return Err(AxesError::Viscosity { family: name(), value });
-            }
-            let found = family.directions.len();
-            if found != 1 && found != count {
-                return Err(AxesError::Length { family: name(), what: "directions", found, count });
-            }
-            if let Some(share) = &family.share {
-                let found = share.len();
-                if found != count {
-                    return Err(AxesError::Length { family: name(), what: "shares", found, count });
-                }
-                if let Some(element) = share.iter().position(|x| !(*x >= 0.0 && x.is_finite())) {
-                    let value = share[element];
-                    return Err(AxesError::Share { family: name(), element, value });
-                }
-            }
-            for element in 0..if found == 1 { 1 } else { count } {
-                let value = family.direction(element);
-                let unused = found > 1 && family.share(element) == 0.0;
-                if !unused && value.try_normalize().is_none() {
-                    return Err(AxesError::Direction { family: name(), element, value });
-                }
-            }
-            if let Some(muscle) = &family.muscle {
-                if family.form == FibreForm::Biquadratic {
-                    return Err(AxesError::ActiveForm { family: name() });
-                }
-                let error = |source| AxesError::Muscle { family: name(), source };
-                muscle.validate().map_err(error)?;
-            }
-        }
+        check_modulus(ModulusOf::Volume, self.volume_modulus)?;
+        validate_families(&self.families, count)?;
         for (index, angle) in self.angles.iter().enumerate() {
             let families @ [i, j] = angle.families;
             if i == j || i.max(j) >= self.families.len() {
                 let count = self.families.len();
                 return Err(AxesError::Angle { families, count });
             }
-            modulus(ModulusOf::Angle { index, families }, angle.modulus)?;
+            check_modulus(ModulusOf::Angle { index, families }, angle.modulus)?;
         }
         Ok(())
     }
@@ -456,6 +492,36 @@ pub enum AxesError {
     ActiveForm {
         /// Name of the family.
         family: String,
+    },
+    /// Fibres of a membrane that measure stretch.
+    #[error(
+        "family `{family}` lies in a membrane, whose fibres are biquadratic; give it the form \"biquadratic\""
+    )]
+    SheetForm {
+        /// Name of the family.
+        family: String,
+    },
+    /// Viscous fibres of a membrane.
+    #[error("family `{family}` lies in a membrane and is viscous; leave its viscosity out")]
+    SheetViscosity {
+        /// Name of the family.
+        family: String,
+    },
+    /// Fibres of a membrane of quadrilaterals.
+    #[error("fibres of a membrane lie in triangles; cut the quadrilaterals into triangles")]
+    SheetQuads,
+    /// Fibres across a membrane.
+    #[error(
+        "family `{family}`: the direction {value} stands square to triangle {element}; give one with a part in its plane, or \
+         a share of 0"
+    )]
+    Across {
+        /// Name of the family.
+        family: String,
+        /// Index in the user's list.
+        element: usize,
+        /// The direction.
+        value: DVec3,
     },
     /// A muscle that cannot be used.
     #[error("muscle of family `{family}`: {source}")]

@@ -66,7 +66,11 @@ fn fibre<S: Scalar>(e: &EntityRef) -> Fibre<f64> {
 
 /// The same of a biquadratic fibre, `None` of other axes.
 fn biquadratic<S: Scalar>(e: &EntityRef) -> Option<BiquadraticFibre<f64>> {
-    (e.contains::<Biquadratic>() || e.contains::<PooledBiquadratic>()).then(|| {
+    let is_one = e.contains::<Biquadratic>()
+        || e.contains::<PooledBiquadratic>()
+        || e.contains::<SheetBiquadratic>()
+        || e.contains::<PooledSheetBiquadratic>();
+    is_one.then(|| {
         let [stiffness] = numbers!(e, AxialStiffness<S, 0>);
         let shape = numbers!(e, FibreShape<S, 1>, FibreShape<S, 2>, FibreShape<S, 3>);
         BiquadraticFibre { shape, axis: direction::<S, 0>(e), stiffness }

@@ -20,6 +20,7 @@ use super::muscle::{self, Muscle, Muscles};
 use super::points;
 use super::softening::report_fibres;
 use super::systems;
+use crate::element::membrane::RestTriangle;
 use crate::frame::hexahedra::{Brick, Shape, TenNodes};
 use crate::frame::part::SolidPart;
 use crate::frame::row::{self, LawRow};
@@ -53,9 +54,9 @@ type FibreMade<S> = (
     ),
     (PassiveStiffness<S>, PeakTension<S>, MuscleIndex, AxisSource),
 );
-type ShapesMade<S> = (FibreShape<S, 1>, FibreShape<S, 2>, FibreShape<S, 3>);
+pub(crate) type ShapesMade<S> = (FibreShape<S, 1>, FibreShape<S, 2>, FibreShape<S, 3>);
 /// Direction and modulus of a biquadratic fibre.
-type BiquadraticMade<S> = (DirectionBundle<S, 0>, AxialStiffness<S, 0>, AxisSource);
+pub(crate) type BiquadraticMade<S> = (DirectionBundle<S, 0>, AxialStiffness<S, 0>, AxisSource);
 
 /// Of a tetrahedron of the layout.
 pub(super) fn tetrahedron_place(part: &SolidPart, row: usize) -> Place {
@@ -191,7 +192,7 @@ pub(crate) fn spawn_axes<S: Scalar>(
 }
 
 /// Spawns entities, if there are any, and puts their law into the schedule.
-pub(super) fn spawn_rows<S: Scalar, B: Bundle<Effect: NoBundleEffect>>(
+pub(crate) fn spawn_rows<S: Scalar, B: Bundle<Effect: NoBundleEffect>>(
     world: &mut World,
     rows: Vec<B>,
     law: &'static LawRow,
@@ -351,14 +352,37 @@ fn biquadratic<S: Scalar>(
     v: f64,
 ) -> Option<BiquadraticMade<S>> {
     let family = &axes.families[index];
-    let weight = v * family.share(element);
+    let axis = unit(family, element).to_array();
+    biquadratic_along(family, index, axis, v * family.share(element))
+}
+
+/// The same along an axis (unit vector), where the share of the element in its volume is `weight` (m^3).
+fn biquadratic_along<S: Scalar>(
+    family: &AxisFamily,
+    index: usize,
+    axis: [f64; 3],
+    weight: f64,
+) -> Option<BiquadraticMade<S>> {
     (weight > 0.0).then(|| {
         (
-            direction_bundle(unit(family, element).to_array()),
+            direction_bundle(axis),
             AxialStiffness(S::from_f64(family.modulus * weight)),
             AxisSource::new([Some(index), None, None], [weight, 0.0, 0.0]),
         )
     })
+}
+
+/// A biquadratic fibre of the family of number `index` in a triangle of volume `v` (m^3); `None` where it has no share.
+pub(crate) fn sheet_fibre<S: Scalar>(
+    family: &AxisFamily,
+    index: usize,
+    rest: &RestTriangle,
+    (element, v): (usize, f64),
+) -> Option<(ShapesMade<S>, BiquadraticMade<S>)> {
+    let axis = rest.in_plane(unit(family, element).to_array())?;
+    let [_, a, b] = rest.along(axis).map(S::from_f64);
+    let made = biquadratic_along(family, index, axis, v * family.share(element))?;
+    Some(((FibreShape(a), FibreShape(b), FibreShape(S::ZERO)), made))
 }
 
 /// Indices of the muscles of all families, [`NO_MUSCLE`] for passive ones.

@@ -55,6 +55,20 @@ pub static BIQUADRATIC_PROJECTION: LawRow = LawRow {
     )
     .with_tangent(|kind| kind == TangentKind::Projected)
 };
+/// Biquadratic fibres in membrane triangles.
+pub static SHEET_BIQUADRATIC: LawRow = LawRow {
+    elements: Elements::AxesInTriangles,
+    mark: [mark::<SheetBiquadratic>; 2],
+    info: LawInfo::elastic("biquadratic fibres of membranes"),
+    ..BIQUADRATIC
+};
+/// The projected tangent of those whose springs are pooled, as [`BIQUADRATIC_PROJECTION`].
+pub static SHEET_PROJECTION: LawRow = LawRow {
+    elements: Elements::AxesInTriangles,
+    mark: [mark::<PooledSheetBiquadratic>; 2],
+    info: LawInfo::elastic("projected tangent of biquadratic fibres of membranes"),
+    ..BIQUADRATIC_PROJECTION
+};
 /// The term of volume without axes.
 pub static VOLUMES: LawRow = LawRow::of_systems(
     LawInfo::elastic("volume preservation"),

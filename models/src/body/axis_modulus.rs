@@ -12,7 +12,7 @@ use crate::axes::description::{AxesError, FibreForm, ModulusOf};
 use crate::axes::muscle::Muscles;
 use crate::frame::rules::Evaluation;
 
-/// Gives a family of axes of body number `body` another modulus (Pa). Displacements, activations and
+/// Gives a family of axes, or of fibres of the membrane, of body number `body` another modulus (Pa). Displacements, activations and
 /// everything else stay.
 ///
 /// What solvers remember is not touched: `sinew::simulation::Simulation::set_axis_modulus` does that too.
@@ -27,19 +27,25 @@ pub fn set_axis_modulus<S: Scalar>(
 ) -> Result<(), AxesError> {
     before_edit::<S>(world);
     let mut bodies = world.query::<&mut SoftBody>();
-    let soft = bodies.iter_mut(world).find(|soft| soft.index == body);
-    let is_pooled = soft.as_ref().is_some_and(|soft| soft.evaluation == Evaluation::Pooled);
-    let axes = soft.and_then(|soft| soft.into_inner().axes.as_mut());
-    let families = axes.map_or(&mut [][..], |axes| &mut axes.description.families);
-    let Some(index) = families.iter().position(|f| f.name == family) else {
-        let known = families.iter().map(|f| f.name.to_string()).collect();
+    let mut families = Vec::new();
+    if let Some(soft) = bodies.iter_mut(world).find(|soft| soft.index == body) {
+        let soft = soft.into_inner();
+        let of_solid = soft.axes.as_mut().map_or(&mut [][..], |axes| &mut axes.description.families);
+        let pooled = soft.evaluation == Evaluation::Pooled;
+        families.extend(of_solid.iter_mut().map(|own| (own, pooled)));
+        let pooled = soft.membrane.is_some_and(|membrane| membrane.is_pooled());
+        families.extend(soft.sheet_fibres.iter_mut().map(|own| (own, pooled)));
+    }
+    let Some(index) = families.iter().position(|(own, _)| own.name == family) else {
+        let known = families.iter().map(|(own, _)| own.name.to_string()).collect();
         return Err(AxesError::Unknown { family: family.to_string(), known });
     };
     if !(modulus >= 0.0 && modulus.is_finite()) {
         return Err(AxesError::Modulus { of: ModulusOf::Family(family.into()), value: modulus });
     }
-    families[index].modulus = modulus;
-    let is_pooled = is_pooled && families[index].form == FibreForm::Biquadratic;
+    let (own, pooled) = &mut families[index];
+    own.modulus = modulus;
+    let is_pooled = *pooled && own.form == FibreForm::Biquadratic;
     let muscles = world.get_resource::<Muscles>().cloned().unwrap_or_default();
     let mut entities = world.query::<(
         (&AxisSource, &BodyId, Option<&MuscleIndex>),

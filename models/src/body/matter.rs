@@ -51,6 +51,8 @@ pub(crate) struct Matter<'a> {
     pub membrane: Option<MembraneSettings>,
     /// Fibres of its solid elements.
     pub families: &'a [AxisFamily<'a>],
+    /// Fibres of its membrane.
+    pub sheet_fibres: &'a [AxisFamily<'a>],
 }
 
 impl SoftBody {
@@ -76,6 +78,7 @@ impl SoftBody {
             equal_masses,
             membrane,
             families,
+            sheet_fibres: &self.sheet_fibres,
         }
     }
 }
@@ -314,9 +317,16 @@ impl Matter<'_> {
                 sums.add_tetrahedron(t, self.ordered.tetrahedra()[t as usize], &constants);
             }
         }
-        if let Some((moduli, _)) = self.pooled_sheet().map(|sheet| sheet.surface()) {
+        if let Some(sheet) = self.pooled_sheet() {
+            let (moduli, _) = sheet.surface();
             for &t in &elements[ElementKind::Triangle] {
-                let constants = membrane::SpringConstants::new(&self.triangle(t), moduli);
+                let rest = self.triangle(t);
+                let mut constants = membrane::SpringConstants::new(&rest, moduli);
+                let place = self.ordered.order.triangles[t as usize] as usize;
+                for (axis, modulus) in biquadratic(self.sheet_fibres, place) {
+                    let axis = rest.in_plane(axis.to_array()).expect("it was spawned with it");
+                    constants.add_fibre(&rest, axis, modulus * sheet.thickness);
+                }
                 sums.add_triangle(t, &constants);
             }
         }

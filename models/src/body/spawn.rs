@@ -31,7 +31,7 @@ use super::lumped::{GivenSprings, SpringRule};
 use super::matter::{Items, Matter, PooledSprings, chosen};
 use super::sheet::{MembraneDescription, MembraneModel, Sheet};
 use super::surface::read_surface;
-use crate::axes::description::{AxesError, BodyAxes};
+use crate::axes::description::{AxesError, BodyAxes, validate_sheet};
 use crate::axes::spawn::spawn_axes;
 use crate::axes::systems::AxesOnly;
 use crate::element::precompute::RestTetrahedron;
@@ -96,6 +96,7 @@ fn spawn<S: Scalar>(world: &mut World, body: &BodyDescription) -> Result<Entity,
     };
     let (model, evaluation, spring_rule) = (body.model, body.evaluation, body.springs);
     let field = body.material_field();
+    let membrane_fibres = membrane.map_or(&[][..], |m| m.fibres);
     let membrane = membrane.map(|m| m.settings());
     let ordered = &layout.ordered;
     let (given, lumping) = (body.spring_constants.as_deref(), body.masses.lumping());
@@ -111,6 +112,7 @@ fn spawn<S: Scalar>(world: &mut World, body: &BodyDescription) -> Result<Entity,
         equal_masses: body.masses == MassRule::Equal,
         membrane,
         families: body.axes.as_ref().map_or(&[][..], |axes| &axes.families),
+        sheet_fibres: membrane_fibres,
     };
     let springs =
         matter.element_springs().map_err(|source| BodyError::Springs { body: name(), source })?;
@@ -155,6 +157,8 @@ fn spawn<S: Scalar>(world: &mut World, body: &BodyDescription) -> Result<Entity,
     let springs_of = (&edge_rows[..], &pooled.volumetric[..]);
     part.spawn::<S>(world, model, law, (evaluation, body.volume), springs_of);
     if let Some(sheet) = &sheet {
+        let first = body.axes.as_ref().map_or(0, |axes| axes.families.len());
+        sheet.spawn_fibres::<S>(world, layout, at, (membrane_fibres, first));
         sheet.spawn::<S>(world, layout, at);
     }
     if let Some(axes) = &body.axes {
@@ -181,6 +185,7 @@ fn spawn<S: Scalar>(world: &mut World, body: &BodyDescription) -> Result<Entity,
         masses: body.masses,
         springs: Arc::new(springs),
         membrane,
+        sheet_fibres: membrane_fibres.iter().map(|own| own.clone().into_owned()).collect(),
         axes,
     };
     Ok(world.spawn(soft).id())
@@ -235,6 +240,9 @@ fn check<'a>(
     if let Some(m) = &membrane {
         m.validate(body.points.len())
             .map_err(|source| BodyError::Membrane { body: name(), source })?;
+        let solid = body.axes.as_ref().map_or(&[][..], |axes| &axes.families);
+        let checked = validate_sheet(m.fibres, solid, m.triangles.len());
+        checked.map_err(|source| BodyError::Axes { body: name(), source })?;
     }
     for rule in [body.springs, membrane.and_then(|m| m.springs)] {
         if let Some(SpringRule::Uniform(springs)) = rule

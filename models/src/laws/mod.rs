@@ -59,6 +59,8 @@ pub static LAWS: &[&LawRow] = &[
     &axes::FIBRES,
     &axes::BIQUADRATIC,
     &axes::BIQUADRATIC_PROJECTION,
+    &axes::SHEET_BIQUADRATIC,
+    &axes::SHEET_PROJECTION,
     &axes::VOLUMES,
     &damper::IN_TETRAHEDRA,
     &svk::HEXAHEDRA,

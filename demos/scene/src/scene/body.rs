@@ -157,6 +157,9 @@ pub struct MembraneEntry {
     /// How the energy is summed: `"fused"` (default), or `"pooled"` for the first two.
     #[serde(default)]
     pub evaluation: Evaluation,
+    /// Families of biquadratic fibres in its triangles.
+    #[serde(default)]
+    pub fibres: Vec<FibreEntry>,
 }
 
 /// A preset, single values, or a preset with some values replaced.

@@ -14,7 +14,7 @@ pub use touch::{ForceSummary, PairSummary, PullSummary, ToolSummary, TouchSummar
 use crate::assemble::{MaterialRanges, ResectionSummary};
 use serde::{Deserialize, Serialize};
 use sinew::engine::report::StepTotals;
-use sinew::models::axes::description::{AxesDescription, FibreForm};
+use sinew::models::axes::description::{AxesDescription, AxisFamily, FibreForm};
 use sinew::models::body::lumped::SpringRule;
 use sinew::models::body::sheet::MembraneModel;
 use sinew::models::body::{Evaluation, Model, VolumeRule};
@@ -277,6 +277,19 @@ pub struct FamilySummary {
     pub activation: Option<f64>,
 }
 
+impl From<&AxisFamily<'_>> for FamilySummary {
+    fn from(f: &AxisFamily) -> Self {
+        Self {
+            name: f.name.to_string(),
+            modulus: f.modulus,
+            form: f.form,
+            viscosity: f.viscosity,
+            peak_stress: f.muscle.as_ref().map(|m| m.peak_stress),
+            activation: None,
+        }
+    }
+}
+
 impl AxesSummary {
     /// Of a description, with the activation of a family and the volume ratios.
     pub(crate) fn new(
@@ -285,12 +298,8 @@ impl AxesSummary {
         volume_ratio: [f64; 3],
     ) -> Self {
         let families = axes.families.iter().map(|f| FamilySummary {
-            name: f.name.to_string(),
-            modulus: f.modulus,
-            form: f.form,
-            viscosity: f.viscosity,
-            peak_stress: f.muscle.as_ref().map(|m| m.peak_stress),
             activation: f.muscle.as_ref().and_then(|_| activation(&f.name)),
+            ..FamilySummary::from(f)
         });
         Self {
             families: families.collect(),
@@ -320,6 +329,9 @@ pub struct MembraneSummary {
     pub evaluation: Evaluation,
     /// Where constants of lumped springs come from, where the scene says so.
     pub element_method: Option<SpringRule>,
+    /// Fibres in its triangles.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub fibres: Vec<FamilySummary>,
 }
 
 /// A pressure of a run.
