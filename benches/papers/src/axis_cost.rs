@@ -231,7 +231,7 @@ mod tests {
 
     #[test]
     fn ratios_are_judged_to_either_side() {
-        let agrees = |own| finding_of_ratio("", own, 4.0).agrees;
+        let agrees = |own| finding_of_ratio("", own, 4.0).agrees();
         assert!(agrees(7.9) && agrees(2.1) && !agrees(8.1) && !agrees(1.9) && !agrees(f64::NAN));
     }
 }

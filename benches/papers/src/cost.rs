@@ -403,7 +403,7 @@ mod tests {
         let [tqs, tbs] = ["TQS", "TBS"].map(|l| find(&known, "tetrahedron", l, "f64").unwrap());
         assert_eq!(tqs.over(tbs, &[FORCE, FREE]).unwrap().median, 3e-6 / 2e-6);
         assert!((tbs.time(FORCE).unwrap().median * tbs.elements as f64 - 2e3).abs() < 1e-9);
-        let verdicts: Vec<bool> = findings(&known).iter().map(|f| f.agrees).collect();
+        let verdicts: Vec<bool> = findings(&known).iter().map(|f| f.agrees()).collect();
         // 1 beside 1.6 three times, 1.5 beside 2, 1 below 1.65 three times, 1 beside 1.8 twice, triangles as fast
         let no = [false; 2];
         assert_eq!(verdicts, [&[false; 4][..], &[true; 3], &no, &[false]].concat());

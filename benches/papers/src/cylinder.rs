@@ -203,7 +203,8 @@ mod tests {
         }
         assert!(soft[0].inverted > 0 && soft[1].crushed == 0, "{}", soft[1].smallest_ratio);
         assert!(soft.iter().all(|r| r.drop > 1.5 * stiff[0].drop));
-        let verdict = |rests: &[Rest]| findings(rests).iter().map(|f| f.agrees).collect::<Vec<_>>();
+        let verdict =
+            |rests: &[Rest]| findings(rests).iter().map(|f| f.agrees()).collect::<Vec<_>>();
         assert_eq!(verdict(&rests)[..3], [true; 3]);
         // one that bends much more, and one that collapses
         rests[5].drop = 2.0;

@@ -137,8 +137,8 @@ mod tests {
     fn the_cube_is_the_printed_one_and_wrong_numbers_differ() {
         let figure = figure(&Setup { meshes: Meshes::new(None), quick: true }).unwrap();
         let [rms, max] = [&figure.findings[0], &figure.findings[1]];
-        assert!(rms.agrees && rms.text.contains("14.98 here"), "{rms:?}");
-        assert!(!max.agrees && max.text.contains("25.58 here"), "{max:?}");
+        assert!(rms.agrees() && rms.text.contains("14.98 here"), "{rms:?}");
+        assert!(!max.agrees() && max.text.contains("25.58 here"), "{max:?}");
         assert_eq!((figure.tables[0].rows.len(), figure.tables[1].rows.len()), (3, 3));
         let text = figure.tables[0].text();
         assert!(text.contains("14.98 / 25.19") && !text.contains("NaN"), "{text}");
@@ -147,7 +147,7 @@ mod tests {
         let mut rows = measure(&Meshes::new(None), &wanted, 0.1).unwrap();
         rows.retain(|r| r.method == Frobenius);
         let verdicts =
-            |rows: &[Row]| findings(rows, rows).iter().map(|f| f.agrees).collect::<Vec<_>>();
+            |rows: &[Row]| findings(rows, rows).iter().map(|f| f.agrees()).collect::<Vec<_>>();
         assert_eq!(verdicts(&rows)[..3], [true, false, true]);
         // either error alone decides
         let good = rows[0].ours;

@@ -399,7 +399,7 @@ mod tests {
         let scan: Vec<_> = ratios().map(|nu| (nu, equilateral(nu).unwrap())).collect();
         let third = equilateral(1.0 / 3.0).unwrap();
         let verdicts = |d: &[Difference], p: &[Pull], third| -> Vec<bool> {
-            findings(d, p, &scan, third).iter().map(|f| f.agrees).collect()
+            findings(d, p, &scan, third).iter().map(|f| f.agrees()).collect()
         };
         assert_eq!(verdicts(&differences, &pulls, third), [true; 7]);
         // uniaxial strain: (lambda + 2 mu) (s^2 - 1)/2 s

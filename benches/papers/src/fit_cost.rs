@@ -182,7 +182,7 @@ mod tests {
         assert_eq!(rows.len(), 12);
         // the printed times agree but for the aims; equal ones do not, and each ratio is looked at
         rows.iter_mut().for_each(|r| r.mean = r.printed.unwrap_or(r.mean));
-        let verdicts = |rows: &[Row]| findings(rows).iter().map(|f| f.agrees).collect::<Vec<_>>();
+        let verdicts = |rows: &[Row]| findings(rows).iter().map(|f| f.agrees()).collect::<Vec<_>>();
         assert_eq!(verdicts(&rows), [true, true, true, false, false]);
         rows.iter_mut().for_each(|r| r.mean = 1e-4);
         assert_eq!(verdicts(&rows), [false, false, false, true, true]);

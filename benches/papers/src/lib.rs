@@ -1,5 +1,5 @@
-//! The figures of three papers made again with this engine, command `sinew-papers`: charts and numbers, with a line for
-//! every claim that says whether it agrees. The lines are worked out from the numbers of the run.
+//! The figures of three papers made again with this engine, command `sinew-papers`: charts and numbers, with a verdict on
+//! every statement. The lines are worked out from the numbers of the run.
 
 pub mod axes;
 mod axis_cost;
@@ -30,12 +30,12 @@ mod validity;
 mod ventricle;
 mod volume;
 
-use figure::{Figure, Finding};
+use figure::{Figure, Verdict};
 use lumped::Meshes;
 use sinew_benches::toolbox::error::{BenchError, Result};
 use sinew_benches::toolbox::report::ReportFiles;
 use sinew_tune::machine::{MachineNotes, Watch};
-use sinew_tune::page::{CLAIMS, Judgement, Page, Verdict};
+use sinew_tune::page::Page;
 use sinew_tune::table::escape;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -149,7 +149,10 @@ impl Source {
                 let watch = Watch::start();
                 let mut figure = make(&setup)?;
                 let busy = watch.finish().warning(machine.cores).is_some();
-                figure.findings.iter_mut().for_each(|f| f.not_judged = f.timed && busy);
+                if busy {
+                    let timed = figure.findings.iter_mut().filter(|f| f.timed);
+                    timed.for_each(|f| f.verdict = Verdict::NotJudged);
+                }
                 figures.push((letter, *title, figure));
             }
         }
@@ -212,15 +215,11 @@ fn pictures(
     Ok(Vec::new())
 }
 
-/// How many claims of figures agree, such as `5 of 8 agree`.
-fn counted<'a>(figures: impl Iterator<Item = &'a Figure> + Clone) -> String {
-    CLAIMS.counted(figures.flat_map(|f| &f.findings).map(Finding::judgement))
-}
-
 impl Paper {
-    /// How many claims agree, in words.
+    /// How often each verdict was given, in words.
     fn count(&self) -> String {
-        format!("Claims of the paper: {}", counted(self.figures.iter().map(|f| &f.2)))
+        let verdicts = self.figures.iter().flat_map(|f| f.2.verdicts());
+        format!("Statements of the paper: {}", Verdict::counted(verdicts))
     }
 
     /// For the terminal.
@@ -231,12 +230,7 @@ impl Paper {
         for (letter, title, figure) in &self.figures {
             let _ = writeln!(text, "\n({letter}) {title}\n{}\n", figure.setting);
             for finding in &figure.findings {
-                let word = match finding.judgement() {
-                    Judgement::Yes => "agrees     ",
-                    Judgement::No => "DIFFERS    ",
-                    Judgement::Open => "not judged ",
-                };
-                let _ = writeln!(text, "  {word} {}", finding.text);
+                let _ = writeln!(text, "  {:18} {}", finding.verdict.word(), finding.whole());
             }
             for table in &figure.tables {
                 let _ = write!(text, "\n{}", table.text());
@@ -257,12 +251,7 @@ impl Paper {
             let _ = writeln!(text, "\n## ({letter}) {title}\n");
             let _ = writeln!(text, "{}\n", figure.setting);
             for finding in &figure.findings {
-                let word = match finding.judgement() {
-                    Judgement::Yes => "Agrees",
-                    Judgement::No => "Does not agree",
-                    Judgement::Open => "Not judged, the machine was busy",
-                };
-                let _ = writeln!(text, "- **{word}:** {}.", finding.text);
+                let _ = writeln!(text, "- **{}:** {}.", finding.verdict.word(), finding.whole());
             }
             for chart in &figure.charts {
                 let _ = writeln!(text, "\n![{0}]({0}.svg)", chart.name);
@@ -286,17 +275,11 @@ impl Paper {
             page.add(format_args!("<figure><img src=\"{data}\" alt=\"{name}\"></figure>"));
         }
         for (letter, title, figure) in &self.figures {
-            let claims = counted(std::iter::once(figure));
-            page.entry(&format!("figure-{letter}"), &format!("({letter}) {title}: {claims}"));
+            let count = Verdict::counted(figure.verdicts());
+            page.entry(&format!("figure-{letter}"), &format!("({letter}) {title}: {count}"));
             page.add(format_args!("<h2 id=\"figure-{letter}\">({letter}) {}</h2>", escape(title)));
             page.paragraph("note", &figure.setting);
-            let verdict = |f: &Finding| Verdict {
-                judgement: f.judgement(),
-                measured: String::new(),
-                what: f.text.clone(),
-            };
-            let verdicts: Vec<Verdict> = figure.findings.iter().map(verdict).collect();
-            page.list(&CLAIMS, &verdicts.iter().collect::<Vec<_>>());
+            figure.list(&mut page);
             figure.charts.iter().for_each(|chart| page.chart(chart));
             figure.tables.iter().for_each(|table| page.table(table));
         }
@@ -312,7 +295,7 @@ impl Paper {
         let name = self.source.name;
         let findings: Vec<_> = self.figures.iter().map(|(l, _, f)| (l, &f.findings)).collect();
         let json = serde_json::json!({
-            "schema": "sinew-reproduce/1",
+            "schema": "sinew-reproduce/2",
             "paper": self.source.reference,
             "machine": self.machine,
             "findings": findings,
@@ -364,7 +347,7 @@ mod tests {
         // the count first, then a line a claim
         let all = paper.figures.iter().map(|f| f.2.findings.len()).sum::<usize>();
         assert!(html.contains(&paper.count()) && html.matches("<li class=").count() == all);
-        assert!(html.find("Claims of the paper").unwrap() < html.find("<h2").unwrap());
+        assert!(html.find("Statements of the paper").unwrap() < html.find("<h2").unwrap());
         assert_eq!(html.matches("<a href=\"#figure-").count(), 6);
     }
 }

@@ -7,7 +7,7 @@ use sinew_papers::{Options, PAPER_A, PAPER_B, PAPER_C};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-/// Makes the figures and tables of a paper again and says what agrees.
+/// Makes the figures and tables of a paper again, with a verdict on each of its statements.
 #[derive(Parser)]
 #[command(name = "sinew-papers", version, about)]
 enum Cli {

@@ -163,7 +163,7 @@ mod tests {
         late[0].run.frame.late = 0.5;
         late[1].run.frame.late = 0.0;
         late[1].run.residual = 0.5;
-        let verdicts: Vec<bool> = findings(&late).iter().map(|f| f.agrees).collect();
+        let verdicts: Vec<bool> = findings(&late).iter().map(|f| f.agrees()).collect();
         assert_eq!(verdicts, [false, true, false]);
     }
 

@@ -187,7 +187,7 @@ mod tests {
         }
         let found = findings(&points);
         // a square of springs is softer than its material; its ratio stands still, but for Baudet's springs
-        let verdicts: Vec<bool> = found.iter().map(|f| f.agrees).collect();
+        let verdicts: Vec<bool> = found.iter().map(|f| f.agrees()).collect();
         assert!(!verdicts[0] && verdicts[4] && !verdicts[7], "{found:?}");
         // a modulus that does not follow is seen
         let mut wrong = points;

@@ -521,7 +521,7 @@ mod tests {
             };
             assert!(expected.contains(&p.ratio), "{p:?}");
         }
-        let verdicts: Vec<bool> = plain_findings(&plain).iter().map(|f| f.agrees).collect();
+        let verdicts: Vec<bool> = plain_findings(&plain).iter().map(|f| f.agrees()).collect();
         assert_eq!(verdicts[..2], [false; 2]);
     }
 
@@ -573,7 +573,7 @@ mod tests {
             r.reaction = r.reaction.map(|x| 1.05 * x);
             r.errors = r.errors.map(|[a, b]| [a + 5.0, 10.0 * b]);
         }
-        let verdicts: Vec<bool> = findings(&worse, &sizes).iter().map(|f| f.agrees).collect();
+        let verdicts: Vec<bool> = findings(&worse, &sizes).iter().map(|f| f.agrees()).collect();
         assert_eq!(verdicts[..4], [false; 4]);
     }
 }

@@ -12,7 +12,7 @@ use crate::toolbox::prelude::*;
 use crate::toolbox::report::ReportFiles;
 use sinew::engine::lanes::InstructionSet;
 use sinew_tune::machine::{Load, MachineNotes};
-use sinew_tune::page::{AIMS, Page, Verdict};
+use sinew_tune::page::{Page, Verdict};
 use sinew_tune::table::{escape, three_digits};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -358,7 +358,7 @@ impl BenchReport {
             }
             drawn.extend(group.into_iter().map(|chart| chart.name));
         }
-        page.verdicts(&AIMS, &self.verdicts());
+        page.verdicts(&self.verdicts());
         page.add(format_args!(
             "<p class=\"note\">Made by <code>{}</code>{}. Every figure is a median of repeats in which the variants \
              took turns; quartiles and minima stand beside it. The same data are in \

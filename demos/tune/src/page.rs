@@ -11,7 +11,7 @@ pub struct Chart {
     pub svg: String,
 }
 
-/// How a statement was judged.
+/// How an aim was judged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Judgement {
     /// It holds.
@@ -22,46 +22,37 @@ pub enum Judgement {
     Open,
 }
 
-/// An aim or a claim and how it was judged.
+/// An aim and how it was judged.
 pub struct Verdict {
     /// How.
     pub judgement: Judgement,
     /// What was measured, in a few words.
     pub measured: String,
-    /// What was aimed at or claimed.
+    /// What was aimed at.
     pub what: String,
 }
 
-/// What the three judgements are called.
-pub struct VerdictWords {
-    /// Name of such statements.
-    pub heading: &'static str,
-    /// What those do that hold, in a count.
-    pub count: &'static str,
-    /// On badges: holds, does not, is not judged.
-    pub badges: [&'static str; 3],
+/// How many aims are met of those that were judged, and how many were not judged.
+pub fn aims_met(judgements: impl Iterator<Item = Judgement> + Clone) -> String {
+    let of = |wanted| judgements.clone().filter(|j| *j == wanted).count();
+    let [yes, no, open] = [Judgement::Yes, Judgement::No, Judgement::Open].map(of);
+    match (yes + no, open) {
+        (judged, 0) => format!("{yes} of {judged} met"),
+        (0, _) => format!("{open} not judged"),
+        (judged, _) => format!("{yes} of {judged} met, {open} not judged"),
+    }
 }
 
-/// Of aims.
-pub const AIMS: VerdictWords =
-    VerdictWords { heading: "Verdicts", count: "met", badges: ["met", "not met", "not judged"] };
-
-/// Of claims of others.
-pub const CLAIMS: VerdictWords =
-    VerdictWords { heading: "Claims", count: "agree", badges: ["agrees", "differs", "not judged"] };
-
-impl VerdictWords {
-    /// How many hold of those that were judged, and how many were not.
-    pub fn counted(&self, judgements: impl Iterator<Item = Judgement> + Clone) -> String {
-        let of = |wanted| judgements.clone().filter(|j| *j == wanted).count();
-        let [yes, no, open] = [Judgement::Yes, Judgement::No, Judgement::Open].map(of);
-        let judged = format!("{yes} of {} {}", yes + no, self.count);
-        match (yes + no, open) {
-            (_, 0) => judged,
-            (0, _) => format!("{open} not judged"),
-            _ => format!("{judged}, {open} not judged"),
-        }
-    }
+/// A statement with a word about it in front.
+pub struct Badge<'a> {
+    /// Style of the word: `met`, `missed`, `wrong`, `choice` or `open`.
+    pub class: &'static str,
+    /// The word.
+    pub word: &'static str,
+    /// What was measured, in bold; may be empty.
+    pub measured: &'a str,
+    /// The statement.
+    pub what: &'a str,
 }
 
 /// Rows above which a table is folded in a page.
@@ -142,35 +133,40 @@ impl Page {
         }
     }
 
-    /// Verdicts with a heading that counts them, what does not hold first; of many the last are folded.
-    pub fn verdicts(&mut self, words: &VerdictWords, verdicts: &[Verdict]) {
+    /// Verdicts on aims with a heading that counts them, what does not hold first; of many the last are folded.
+    pub fn verdicts(&mut self, verdicts: &[Verdict]) {
         if verdicts.is_empty() {
             return;
         }
-        let counted = words.counted(verdicts.iter().map(|v| v.judgement));
-        self.section("verdicts", &format!("{}: {counted}", words.heading));
+        let counted = aims_met(verdicts.iter().map(|v| v.judgement));
+        self.section("verdicts", &format!("Verdicts: {counted}"));
         let of = |wanted| verdicts.iter().filter(move |v| v.judgement == wanted);
-        let all: Vec<&Verdict> =
-            [Judgement::No, Judgement::Open, Judgement::Yes].into_iter().flat_map(of).collect();
+        let all: Vec<Badge> = [Judgement::No, Judgement::Open, Judgement::Yes]
+            .into_iter()
+            .flat_map(of)
+            .map(|v| {
+                let (class, word) = match v.judgement {
+                    Judgement::Yes => ("met", "met"),
+                    Judgement::No => ("missed", "not met"),
+                    Judgement::Open => ("open", "not judged"),
+                };
+                Badge { class, word, measured: &v.measured, what: &v.what }
+            })
+            .collect();
         let (shown, folded) = all.split_at(all.len().min(MANY));
-        self.list(words, shown);
+        self.badges(shown);
         if !folded.is_empty() {
             self.add(format_args!("<details><summary>{} more</summary>", folded.len()));
-            self.list(words, folded);
+            self.badges(folded);
             self.add("</details>");
         }
     }
 
-    /// Verdicts in their order, one row each.
-    pub fn list(&mut self, words: &VerdictWords, verdicts: &[&Verdict]) {
+    /// Statements in their order, one row each.
+    pub fn badges(&mut self, badges: &[Badge]) {
         self.add("<ul class=\"verdicts\">");
-        for v in verdicts {
-            let (class, word) = match v.judgement {
-                Judgement::Yes => ("met", words.badges[0]),
-                Judgement::No => ("missed", words.badges[1]),
-                Judgement::Open => ("open", words.badges[2]),
-            };
-            let (measured, what) = (escape(&v.measured), escape(&v.what));
+        for Badge { class, word, measured, what } in badges {
+            let (measured, what) = (escape(measured), escape(what));
             self.add(format_args!(
                 "<li class=\"{class}\"><b>{word}</b><span><strong>{measured}</strong> {what}</span></li>"
             ));
@@ -286,6 +282,8 @@ figure svg { max-width: 100%; height: auto; border: 1px solid #e2e2e2; }
 .verdicts b { flex: 0 0 68px; align-self: flex-start; text-align: center; border-radius: 3px; font-size: 12px; padding: 1px 0; }
 .verdicts .met b { background: #dcefdc; color: #145214; }
 .verdicts .missed b { background: #fbdcd3; color: #8a1c00; }
+.verdicts .wrong b { background: #e3dcf5; color: #3d1d8a; }
+.verdicts .choice b { background: #fdefc8; color: #6b4c00; }
 .verdicts .open b { background: #e6e8eb; color: #444; }
 .scroll { overflow-x: auto; }
 table { border-collapse: collapse; font-size: 13px; font-variant-numeric: tabular-nums; }

@@ -1,6 +1,6 @@
 //! Pages of tables and verdicts.
 
-use sinew_tune::page::{AIMS, CLAIMS, Judgement, Page, Verdict};
+use sinew_tune::page::{Judgement, Page, Verdict};
 use sinew_tune::table::{Cell, Table};
 
 #[test]
@@ -29,8 +29,8 @@ fn what_was_missed_comes_first() {
     all.push(verdict(Judgement::Open, "on a busy machine".into()));
     all.push(verdict(Judgement::No, "the last".into()));
     let mut page = Page::new("p", "p", "m");
-    page.verdicts(&AIMS, &all);
-    page.verdicts(&AIMS, &[]);
+    page.verdicts(&all);
+    page.verdicts(&[]);
     let html = page.html();
     // what was not judged counts for neither side, and is grey
     assert!(html.contains("Verdicts: 14 of 15 met, 1 not judged"), "{html}");
@@ -39,8 +39,6 @@ fn what_was_missed_comes_first() {
     let at = |words: &str| html.find(words).unwrap();
     assert!(at("the last") < at("on a busy machine") && at("on a busy machine") < at("aim 0."));
     assert_eq!(html.matches("<h2").count(), 1);
-    let judgements = all.iter().map(|v| v.judgement);
-    assert_eq!(CLAIMS.counted(judgements), "14 of 15 agree, 1 not judged");
 }
 
 #[test]
