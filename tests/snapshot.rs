@@ -324,7 +324,7 @@ fn axes_and_muscles() {
             AxisFamily { viscosity: 20.0, ..AxisFamily::new("fibres", &[DVec3::Y], 5e3) },
             AxisFamily {
                 form: FibreForm::Biquadratic,
-                ..AxisFamily::new("strain", &[DVec3::new(0.6, 0.0, 0.8)], 8e3)
+                ..AxisFamily::new("strain", &[DVec3::NEG_Z], 8e3)
             },
         ],
         angles: vec![AxisAngle { families: [0, 2], modulus: 2e3 }],

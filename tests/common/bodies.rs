@@ -12,6 +12,9 @@ use sinew_models::material::YoungPoisson;
 pub const MATERIAL: YoungPoisson =
     YoungPoisson { young_modulus: 1e4, poisson_ratio: 0.4, density: 1000.0 };
 
+/// Direction of the fibres of a membrane.
+const ALONG: [DVec3; 1] = [DVec3::new(0.6, 0.8, 0.0)];
+
 /// One mesh of every kind of element.
 pub struct Meshes {
     pub tetrahedra: Mesh,
@@ -36,7 +39,7 @@ impl Meshes {
             quads: quad_grid(side, [3, 3]).unwrap(),
             fibres: [AxisFamily {
                 form: FibreForm::Biquadratic,
-                ..AxisFamily::new("f", &[DVec3::new(0.6, 0.8, 0.0)], 1e4)
+                ..AxisFamily::new("f", &ALONG, 1e4)
             }],
         }
     }
