@@ -772,7 +772,8 @@ impl Simulation {
 
     /// Elements that were pressed far together after the last step: those of the bodies whose model
     /// [softens](sinew_models::body::Model::softens) there, with a principal stretch below
-    /// [`COMPRESSED`](sinew_engine::compression::COMPRESSED). Such a body resists too little.
+    /// [`COMPRESSED`](sinew_engine::compression::COMPRESSED), and biquadratic fibres of other bodies. They resist too
+    /// little.
     pub fn compressed_elements(&self) -> u64 {
         self.world().get_resource::<CompressionReport>().map_or(0, CompressionReport::compressed)
     }

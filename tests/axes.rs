@@ -445,10 +445,12 @@ fn a_new_modulus_makes_the_body_that_has_it() {
     let linear = jittered_box(size.to_array(), [3, 2, 2]);
     let second_order = linear.with_second_order();
     let meshes = [linear, box_hexahedra(size, [3, 2, 2]).unwrap()];
-    for mesh in meshes.iter().chain([&second_order]) {
+    let pooled = [(&meshes[0], POOLED)];
+    for (mesh, kind) in meshes.iter().chain([&second_order]).map(|mesh| (mesh, FUSED)).chain(pooled)
+    {
         let axes = rich(mesh);
         let shape = |axes: AxesDescription, change: &[(&str, f64)]| {
-            let (mut simulation, body) = build(mesh, FUSED, Some(axes), options(Precision::F64, 1));
+            let (mut simulation, body) = build(mesh, kind, Some(axes), options(Precision::F64, 1));
             activate(&mut simulation, body);
             disturb(&mut simulation, body, 2e-3, 9);
             let before = simulation.evaluate();
@@ -461,20 +463,29 @@ fn a_new_modulus_makes_the_body_that_has_it() {
             (energy, simulation.elastic_forces(body))
         };
         let mut other = axes.clone();
-        for (family, modulus) in other.families.iter_mut().zip([500.0, 0.0, 7e3, 2e3]) {
+        for (family, modulus) in other.families.iter_mut().zip([500.0, 0.0, 7e3, 2e3, 9e3]) {
             family.modulus = modulus;
         }
         let whole = shape(other, &[]);
         // by way of 0, which must not stick
-        let change = [("a", 0.0), ("a", 500.0), ("b", 0.0), ("c", 7e3), ("d", 0.0), ("d", 2e3)];
+        let change = [
+            ("a", 0.0),
+            ("a", 500.0),
+            ("b", 0.0),
+            ("c", 7e3),
+            ("d", 0.0),
+            ("d", 2e3),
+            ("e", 0.0),
+            ("e", 9e3),
+        ];
         assert_eq!(shape(axes.clone(), &change), whole);
         assert_ne!(shape(axes, &[]), whole);
     }
     let mesh = &meshes[0];
     let (mut simulation, body) = build(mesh, FUSED, Some(rich(mesh)), options(Precision::F64, 1));
     let error = |e: SimulationError| e.to_string();
-    let found = simulation.set_axis_modulus(body, "e", 1.0).map_err(error).unwrap_err();
-    assert!(found.contains("no family of axes `e`") && found.contains("\"d\""), "{found}");
+    let found = simulation.set_axis_modulus(body, "x", 1.0).map_err(error).unwrap_err();
+    assert!(found.contains("no family of axes `x`") && found.contains("\"d\""), "{found}");
     let found = simulation.set_axis_modulus(body, "a", -1.0).map_err(error).unwrap_err();
     assert!(found.contains("-1 Pa"), "{found}");
 }

@@ -3,6 +3,7 @@
 mod axes;
 mod bad_input;
 mod bending;
+mod biquadratic;
 mod clusters;
 mod common;
 mod comparison_models;

@@ -9,7 +9,7 @@ use sinew::engine::load::{Load, Pressure};
 use sinew::engine::mesh::Mesh;
 use sinew::engine::mesh::generate::{box_hexahedra, box_tets, quad_grid, triangle_grid};
 use sinew::engine::order::Order;
-use sinew::models::axes::description::{AxesDescription, AxisAngle, AxisFamily};
+use sinew::models::axes::description::{AxesDescription, AxisAngle, AxisFamily, FibreForm};
 use sinew::models::axes::muscle::MuscleSettings;
 use sinew::models::body::present::MassPolicy;
 use sinew::models::body::sheet::{MembraneDescription, MembraneModel};
@@ -322,15 +322,24 @@ fn axes_and_muscles() {
             AxisFamily { muscle: Some(by_curve), ..AxisFamily::new("curve", &[DVec3::X], 1e3) },
             AxisFamily { muscle: Some(by_hand), ..AxisFamily::new("hand", &[DVec3::Z], 1e3) },
             AxisFamily { viscosity: 20.0, ..AxisFamily::new("fibres", &[DVec3::Y], 5e3) },
+            AxisFamily {
+                form: FibreForm::Biquadratic,
+                ..AxisFamily::new("strain", &[DVec3::NEG_Z], 8e3)
+            },
         ],
         angles: vec![AxisAngle { families: [0, 2], modulus: 2e3 }],
         volume_modulus: 4e3,
     };
-    let body = BodyDescription {
-        axes: Some(axes),
-        ..BodyDescription::new("beam", &mesh, soft(1e4, 0.35))
-    };
-    for integrator in [Integrator::Auto, Integrator::StormerVerlet] {
+    for (integrator, evaluation) in [
+        (Integrator::Auto, Evaluation::Fused),
+        (Integrator::Auto, Evaluation::Pooled),
+        (Integrator::StormerVerlet, Evaluation::Fused),
+    ] {
+        let body = BodyDescription {
+            axes: Some(axes.clone()),
+            evaluation,
+            ..BodyDescription::new("beam", &mesh, soft(1e4, 0.35))
+        };
         let settings = solver!(integrator);
         let build = |options| beam(options, &settings, &body);
         let act = |simulation: &mut Simulation, step: u64| {
@@ -338,6 +347,7 @@ fn axes_and_muscles() {
             simulation.set_activation(BodyHandle(0), "hand", activation).unwrap();
             if step == 25 {
                 simulation.set_axis_modulus(BodyHandle(0), "fibres", 2e3).unwrap();
+                simulation.set_axis_modulus(BodyHandle(0), "strain", 4e3).unwrap();
             }
         };
         exact(integrator.name(), threads(1), &Scene { build: &build, act: &act });

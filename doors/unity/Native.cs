@@ -199,6 +199,7 @@ namespace Sinew
         internal double Modulus;
         internal double Viscosity;
         internal IntPtr Muscle;
+        internal IntPtr Form;
     }
 
     /// <summary>What a body is made of. Names are those of scene files; NULL is the default.</summary>
@@ -411,7 +412,7 @@ namespace Sinew
 
     internal static partial class Native
     {
-        internal const uint SINEW_ABI = 2;
+        internal const uint SINEW_ABI = 3;
         internal const uint SINEW_F64 = 0;
         internal const uint SINEW_F32 = 1;
         internal const uint SINEW_CPU = 0;

@@ -18,6 +18,7 @@ use crate::vertex::{BodyId, Displacement};
 use crate::workers::Workers;
 use bevy_ecs::prelude::*;
 use bevy_ecs::schedule::common_conditions::{not, resource_exists};
+use bevy_ecs::system::ScheduleSystem;
 use std::ops::Range;
 
 /// Principal stretch below which an element counts as compressed far: St Venant-Kirchhoff resists with less than half of what
@@ -29,7 +30,8 @@ pub const COMPRESSED: f64 = 0.7;
 pub struct CompressionReport {
     /// Bodies that are looked at.
     watched: Vec<u32>,
-    /// Solid elements of every body that have a principal stretch below [`COMPRESSED`]; 0 for bodies that are not looked at.
+    /// Solid elements of every body that have a principal stretch below [`COMPRESSED`]; of a body that is not looked at,
+    /// fibres that soften likewise.
     pub compressed_by_body: Vec<u64>,
 }
 
@@ -38,10 +40,43 @@ impl CompressionReport {
     pub fn compressed(&self) -> u64 {
         self.compressed_by_body.iter().sum()
     }
+
+    /// Whether all elements of a body are looked at.
+    pub fn is_watched(&self, body: u32) -> bool {
+        self.watched.contains(&body)
+    }
+
+    /// Adds to the count of a body.
+    pub fn add(&mut self, body: u32, count: u64) {
+        if let Some(own) = self.compressed_by_body.get_mut(body as usize) {
+            *own += count;
+        }
+    }
 }
 
 /// Has the elements of a body counted at the end of every step.
 pub fn report_compression<S: Scalar>(world: &mut World, body: u32) {
+    prepare::<S>(world);
+    world.resource_mut::<CompressionReport>().watched.push(body);
+}
+
+/// Has a system [add](CompressionReport::add) to the counts at the end of every step.
+pub fn report_compression_by<S: Scalar, M>(
+    world: &mut World,
+    count: impl IntoScheduleConfigs<ScheduleSystem, M>,
+) {
+    prepare::<S>(world);
+    let mut schedules = world.resource_mut::<Schedules>();
+    schedules.entry(StepSchedule).add_systems(
+        count
+            .after(measure_compression::<S>)
+            .run_if(not(resource_exists::<ColumnsBehind>))
+            .run_if(|failure: Res<StepFailure>| failure.0.is_none())
+            .in_set(StepSystems::Report),
+    );
+}
+
+fn prepare<S: Scalar>(world: &mut World) {
     if !world.contains_resource::<CompressionReport>() {
         world.init_resource::<CompressionReport>();
         let mut schedules = world.resource_mut::<Schedules>();
@@ -51,7 +86,6 @@ pub fn report_compression<S: Scalar>(world: &mut World, body: u32) {
                 .in_set(StepSystems::Report),
         );
     }
-    world.resource_mut::<CompressionReport>().watched.push(body);
 }
 
 /// Whether no principal stretch of a displacement gradient is below [`COMPRESSED`]: the right Cauchy-Green tensor less the
@@ -141,7 +175,7 @@ fn measure_compression<S: Scalar>(
 }
 
 /// Sum over some elements, each of so much work (ns), chunk by chunk.
-fn in_chunks(
+pub fn in_chunks(
     workers: &Workers,
     elements: Range<usize>,
     work: usize,

@@ -162,6 +162,8 @@ index_columns! {
     MembraneIndex,
     /// Index, in the mesh that the user gave, of the tetrahedron that axes lie in.
     AxisTetrahedron,
+    /// Index, in the list that the user gave, of the membrane triangle that a fibre lies in.
+    AxisTriangle,
 }
 
 number_columns! {

@@ -44,9 +44,16 @@ fn volume_preservation_beside_a_material() {
 
 #[test]
 fn passive_and_active_fibres_beside_a_material() {
-    let meshes = [("", beam([10, 4, 5])), ("mixed ", half_bricks(CELLS))];
-    for ((name, mesh), activation) in meshes.iter().flat_map(|m| [(m, 0.0), (m, 0.7)]) {
-        let description = with_axes(mesh, Model::CompressibleStVK, rich(mesh));
+    let meshes = [
+        ("", beam([10, 4, 5]), Evaluation::Fused),
+        ("pooled ", beam([10, 4, 5]), Evaluation::Pooled),
+        ("mixed ", half_bricks(CELLS), Evaluation::Fused),
+    ];
+    for ((name, mesh, evaluation), activation) in meshes.iter().flat_map(|m| [(m, 0.0), (m, 0.7)]) {
+        let description = BodyDescription {
+            evaluation: *evaluation,
+            ..with_axes(mesh, Model::CompressibleStVK, rich(mesh))
+        };
         compare_in(Comparison {
             law: &format!("{name}axes {activation}"),
             description: &description,

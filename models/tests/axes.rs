@@ -5,9 +5,10 @@ use glam::{DQuat, DVec3};
 use proptest::prelude::*;
 use serde_json::Value;
 use sinew_models::axes::damper::AxialDamper;
-use sinew_models::axes::element::{AxisElement, Fibre, Triad, VolumeTerm};
+use sinew_models::axes::element::{AxisElement, BiquadraticFibre, Fibre, Triad, VolumeTerm};
 use sinew_models::axes::site::{Blocks, Nodes};
-use sinew_models::element::precompute::RestTetrahedron;
+use sinew_models::element::precompute::{EDGES, RestTetrahedron, SpringConstants};
+use sinew_models::element::spring::squared_length_change;
 use sinew_models::element::tetrahedron::{Element, TangentKind, TetrahedronTangent};
 use sinew_models::frame::law::TetrahedronLaw;
 use sinew_models::laws::linear::Linear;
@@ -148,6 +149,12 @@ fn fibre(shape: &RestTetrahedron, axis: [f64; 3], modulus: f64) -> Fibre<f64> {
     }
 }
 
+/// A biquadratic fibre with the axis and modulus of another.
+fn biquadratic(fibre: &Fibre<f64>) -> BiquadraticFibre<f64> {
+    let &Fibre { shape, axis, stiffness, .. } = fibre;
+    BiquadraticFibre { shape, axis, stiffness }
+}
+
 fn unit() -> impl Strategy<Value = [f64; 3]> {
     vector().prop_filter_map("no direction", |v| {
         let v = DVec3::from_array(v);
@@ -252,6 +259,7 @@ proptest! {
         }
         fibre.active = 0.0;
         check_derivatives(&fibre, &u)?;
+        check_derivatives(&biquadratic(&fibre), &u)?;
     }
 
     #[test]
@@ -262,7 +270,77 @@ proptest! {
         for u in [u, collapsed, mirrored, flat, [[0.0; 3]; 4]] {
             check_definite(&triad, &u)?;
             check_definite(&fibre, &u)?;
+            check_definite(&biquadratic(&fibre), &u)?;
         }
+    }
+
+    /// The projected tangent of a biquadratic fibre is the exact one with its negative eigenvalues set to 0.
+    #[test]
+    fn biquadratic_fibres_are_projected_exactly((_, p, _, fibre, u) in case()) {
+        let e = biquadratic(&fibre);
+        let pressed = p.map(|x| x.map(|x| -0.5 * x));
+        let collapsed = p.map(|x| x.map(|x| -x));
+        for u in [u, pressed, collapsed] {
+            let exact = e.tangent(&u, TangentKind::Exact).to_dense();
+            let (values, vectors) = symmetric_eigen(exact);
+            let mut clamped = [[0.0; 12]; 12];
+            for (k, value) in values.iter().enumerate().filter(|(_, value)| **value > 0.0) {
+                for i in 0..12 {
+                    for j in 0..12 {
+                        clamped[i][j] += value * vectors[i][k] * vectors[j][k];
+                    }
+                }
+            }
+            let found = e.tangent(&u, TangentKind::Projected).to_dense();
+            let off = max_difference(found.as_flattened(), clamped.as_flattened());
+            prop_assert!(off <= 1e-11 * max_abs(exact.as_flattened()), "{off}");
+            prop_assert_eq!(
+                e.is_clamped(&u),
+                values.iter().any(|x| *x < -1e-13 * max_abs(&values)),
+                "{:?}", values
+            );
+        }
+    }
+
+    /// `V Y/2 (a.E a)^2`, whatever the fibre is made of: as springs, as an axis, and from the deformation gradient.
+    #[test]
+    fn biquadratic_fibres_are_springs((shape, p, _, fibre, u) in case()) {
+        let e = biquadratic(&fibre);
+        let g = |i: usize, j: usize| (0..4).map(|b| u[b][i] * shape.gradients[b][j]).sum::<f64>();
+        let (mut strain, mut most) = (0.0, 0.0);
+        for i in 0..3 {
+            for j in 0..3 {
+                let green = 0.5 * (g(i, j) + g(j, i) + (0..3).map(|k| g(k, i) * g(k, j)).sum::<f64>());
+                strain += e.axis[i] * green * e.axis[j];
+                most += (e.axis[i] * green * e.axis[j]).abs();
+            }
+        }
+        let direct = 0.5 * e.stiffness * strain * strain;
+        let mut springs = SpringConstants::NONE;
+        springs.add_fibre(&shape, e.axis, e.stiffness / shape.volume);
+        let (mut energy, mut forces, mut size) = (0.0, [[0.0; 3]; 4], [0.0; 2]);
+        let delta = EDGES.map(|[i, j]| {
+            let rest = [0, 1, 2].map(|k| p[i][k] - p[j][k]);
+            squared_length_change(rest, u[i], u[j])
+        });
+        let matrix = springs.matrix();
+        for (m, [i, j]) in EDGES.into_iter().enumerate() {
+            let tension: f64 = (0..6).map(|n| matrix[m][n] * delta[n]).sum();
+            let reach: f64 = (0..6).map(|n| (matrix[m][n] * delta[n]).abs()).sum();
+            energy += 0.5 * tension * delta[m];
+            size[0] += 0.5 * reach * delta[m].abs();
+            for k in 0..3 {
+                let edge = p[i][k] + u[i][k] - p[j][k] - u[j][k];
+                forces[i][k] -= 2.0 * tension * edge;
+                forces[j][k] += 2.0 * tension * edge;
+                size[1] += 2.0 * reach * edge.abs();
+            }
+        }
+        prop_assert!((e.energy(&u) - energy).abs() <= 1e-12 * size[0]);
+        let size_of_direct = size[0] + e.stiffness * most * most;
+        prop_assert!((direct - energy).abs() <= 1e-12 * size_of_direct, "{direct} {energy}");
+        let off = max_difference(e.forces(&u).as_flattened(), forces.as_flattened());
+        prop_assert!(off <= 1e-12 * size[1], "{off}");
     }
 
     #[test]
@@ -282,6 +360,10 @@ proptest! {
         let rounded = (1e-13 * altitude).powi(2) * stiffness;
         prop_assert!(triad.energy(&rigid) <= rounded);
         prop_assert!(fibre.energy(&rigid) <= rounded);
+        let own = biquadratic(&fibre);
+        prop_assert!(own.energy(&rigid) <= rounded);
+        let change = own.energy(&moved(&u)) - own.energy(&u);
+        prop_assert!(change.abs() <= 1e-9 * (own.energy(&u) + own.stiffness));
         prop_assert!(
             max_abs(triad.forces(&rigid).as_flattened()) <= 1e-12 * stiffness * altitude
         );
@@ -293,7 +375,7 @@ proptest! {
             prop_assert!(max_difference(&turned, &after[a]) <= 1e-9 * size);
         }
         // no resultant, no moment
-        for f in [before, fibre.forces(&u)] {
+        for f in [before, fibre.forces(&u), own.forces(&u)] {
             let force: DVec3 = f.iter().map(|f| DVec3::from_array(*f)).sum();
             let moment: DVec3 = (0..4)
                 .map(|a| {
@@ -321,6 +403,21 @@ proptest! {
         let off = max_difference(&f32s.as_flattened().iter().map(|x| f64::from(*x)).collect::<Vec<_>>(), f64s.as_flattened());
         prop_assert!(off <= 3e-5 * size, "{off} of {size}");
         prop_assert!(fibre.energy(&wide).is_finite());
+        let own = biquadratic(&fibre);
+        let half = BiquadraticFibre {
+            shape: own.shape.map(|x| x as f32),
+            axis: own.axis.map(|x| x as f32),
+            stiffness: own.stiffness as f32,
+        };
+        let own = BiquadraticFibre {
+            shape: half.shape.map(f64::from),
+            axis: half.axis.map(f64::from),
+            stiffness: f64::from(half.stiffness),
+        };
+        let (found, expected) = (half.forces(&narrow).map(|f| f.map(f64::from)), own.forces(&wide));
+        let size = own.stiffness * max_abs(&own.shape).powi(2) * max_abs(wide.as_flattened());
+        let off = max_difference(found.as_flattened(), expected.as_flattened());
+        prop_assert!(off <= 3e-5 * size, "{off} of {size}");
     }
 
     #[test]

@@ -14,7 +14,7 @@ use sinew_engine::mesh::Mesh;
 use sinew_engine::mesh::generate::irregular_box_tets;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::workers::Workers;
-use sinew_models::axes::description::{AxesDescription, AxisAngle, AxisFamily};
+use sinew_models::axes::description::{AxesDescription, AxisAngle, AxisFamily, FibreForm};
 use sinew_models::body::sheet::{MembraneDescription, MembraneError, MembraneModel, PlaneState};
 use sinew_models::body::{BodyDescription, BodyError, Evaluation, Model, VolumeRule, spawn_body};
 use sinew_models::element::face;
@@ -193,15 +193,23 @@ fn for_bodies(mut check: impl FnMut(&BodyDescription, &str, bool)) {
         volume_modulus: 0.4,
         ..AxesDescription::default()
     };
+    let biquadratic = AxesDescription {
+        families: vec![AxisFamily { form: FibreForm::Biquadratic, ..family(1, 3.0) }],
+        ..AxesDescription::default()
+    };
     for (name, model, axes) in [
         ("axes", Model::Axes, triad.clone()),
         ("axes and material", Model::StVK, triad),
         ("fibres and volume", Model::StVK, fibre),
+        ("biquadratic fibres", Model::StVK, biquadratic.clone()),
     ] {
         let body =
             BodyDescription { model, axes: Some(axes), ..of_bricks(&points, &hexahedra, 0.3) };
         check(&body, name, false);
     }
+    let axes = Some(biquadratic);
+    let body = BodyDescription { axes, ..BodyDescription::new("body", &mesh, material(0.3)) };
+    check(&body, "biquadratic fibres, ten nodes", false);
     let (points, quads) = plates();
     for model in SHEETS {
         for plane in [PlaneState::Stress, PlaneState::Strain] {

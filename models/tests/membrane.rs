@@ -369,6 +369,39 @@ proptest! {
     }
 }
 
+/// Fibres in the plane add `A Y/2 (a.E a)^2`, and their springs in a membrane that is two layers add up.
+#[test]
+fn springs_of_fibres_carry_their_energy() {
+    let points = [[0.1, 0.0, 0.2], [1.0, 0.1, -0.1], [0.3, 0.8, 0.4]];
+    let rest = RestTriangle::new(points).unwrap();
+    let axis = rest.in_plane([0.3, 0.9, 0.1]).unwrap();
+    assert!((dot(axis, axis) - 1.0).abs() < 1e-15);
+    let normal = cross(rest.edges[0], rest.edges[1]);
+    assert!(dot(axis, normal).abs() < 1e-15 && rest.in_plane(normal).is_none());
+    let along = rest.along(axis);
+    // undeformed, the fibre is itself
+    let image = (0..3).fold([0.0; 3], |sum, b| add(sum, scale(points[b], along[b])));
+    assert!(max_difference(&image, &axis) < 1e-14, "{image:?} {axis:?}");
+    let u = [[0.0, 0.1, -0.2], [0.3, -0.1, 0.05], [-0.2, 0.4, 0.1]];
+    let mut springs = SpringConstants { tensile: [0.0; 3], angular: [0.0; 3] };
+    springs.add_fibre(&rest, axis, 200.0);
+    springs.add_fibre(&rest, axis, 100.0);
+    let delta = EDGES.map(|[a, b]| {
+        sinew_models::element::spring::squared_length_change(sub(points[a], points[b]), u[a], u[b])
+    });
+    let mut energy = 0.0;
+    for i in 0..3 {
+        energy += tensile_energy(springs.tensile[i], delta[i]);
+        let (j, k) = ((i + 1) % 3, (i + 2) % 3);
+        energy +=
+            sinew_models::element::spring::coupling_energy(springs.angular[i], delta[j], delta[k]);
+    }
+    let pull = (0..3).fold([0.0; 3], |sum, b| add(sum, scale(u[b], along[b])));
+    let strain = dot(pull, add(axis, scale(pull, 0.5)));
+    let expected = 0.5 * 300.0 * rest.area * strain * strain;
+    assert!((energy / expected - 1.0).abs() < 1e-12, "{energy} {expected}");
+}
+
 /// All laws have the same stiffness at rest, where strains are small and in the plane.
 #[test]
 fn laws_agree_for_small_strains() {

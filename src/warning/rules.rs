@@ -73,9 +73,10 @@ rules! {
         |n| "up to {n} elements were turned inside out, {} at the end", run.totals.volume.inverted_final;
         "make loads and motions smaller or slower there, or use smaller steps or a finer mesh";
     Warning "run.compression" "elements": |run| run.totals.volume.compressed_max;
-        |n| "up to {n} elements were pressed to less than {COMPRESSED} of their length, where St Venant-Kirchhoff resists far too \
-             little";
-        "forces there are too small: use model = \"neo_hookean\" or \"svk_volume\", which get stiffer as tissue does";
+        |n| "up to {n} elements (or biquadratic fibres) were pressed to less than {COMPRESSED} of their length, where St \
+             Venant-Kirchhoff resists far too little";
+        "forces there are too small: use model = \"neo_hookean\" or \"svk_volume\", which get stiffer as tissue does, and \
+         fibres of form = \"stretch\"";
     Warning "run.cg.cap" "solver": |run| run.totals.sums.cg_caps;
         |n| "{n} linear solves stopped at the iteration cap";
         "raise solver.max_linear_iterations or linear_tolerance";

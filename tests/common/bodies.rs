@@ -3,7 +3,7 @@
 use glam::{DVec2, DVec3};
 use sinew_engine::mesh::Mesh;
 use sinew_engine::mesh::generate::{box_hexahedra, box_tets, quad_grid, triangle_grid};
-use sinew_models::axes::description::AxesDescription;
+use sinew_models::axes::description::{AxesDescription, AxisFamily, FibreForm};
 use sinew_models::body::sheet::{Bending, MembraneDescription, MembraneModel};
 use sinew_models::body::{BodyDescription, Evaluation, Model, VolumeRule};
 use sinew_models::material::YoungPoisson;
@@ -12,6 +12,9 @@ use sinew_models::material::YoungPoisson;
 pub const MATERIAL: YoungPoisson =
     YoungPoisson { young_modulus: 1e4, poisson_ratio: 0.4, density: 1000.0 };
 
+/// Direction of the fibres of a membrane.
+const ALONG: [DVec3; 1] = [DVec3::new(0.6, 0.8, 0.0)];
+
 /// One mesh of every kind of element.
 pub struct Meshes {
     pub tetrahedra: Mesh,
@@ -19,6 +22,8 @@ pub struct Meshes {
     pub hexahedra: Mesh,
     pub triangles: Mesh,
     pub quads: Mesh,
+    /// Fibres of a membrane.
+    fibres: [AxisFamily<'static>; 1],
 }
 
 impl Meshes {
@@ -32,6 +37,10 @@ impl Meshes {
             hexahedra: box_hexahedra(size, cells).unwrap(),
             triangles: triangle_grid(side, [3, 3]).unwrap(),
             quads: quad_grid(side, [3, 3]).unwrap(),
+            fibres: [AxisFamily {
+                form: FibreForm::Biquadratic,
+                ..AxisFamily::new("f", &ALONG, 1e4)
+            }],
         }
     }
 
@@ -67,24 +76,36 @@ impl Meshes {
                     bodies.push(BodyDescription { model, volume, ..body.clone() });
                 }
             }
-            for kind in 0..3 {
+            for kind in 0..4 {
                 let (model, axes) = (Model::Axes, Some(axes(kind)));
                 bodies.push(BodyDescription { model, axes, ..body.clone() });
+            }
+            if body.middles.is_empty() && body.hexahedra.is_empty() {
+                let (evaluation, axes) = (Evaluation::Pooled, Some(axes(3)));
+                bodies.push(BodyDescription { evaluation, axes, ..body });
             }
         }
         for mesh in [&self.triangles, &self.quads] {
             bodies.extend(sheets(mesh));
         }
+        for mut body in sheets(&self.triangles) {
+            if let Some(own) = &mut body.membrane
+                && own.model == MembraneModel::Biquadratic
+            {
+                own.fibres = &self.fibres;
+                bodies.push(body);
+            }
+        }
         bodies
     }
 }
 
-/// Axes that need every law: a triad, a single fibre, volume alone; all with dampers.
+/// Axes that need every law: a triad, a single fibre, volume alone, a biquadratic fibre; all with dampers.
 fn axes(kind: usize) -> AxesDescription<'static> {
     let mut axes = AxesDescription::isotropic(MATERIAL.lame().unwrap());
     match kind {
         0 => {}
-        1 => {
+        1 | 3 => {
             axes.families.truncate(1);
             axes.angles.clear();
             axes.volume_modulus = 0.0;
@@ -96,6 +117,9 @@ fn axes(kind: usize) -> AxesDescription<'static> {
     }
     for family in &mut axes.families {
         family.viscosity = 3.0;
+        if kind == 3 {
+            family.form = FibreForm::Biquadratic;
+        }
     }
     axes
 }

@@ -24,7 +24,7 @@ use sinew::prelude::{Integrator, Model};
 use sinew::simulation::{Backend, Precision};
 use sinew_cli::{Outcome, PrecisionArgument, choice, exit_code, print, quiet_driver};
 use sinew_scene::assemble::{BuildOptions, generate};
-use sinew_scene::cell_springs::SpringTable;
+use sinew_scene::cell_springs::{CellFibres, SpringTable};
 use sinew_scene::check::check_file;
 use sinew_scene::mesh_tool::{MeshInfo, convert, merge, read, write};
 use sinew_scene::picture::run_to_page;
@@ -305,6 +305,12 @@ enum MeshCommand {
         /// Thickness (m) of triangles, in plane stress.
         #[arg(long, allow_negative_numbers = true)]
         thickness: Option<f64>,
+        /// Direction of biquadratic fibres, whose springs are added.
+        #[arg(long, num_args = 3, value_names = ["X", "Y", "Z"], requires = "fibre_modulus", allow_negative_numbers = true)]
+        fibre: Option<Vec<f64>>,
+        /// Modulus (Pa) along the fibres.
+        #[arg(long, requires = "fibre", allow_negative_numbers = true)]
+        fibre_modulus: Option<f64>,
         /// Which cell, counted from 0; may be given several times.
         #[arg(long, default_values_t = [0])]
         cell: Vec<usize>,
@@ -479,10 +485,23 @@ fn mesh(command: MeshCommand) -> Outcome {
             say!("{}", merge(&from, &to, tolerance)?);
             sayln!("written to {}", to.display());
         }
-        MeshCommand::Springs { file, young, poisson, thickness, cell, json } => {
+        MeshCommand::Springs {
+            file,
+            young,
+            poisson,
+            thickness,
+            fibre,
+            fibre_modulus,
+            cell,
+            json,
+        } => {
             let material =
                 YoungPoisson { young_modulus: young, poisson_ratio: poisson, density: 1000.0 };
-            let table = SpringTable::of(&read(&file)?, material, thickness, &cell)?;
+            let fibres = fibre.zip(fibre_modulus).map(|(direction, modulus)| CellFibres {
+                direction: [direction[0], direction[1], direction[2]],
+                modulus,
+            });
+            let table = SpringTable::of(&read(&file)?, material, fibres, thickness, &cell)?;
             if json {
                 sayln!("{}", serde_json::to_string_pretty(&table)?);
             } else {

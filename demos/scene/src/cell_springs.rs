@@ -1,9 +1,11 @@
 //! `sinew mesh springs`: the springs that are St Venant-Kirchhoff elasticity on a cell, as numbers.
 //!
 //! A tetrahedron has 21 of them: 6 tensile, 12 angular between edges with a common vertex, 3 volumetric between
-//! opposite edges (Delingette 2008, section 3); a triangle has 3 tensile and 3 angular ones (section 2.3).
+//! opposite edges (Delingette 2008, section 3); a triangle has 3 tensile and 3 angular ones (section 2.3). Biquadratic
+//! fibres add to their constants.
 
 use crate::text::counted;
+use glam::DVec3;
 use serde::Serialize;
 use sinew::engine::mesh::{CheckError, CheckOptions, Mesh, check};
 use sinew::models::element::membrane::{self, RestTriangle, RestTriangleError, plane_stress};
@@ -43,6 +45,22 @@ pub enum CellSpringsError {
     /// A sheet has no stiffness without one.
     #[error("the thickness is {0} m; triangles need a positive one (--thickness)")]
     Thickness(f64),
+    /// Fibres without direction or stiffness.
+    #[error(
+        "fibres along {direction:?} with a modulus of {modulus} Pa: give a direction (--fibre) and a finite modulus that is \
+         not negative (--fibre-modulus)"
+    )]
+    Fibres {
+        /// Direction.
+        direction: [f64; 3],
+        /// Modulus (Pa).
+        modulus: f64,
+    },
+    /// Fibres across a sheet.
+    #[error(
+        "triangle {0}: the fibres stand square to it; give a direction with a part in its plane (--fibre)"
+    )]
+    Across(usize),
     /// A degenerate cell.
     #[error("tetrahedron {cell}: {source}")]
     Tetrahedron {
@@ -70,6 +88,9 @@ pub struct CellSpring {
     pub edges: Vec<[u32; 2]>,
     /// `k`, `c` or `d` (N/m^3), on changes of squared length: energy `k/4 dl2^2`, `c/2 dl2 dl2'`, `d/2 dl2 dl2'`.
     pub biquadratic: f64,
+    /// Part of it (N/m^3) that is the fibres'; `None` without fibres.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub of_fibres: Option<f64>,
     /// `chi`, `gamma` or `xi` (N/m), on changes of length, `4 L L'` times the other: energy `chi/4 dl^2`,
     /// `gamma/2 dl dl'`, `xi/2 dl dl'`.
     pub quadratic: f64,
@@ -88,6 +109,15 @@ pub struct CellSprings {
     pub springs: Vec<CellSpring>,
 }
 
+/// Biquadratic fibres beside the material.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct CellFibres {
+    /// Direction at rest, of any length; of a triangle its part in the plane counts.
+    pub direction: [f64; 3],
+    /// Modulus along it (Pa).
+    pub modulus: f64,
+}
+
 /// Springs of some cells of a mesh.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct SpringTable {
@@ -99,6 +129,9 @@ pub struct SpringTable {
     pub material: YoungPoisson,
     /// Thickness (m) of triangles, in plane stress.
     pub thickness: Option<f64>,
+    /// Fibres.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub fibres: Option<CellFibres>,
     /// The cells asked for.
     pub cells: Vec<CellSprings>,
 }
@@ -115,16 +148,23 @@ impl SpringTable {
     /// use sinew_scene::cell_springs::SpringTable;
     /// let mesh = box_tets([1.0, 1.0, 1.0].into(), [1, 1, 1]).unwrap();
     /// let material = YoungPoisson { young_modulus: 1e4, poisson_ratio: 0.3, density: 1000.0 };
-    /// let table = SpringTable::of(&mesh, material, None, &[0]).unwrap();
+    /// let table = SpringTable::of(&mesh, material, None, None, &[0]).unwrap();
     /// assert_eq!(table.cells[0].springs.len(), 21);
-    /// assert!(SpringTable::of(&mesh, material, None, &[6]).is_err());
+    /// assert!(SpringTable::of(&mesh, material, None, None, &[6]).is_err());
     /// ```
     pub fn of(
         mesh: &Mesh,
         material: YoungPoisson,
+        fibres: Option<CellFibres>,
         thickness: Option<f64>,
         cells: &[usize],
     ) -> Result<Self, CellSpringsError> {
+        if let Some(CellFibres { direction, modulus }) = fibres
+            && (DVec3::from_array(direction).try_normalize().is_none()
+                || !(modulus >= 0.0 && modulus.is_finite()))
+        {
+            return Err(CellSpringsError::Fibres { direction, modulus });
+        }
         let mesh = check(mesh, &CheckOptions::default())?.mesh;
         if mesh.is_second_order() {
             return Err(CellSpringsError::SecondOrder(mesh.source.clone()));
@@ -135,8 +175,8 @@ impl SpringTable {
             false => ("triangle", mesh.triangles.len()),
         };
         let cells = cells.iter().map(|&cell| match cell < count {
-            true if solid => tetrahedron(&mesh, cell, material),
-            true => triangle(&mesh, cell, material, thickness.unwrap_or(0.0)),
+            true if solid => tetrahedron(&mesh, cell, material, fibres),
+            true => triangle(&mesh, cell, material, fibres, thickness.unwrap_or(0.0)),
             false => {
                 let source_name = mesh.source.clone();
                 Err(CellSpringsError::NoCell { source_name, kind, cell, count })
@@ -147,6 +187,7 @@ impl SpringTable {
             source: mesh.source.clone(),
             material,
             thickness: thickness.filter(|_| !solid),
+            fibres,
             cells: cells.collect::<Result<_, _>>()?,
         })
     }
@@ -156,16 +197,23 @@ fn tetrahedron(
     mesh: &Mesh,
     cell: usize,
     material: YoungPoisson,
+    fibres: Option<CellFibres>,
 ) -> Result<CellSprings, CellSpringsError> {
     let vertices = mesh.tetrahedra[cell];
     let rest = RestTetrahedron::new(vertices.map(|v| mesh.points[v as usize].to_array()))
         .map_err(|source| CellSpringsError::Tetrahedron { cell, source })?;
-    let constants = precompute::SpringConstants::new(&rest, material.lame()?);
-    let pairs = [
-        ("angular", &constants.angular[..], &ADJACENT_EDGES[..]),
-        ("volumetric", &constants.volumetric, &OPPOSITE_EDGES),
-    ];
-    let springs = springs(mesh, &vertices, &EDGES, &constants.tensile, &pairs);
+    let mut constants = precompute::SpringConstants::new(&rest, material.lame()?);
+    let mut own = precompute::SpringConstants::NONE;
+    if let Some(CellFibres { direction, modulus }) = fibres {
+        let axis = DVec3::from_array(direction).normalize().to_array();
+        own.add_fibre(&rest, axis, modulus);
+        constants.add_fibre(&rest, axis, modulus);
+    }
+    let list =
+        |of: &precompute::SpringConstants| [&of.tensile[..], &of.angular, &of.volumetric].concat();
+    let pairs = [("angular", &ADJACENT_EDGES[..]), ("volumetric", &OPPOSITE_EDGES)];
+    let of_fibres = fibres.map(|_| list(&own));
+    let springs = springs(mesh, (&vertices, &EDGES), &pairs, (&list(&constants), of_fibres));
     Ok(CellSprings { kind: "tetrahedron", cell, vertices: vertices.to_vec(), springs })
 }
 
@@ -173,6 +221,7 @@ fn triangle(
     mesh: &Mesh,
     cell: usize,
     material: YoungPoisson,
+    fibres: Option<CellFibres>,
     thickness: f64,
 ) -> Result<CellSprings, CellSpringsError> {
     material.validate_sheet()?;
@@ -183,37 +232,47 @@ fn triangle(
     let rest = RestTriangle::new(vertices.map(|v| mesh.points[v as usize].to_array()))
         .map_err(|source| CellSpringsError::Triangle { cell, source })?;
     let moduli = plane_stress(material.young_modulus * thickness, material.poisson_ratio);
-    let constants = membrane::SpringConstants::new(&rest, moduli);
+    let mut constants = membrane::SpringConstants::new(&rest, moduli);
+    let mut own = membrane::SpringConstants { tensile: [0.0; 3], angular: [0.0; 3] };
+    if let Some(CellFibres { direction, modulus }) = fibres {
+        let axis = rest.in_plane(direction).ok_or(CellSpringsError::Across(cell))?;
+        own.add_fibre(&rest, axis, modulus * thickness);
+        constants.add_fibre(&rest, axis, modulus * thickness);
+    }
+    let list = |of: &membrane::SpringConstants| [of.tensile, of.angular].concat();
     // edge i lies opposite vertex i, and a pair between the two edges that meet there
-    let pairs = [("angular", &constants.angular[..], &[[1, 2], [2, 0], [0, 1]][..])];
     let edges = [[1, 2], [2, 0], [0, 1]];
-    let springs = springs(mesh, &vertices, &edges, &constants.tensile, &pairs);
+    let of_fibres = fibres.map(|_| list(&own));
+    let springs =
+        springs(mesh, (&vertices, &edges), &[("angular", &edges)], (&list(&constants), of_fibres));
     Ok(CellSprings { kind: "triangle", cell, vertices: vertices.to_vec(), springs })
 }
 
-/// Springs on `edges` (local vertices) and between pairs of them.
+/// Springs on `edges` (local vertices) and between pairs of them, by their constants in this order, and what of these is of
+/// fibres.
 fn springs(
     mesh: &Mesh,
-    vertices: &[u32],
-    edges: &[[usize; 2]],
-    tensile: &[f64],
-    pairs: &[(&'static str, &[f64], &[[usize; 2]])],
+    (vertices, edges): (&[u32], &[[usize; 2]]),
+    pairs: &[(&'static str, &[[usize; 2]])],
+    (constants, of_fibres): (&[f64], Option<Vec<f64>>),
 ) -> Vec<CellSpring> {
     let edge = |e: usize| edges[e].map(|local| vertices[local]);
     let length = |e: usize| {
         let [a, b] = edge(e).map(|v| mesh.points[v as usize]);
         a.distance(b)
     };
-    let spring = |kind, own: &[usize], biquadratic: f64| {
-        let (first, last) = (own[0], own[own.len() - 1]);
-        let quadratic = 4.0 * length(first) * length(last) * biquadratic;
-        CellSpring { kind, edges: own.iter().map(|&e| edge(e)).collect(), biquadratic, quadratic }
-    };
-    let on_edges = tensile.iter().enumerate().map(|(e, &k)| spring("tensile", &[e], k));
-    let between = pairs.iter().flat_map(|(kind, constants, places)| {
-        constants.iter().zip(*places).map(|(&c, own)| spring(kind, own, c))
-    });
-    on_edges.chain(between).collect()
+    let on_edges = (0..edges.len()).map(|e| ("tensile", vec![e]));
+    let between =
+        pairs.iter().flat_map(|(kind, list)| list.iter().map(|own| (*kind, own.to_vec())));
+    let all = on_edges.chain(between).zip(constants).enumerate();
+    all.map(|(i, ((kind, own), &biquadratic))| CellSpring {
+        kind,
+        edges: own.iter().map(|&e| edge(e)).collect(),
+        biquadratic,
+        of_fibres: of_fibres.as_ref().map(|own| own[i]),
+        quadratic: 4.0 * length(own[0]) * length(own[own.len() - 1]) * biquadratic,
+    })
+    .collect()
 }
 
 impl fmt::Display for SpringTable {
@@ -223,19 +282,23 @@ impl fmt::Display for SpringTable {
         if let Some(thickness) = self.thickness {
             write!(f, ", {thickness} m thick, plane stress")?;
         }
+        if let Some(CellFibres { direction, modulus }) = self.fibres {
+            write!(f, ", fibres of {modulus} Pa along {direction:?}")?;
+        }
         writeln!(f, " (Delingette 2008)")?;
         for cell in &self.cells {
             let count = counted(&[("springs", cell.springs.len())]);
             writeln!(f, "\n{} {} of vertices {:?}: {count}", cell.kind, cell.cell, cell.vertices)?;
-            writeln!(
+            write!(
                 f,
                 "  {:<10}  {:<23}  {:>18}  {:>22}",
                 "spring", "edges", "k, c, d (N/m^3)", "chi, gamma, xi (N/m)"
             )?;
+            writeln!(f, "{}", if self.fibres.is_some() { "  of fibres (N/m^3)" } else { "" })?;
             for spring in &cell.springs {
                 let edges: Vec<String> =
                     spring.edges.iter().map(|[a, b]| format!("{a}-{b}")).collect();
-                writeln!(
+                write!(
                     f,
                     "  {:<10}  {:<23}  {:>18.6e}  {:>22.6e}",
                     spring.kind,
@@ -243,6 +306,10 @@ impl fmt::Display for SpringTable {
                     spring.biquadratic,
                     spring.quadratic
                 )?;
+                match spring.of_fibres {
+                    Some(own) => writeln!(f, "  {own:>17.6e}")?,
+                    None => writeln!(f)?,
+                }
             }
         }
         Ok(())

@@ -443,7 +443,11 @@ fn fibres_that_cannot_be_used_are_named_with_line_and_key() {
     // line 14 is `[[body.fibres]]`
     let axes = |text: &str| format!("{FIBRES}\n[body.axes]\n{text}");
     attempt(&with_fibres(&axes("form = \"energy_consistent\""))).unwrap();
-    let cases: [(String, usize, &[&str]); 30] = [
+    let biquadratic = format!("{FIBRES}\nform = \"biquadratic\"");
+    attempt(&with_fibres(&biquadratic)).unwrap();
+    let cases: [(String, usize, &[&str]); 32] = [
+        (biquadratic.replace("bi", "tri"), 18, &["form", "`biquadratic`"]),
+        (format!("{biquadratic}\nmuscle = {{ width = 0.5 }}"), 18, &["`a`", "\"stretch\""]),
         (axes("form = \"printed\""), 19, &["form", "printed", "`sinew-papers`"]),
         (axes("volume_viscosity = 2.0"), 19, &["volume_viscosity", "`sinew-papers`"]),
         (angles(""), 17, &["not exactly one kind of angles"]),
@@ -513,6 +517,40 @@ fn fibres_that_cannot_be_used_are_named_with_line_and_key() {
     let whole = cavity.replace("name = \"tip\"\nselect = { group = \"x1\" }", "name = \"tip\"");
     let message = attempt(&whole).unwrap_err().to_string();
     assert!(message.contains("group of faces"), "{message}");
+}
+
+/// Fibres of a skin, and what they cannot be.
+#[test]
+fn fibres_of_a_membrane_are_named_with_line_and_key() {
+    let with = |fibres: &str, body: &str| {
+        let own = format!(
+            "membrane = {{ thickness = 1e-3, surface = true, fibres = [{{ name = \"f\", modulus = 1e4, {fibres} }}] }}\n\
+             {body}\n[[constraint]]"
+        );
+        attempt(&GOOD.replace("[[constraint]]", &own))
+    };
+    let good = "form = \"biquadratic\", direction = [1, 2, 3]";
+    with(good, "").unwrap();
+    for rule in [
+        "formula = [\"1 + y\", \"x\", \"2\"]",
+        "helicoidal = { centre = [-1, 0, 0], axis = [0, 0.2, 1], degrees = 30 }",
+    ] {
+        with(&format!("form = \"biquadratic\", {rule}"), "").unwrap();
+    }
+    let beside = format!("[[body.fibres]]\n{}", FIBRES.replace("\"a\"", "\"f\""));
+    for (fibres, body, words) in [
+        ("direction = [1, 2, 3]", "", &["`f`", "form \"biquadratic\""][..]),
+        (&format!("{good}, viscosity = 2"), "", &["viscosity", "`f`"]),
+        (&format!("{good}, muscle = {{}}"), "", &["muscle", "passive"]),
+        ("form = \"biquadratic\", laplace = { from = \"x0\", to = \"x1\" }", "", &["laplace"]),
+        ("form = \"biquadratic\", direction = [1, 0, 0]", "", &["square to triangle"]),
+        ("form = \"biquadratic\", data = \"f\"", "", &["f_x"]),
+        (good, &beside, &["two families `f`"]),
+    ] {
+        let message = with(fibres, body).expect_err(fibres).to_string();
+        assert!(message.contains("line "), "{message}");
+        says(&format!("{fibres}: {message}"), words);
+    }
 }
 
 /// A folder for the files of a test.

@@ -16,7 +16,7 @@
 #include <stdint.h>
 
 // Raised when a structure or the meaning of a function changes; functions are only added.
-#define SINEW_ABI 2
+#define SINEW_ABI 3
 
 // No error.
 #define SINEW_OK 0
@@ -344,6 +344,8 @@ typedef struct sinew_fibre {
   double viscosity;
   // Makes them active; NULL for passive ones.
   const struct sinew_muscle *muscle;
+  // What their springs measure; NULL for stretch.
+  const char *form;
 } sinew_fibre;
 
 // What a body is made of. Names are those of scene files; NULL is the default.

@@ -132,6 +132,7 @@ unsafe fn fibres(body: &sinew_body) -> Result<Option<AxesDescription<'static>>> 
             name: Cow::Owned(name.to_string()),
             directions: Cow::Owned(directions),
             modulus: f.modulus,
+            form: word("form of fibres", f.form)?,
             viscosity: f.viscosity,
             share: None,
             muscle,

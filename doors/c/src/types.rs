@@ -3,7 +3,7 @@
 use std::ffi::c_char;
 
 /// Raised when a structure or the meaning of a function changes; functions are only added.
-pub const SINEW_ABI: u32 = 2;
+pub const SINEW_ABI: u32 = 3;
 
 /// 0, or what kind of error `sinew_last_error` tells of.
 pub type sinew_status = i32;
@@ -222,6 +222,8 @@ pub struct sinew_fibre {
     pub viscosity: f64,
     /// Makes them active; NULL for passive ones.
     pub muscle: *const sinew_muscle,
+    /// What their springs measure; NULL for stretch.
+    pub form: *const c_char,
 }
 
 /// What a body is made of. Names are those of scene files; NULL is the default.

@@ -211,6 +211,7 @@ fn fibres_stiffen_and_muscles_pull() {
         name: Cow::Borrowed("m"),
         directions: Cow::Borrowed(&[DVec3::Z]),
         modulus: 1e3,
+        form: FibreForm::Stretch,
         viscosity: 0.0,
         share: None,
         muscle: Some(muscle),

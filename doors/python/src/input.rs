@@ -147,6 +147,7 @@ pub struct FamilyIn {
     name: String,
     directions: Floats,
     modulus: f64,
+    form: String,
     viscosity: f64,
     share: Option<Floats>,
     muscle: Option<MuscleIn>,
@@ -160,7 +161,7 @@ pub struct AxesIn {
 }
 
 impl AxesIn {
-    pub fn description(self) -> AxesDescription<'static> {
+    pub fn description(self) -> Result<AxesDescription<'static>> {
         let muscle = |own: MuscleIn| MuscleSettings {
             peak_stress: own.peak_stress,
             optimal_stretch: own.optimal_stretch,
@@ -169,20 +170,23 @@ impl AxesIn {
             shortening: own.shortening,
             curve: own.curve.map(|own| curve(Some(own))),
         };
-        let family = |own: FamilyIn| AxisFamily {
-            name: Cow::Owned(own.name),
-            directions: own.directions.0.as_chunks::<3>().0.iter().map(|&v| vec3(v)).collect(),
-            modulus: own.modulus,
-            viscosity: own.viscosity,
-            share: own.share.map(|share| Cow::Owned(share.0)),
-            muscle: own.muscle.map(muscle),
+        let family = |own: FamilyIn| {
+            Ok(AxisFamily {
+                name: Cow::Owned(own.name),
+                directions: own.directions.0.as_chunks::<3>().0.iter().map(|&v| vec3(v)).collect(),
+                modulus: own.modulus,
+                form: choice("form of fibres", &own.form)?,
+                viscosity: own.viscosity,
+                share: own.share.map(|share| Cow::Owned(share.0)),
+                muscle: own.muscle.map(muscle),
+            })
         };
         let angle = |(families, modulus)| AxisAngle { families, modulus };
-        AxesDescription {
-            families: self.families.into_iter().map(family).collect(),
+        Ok(AxesDescription {
+            families: self.families.into_iter().map(family).collect::<Result<_>>()?,
             angles: self.angles.into_iter().map(angle).collect(),
             volume_modulus: self.volume_modulus,
-        }
+        })
     }
 }
 

@@ -166,7 +166,7 @@ fn add_body(
         masses: choice("rule of masses", &spec.masses)?,
         springs: springs(&spec.springs)?,
         membrane,
-        axes: spec.axes.map(AxesIn::description),
+        axes: spec.axes.map(AxesIn::description).transpose()?,
         ..BodyDescription::new(name, mesh, spec.material.uniform())
     };
     own.add_body(mesh, &description)

@@ -169,7 +169,7 @@ def test_materials_by_element_and_their_change(small):
 def test_membranes_fibres_and_muscles():
     mesh = sinew.generate("box", size=(0.1, 0.02, 0.02), cells=(6, 2, 2))
     muscle = sinew.Family("fibre", (1, 0, 0), 2e4, viscosity=10.0, muscle=sinew.Muscle(peak_stress=5e3))
-    cross = sinew.Family("cross", (0, 1, 0), 1e4)
+    cross = sinew.Family("cross", (0, 1, 0), 1e4, form="biquadratic")
     sim = sinew.Simulation(gravity=(0, 0, 0), threads=1)
     bar = sim.add_body(
         "bar",

@@ -3,7 +3,7 @@
 
 use sinew_engine::isoparametric::{AxisHexahedronBlocks, AxisHexahedronVertices};
 use sinew_engine::scalar::{Scalar, dot};
-use sinew_models::axes::columns::{FibreData, TriadData, VolumeData};
+use sinew_models::axes::columns::{BiquadraticData, FibreData, TriadData, VolumeData};
 use sinew_models::axes::{points as bricks, systems};
 use sinew_models::frame::row::LawRow;
 
@@ -17,6 +17,7 @@ const CHORD: &str = include_str!("chord.wgsl");
 const VOLUME_TERM: &str = include_str!("volume_term.wgsl");
 const TRIAD_FILES: &[&str] = &[VERTEX_FORCES, CHORD, VOLUME_TERM, include_str!("triads.wgsl")];
 const FIBRE_FILES: &[&str] = &[CHORD, include_str!("fibres.wgsl")];
+const BIQUADRATIC_FILES: &[&str] = &[include_str!("biquadratic_fibres.wgsl")];
 const VOLUME_FILES: &[&str] =
     &[VERTEX_FORCES, VOLUME_TERM, include_str!("volume_preservation.wgsl")];
 
@@ -25,11 +26,25 @@ const HEXAHEDRON: &[&str] = &[HEXAHEDRA, DEFORMATION];
 /// Fibres know the deformation along themselves only.
 const ALONG: [&[&str]; 2] = [&[TETRAHEDRA, FOUR_VERTICES], &[HEXAHEDRA]];
 
-/// Triads of axes with their angles and the term of volume, single fibres, the term of volume alone; each in
-/// tetrahedra and in hexahedra. With the law its rows of four constants of an element or point.
+/// Triads of axes with their angles and the term of volume, single fibres, biquadratic ones, the term of volume alone;
+/// each in tetrahedra and in hexahedra; and the projected tangent of pooled fibres. With the law its rows of four constants of an element or point.
 pub(super) static LAWS: &[DeviceLaw] = &[
     law(4, (&systems::TRIADS, 7), [triads::<f64>, triads::<f32>], TETRAHEDRON, TRIAD_FILES),
     law(4, (&systems::FIBRES, 3), [fibres::<f64>, fibres::<f32>], ALONG[0], FIBRE_FILES),
+    law(
+        4,
+        (&systems::BIQUADRATIC, 2),
+        [biquadratic::<f64>, biquadratic::<f32>],
+        ALONG[0],
+        BIQUADRATIC_FILES,
+    ),
+    law(
+        4,
+        (&systems::BIQUADRATIC_PROJECTION, 2),
+        [biquadratic::<f64>, biquadratic::<f32>],
+        ALONG[0],
+        BIQUADRATIC_FILES,
+    ),
     law(4, (&systems::VOLUMES, 3), [volumes::<f64>, volumes::<f32>], TETRAHEDRON, VOLUME_FILES),
     law(
         8,
@@ -44,6 +59,13 @@ pub(super) static LAWS: &[DeviceLaw] = &[
         [hexahedron_fibres::<f64>, hexahedron_fibres::<f32>],
         ALONG[1],
         FIBRE_FILES,
+    ),
+    law(
+        8,
+        (&bricks::BIQUADRATIC, 2),
+        [hexahedron_biquadratic::<f64>, hexahedron_biquadratic::<f32>],
+        ALONG[1],
+        BIQUADRATIC_FILES,
     ),
     law(
         8,
@@ -177,6 +199,31 @@ fn hexahedron_fibres<S: Scalar>(search: ElementSearch<'_>) -> ElementColumns {
             nodes.0
         },
     )
+}
+
+/// q_b = a.D_b and V Y, a of a part of the element.
+fn biquadratic_rows(axis: [f64; 3], shape: [f64; 3], stiffness: f64) -> [[f64; 4]; 2] {
+    [row(shape, stiffness), row(axis, 0.0)]
+}
+
+/// Biquadratic fibres in tetrahedra of a body.
+fn biquadratic<S: Scalar>(search: ElementSearch<'_>) -> ElementColumns {
+    search.columns::<BiquadraticData<S>, 4>(|(site, q, a, stiffness), data| {
+        push(data, biquadratic_rows(three!(a), three!(q), stiffness.0.to_f64()));
+        site.0.0
+    })
+}
+
+/// Biquadratic fibres in hexahedra of a body.
+fn hexahedron_biquadratic<S: Scalar>(search: ElementSearch<'_>) -> ElementColumns {
+    type Data<S> = bricks::BiquadraticData<S, AxisHexahedronVertices, AxisHexahedronBlocks, 8>;
+    search.columns::<Data<S>, 8>(|((nodes, _, rest), a, stiffness), data| {
+        let (a, stiffness) = (three!(a), stiffness.0.to_f64());
+        for (d, share) in points(rest) {
+            push(data, biquadratic_rows(a, d.map(|d| dot(d, a)), stiffness * share));
+        }
+        nodes.0
+    })
 }
 
 /// Terms of volume in tetrahedra of a body.

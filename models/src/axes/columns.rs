@@ -1,7 +1,7 @@
 //! Table columns of axes. An axis entity lies in a tetrahedron and carries its vertex rows; it is no row of
-//! the tetrahedra, so that a body has as many axes in an element as it likes. There are three tables, so
-//! that a scene pays for what it uses: triads (three axes, three angles, volume), single fibres, and the
-//! term of volume alone.
+//! the tetrahedra, so that a body has as many axes in an element as it likes. There are several tables, so
+//! that a scene pays for what it uses: triads (three axes, three angles, volume), single fibres, biquadratic
+//! ones, and the term of volume alone.
 
 #![allow(
     clippy::multiple_bound_locations,
@@ -20,7 +20,7 @@ use sinew_engine::scalar::Scalar;
 use sinew_engine::vertex::Displacement;
 use sinew_engine::{number_columns, vector_columns};
 
-use super::element::{AxisElement, Fibre, Triad, VolumeTerm};
+use super::element::{AxisElement, BiquadraticFibre, Fibre, Triad, VolumeTerm};
 
 number_columns! {
     /// Component `X` (0, 1, 2) of the unit vector of axis `AXIS` (0, 1, 2) at rest.
@@ -204,6 +204,15 @@ impl<S: Scalar> AxisColumns<S> for TriadColumns<'_, S> {
     }
 }
 
+/// Scalar products of fibres with the shape vectors of the vertices 1, 2, 3: query data.
+pub type FibreShapes<S> =
+    (&'static FibreShape<S, 1>, &'static FibreShape<S, 2>, &'static FibreShape<S, 3>);
+
+/// Slices of [`FibreShapes`].
+fn shape_numbers<'a, S: Scalar>((a, b, c): Slices<'a, FibreShapes<S>>) -> [&'a [S]; 3] {
+    [FibreShape::peel_slice(a), FibreShape::peel_slice(b), FibreShape::peel_slice(c)]
+}
+
 /// Columns of the table of fibres.
 #[derive(Clone, Copy, Debug)]
 pub struct FibreColumns<'a, S> {
@@ -220,7 +229,7 @@ pub struct FibreColumns<'a, S> {
 /// Query data of [`FibreColumns`].
 pub type FibreData<S> = (
     (&'static AxisVertices, &'static AxisBlocks),
-    (&'static FibreShape<S, 1>, &'static FibreShape<S, 2>, &'static FibreShape<S, 3>),
+    FibreShapes<S>,
     Direction<S, 0>,
     FibreConstants<S>,
 );
@@ -234,11 +243,7 @@ impl<'a, S: Scalar> FibreColumns<'a, S> {
         let (stiffness, shortening, active, offset, inverse_width) = own;
         Self {
             shared: Shared::new(displacement, nodes, blocks),
-            shape: [
-                FibreShape::peel_slice(shape.0),
-                FibreShape::peel_slice(shape.1),
-                FibreShape::peel_slice(shape.2),
-            ],
+            shape: shape_numbers(shape),
             axis: direction_numbers(axis),
             stiffness: AxialStiffness::peel_slice(stiffness),
             shortening: FibreShortening::peel_slice(shortening),
@@ -262,6 +267,72 @@ impl<S: Scalar> AxisColumns<S> for FibreColumns<'_, S> {
             active: L::load(&self.active[first..]),
             offset: L::load(&self.offset[first..]),
             inverse_width: L::load(&self.inverse_width[first..]),
+        }
+    }
+}
+
+/// Marks biquadratic fibres.
+#[derive(Component, Clone, Copy, Debug, Default)]
+#[component(clone_behavior = Ignore)]
+pub struct Biquadratic;
+
+/// Marks biquadratic fibres that are part of pooled springs; they have a row for their projected tangent alone.
+#[derive(Component, Clone, Copy, Debug, Default)]
+#[component(clone_behavior = Ignore)]
+pub struct PooledBiquadratic;
+
+/// Marks biquadratic fibres in membrane triangles. Such a triangle is a tetrahedron whose last vertex is that before, with
+/// shape 0.
+#[derive(Component, Clone, Copy, Debug, Default)]
+#[component(clone_behavior = Ignore)]
+pub struct SheetBiquadratic;
+
+/// Marks those that are part of pooled springs, as [`PooledBiquadratic`].
+#[derive(Component, Clone, Copy, Debug, Default)]
+#[component(clone_behavior = Ignore)]
+pub struct PooledSheetBiquadratic;
+
+/// Columns of the table of biquadratic fibres.
+#[derive(Clone, Copy, Debug)]
+pub struct BiquadraticColumns<'a, S> {
+    shared: Shared<'a, S>,
+    shape: [&'a [S]; 3],
+    axis: [&'a [S]; 3],
+    stiffness: &'a [S],
+}
+
+/// Query data of [`BiquadraticColumns`]; the filter is one of the marks of these fibres.
+pub type BiquadraticData<S> = (
+    (&'static AxisVertices, &'static AxisBlocks),
+    FibreShapes<S>,
+    Direction<S, 0>,
+    &'static AxialStiffness<S, 0>,
+);
+
+impl<'a, S: Scalar> BiquadraticColumns<'a, S> {
+    /// From table columns.
+    pub fn new(
+        displacement: &'a [Displacement<S>],
+        ((nodes, blocks), shape, axis, stiffness): Slices<'a, BiquadraticData<S>>,
+    ) -> Self {
+        Self {
+            shared: Shared::new(displacement, nodes, blocks),
+            shape: shape_numbers(shape),
+            axis: direction_numbers(axis),
+            stiffness: AxialStiffness::peel_slice(stiffness),
+        }
+    }
+}
+
+impl<S: Scalar> AxisColumns<S> for BiquadraticColumns<'_, S> {
+    type Element<L: Lanes<Scalar = S>> = BiquadraticFibre<L>;
+    shared!();
+    #[inline(always)]
+    fn element<L: Lanes<Scalar = S>>(&self, first: usize) -> BiquadraticFibre<L> {
+        BiquadraticFibre {
+            shape: load_vector(&self.shape, first),
+            axis: load_vector(&self.axis, first),
+            stiffness: L::load(&self.stiffness[first..]),
         }
     }
 }

@@ -1,13 +1,39 @@
 //! What axes a body has, as the user states it, and how they are packed into tables.
 
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 use std::fmt;
 
 use super::muscle::{MuscleError, MuscleSettings};
 use crate::material::LameParameters;
 
-/// Axes of one kind: a direction in every solid element and a modulus along it.
+/// What the springs along fibres measure.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum FibreForm {
+    /// The stretch `l = |F a|`: energy density `Y/2 (l - 1)^2`.
+    #[default]
+    Stretch,
+    /// The Green-Lagrange strain along the fibre: energy density `Y/2 (a.E a)^2`, `a.E a = (l^2 - 1)/2`. The fibres of
+    /// St Venant-Kirchhoff: in pooled tetrahedra they only add to the constants of the springs
+    /// ([`SpringConstants::add_fibre`](crate::element::precompute::SpringConstants::add_fibre)). They soften in
+    /// compression, and give way below a stretch of 0.58.
+    Biquadratic,
+}
+
+impl FibreForm {
+    /// Name in scene files and reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Stretch => "stretch",
+            Self::Biquadratic => "biquadratic",
+        }
+    }
+}
+
+/// Axes of one kind: a direction in every solid element and a modulus along it; or in every triangle of a membrane
+/// ([`MembraneDescription::fibres`](crate::body::sheet::MembraneDescription::fibres)).
 #[derive(Clone, Debug, PartialEq)]
 pub struct AxisFamily<'a> {
     /// Name, unique among the families of the body.
@@ -17,6 +43,8 @@ pub struct AxisFamily<'a> {
     pub directions: Cow<'a, [DVec3]>,
     /// Modulus along the axis (Pa): stress per stretch, over the rest area.
     pub modulus: f64,
+    /// What it measures.
+    pub form: FibreForm,
     /// Viscosity along the axis (Pa s): stress per rate of stretch ([`damper`](super::damper)), 0 without
     /// damping.
     pub viscosity: f64,
@@ -34,6 +62,7 @@ impl<'a> AxisFamily<'a> {
             name: Cow::Borrowed(name),
             directions: Cow::Borrowed(directions),
             modulus,
+            form: FibreForm::default(),
             viscosity: 0.0,
             share: None,
             muscle: None,
@@ -53,11 +82,58 @@ impl<'a> AxisFamily<'a> {
         self.share.as_ref().map_or(1.0, |share| share[element])
     }
 
-    fn into_owned(self) -> AxisFamily<'static> {
+    /// The family in some elements, which are numbered anew in this order.
+    pub(crate) fn of_elements(&self, elements: &[usize]) -> AxisFamily<'static> {
+        let mut own = self.clone().into_owned();
+        if own.directions.len() > 1 {
+            own.directions = elements.iter().map(|&e| self.directions[e]).collect();
+        }
+        own.share = self.share.as_ref().map(|share| elements.iter().map(|&e| share[e]).collect());
+        own
+    }
+
+    /// Checks everything for a body of so many elements.
+    fn validate(&self, count: usize) -> Result<(), AxesError> {
+        let name = || self.name.to_string();
+        check_modulus(ModulusOf::Family(name()), self.modulus)?;
+        let value = self.viscosity;
+        if !(value >= 0.0 && value.is_finite()) {
+            return Err(AxesError::Viscosity { family: name(), value });
+        }
+        let found = self.directions.len();
+        if found != 1 && found != count {
+            return Err(AxesError::Length { family: name(), what: "directions", found, count });
+        }
+        if let Some(share) = &self.share {
+            let found = share.len();
+            if found != count {
+                return Err(AxesError::Length { family: name(), what: "shares", found, count });
+            }
+            if let Some(element) = share.iter().position(|x| !(*x >= 0.0 && x.is_finite())) {
+                let value = share[element];
+                return Err(AxesError::Share { family: name(), element, value });
+            }
+        }
+        for element in 0..if found == 1 { 1 } else { count } {
+            let value = self.direction(element);
+            let unused = found > 1 && self.share(element) == 0.0;
+            if !unused && value.try_normalize().is_none() {
+                return Err(AxesError::Direction { family: name(), element, value });
+            }
+        }
+        let Some(muscle) = &self.muscle else { return Ok(()) };
+        if self.form == FibreForm::Biquadratic {
+            return Err(AxesError::ActiveForm { family: name() });
+        }
+        muscle.validate().map_err(|source| AxesError::Muscle { family: name(), source })
+    }
+
+    pub(crate) fn into_owned(self) -> AxisFamily<'static> {
         AxisFamily {
             name: Cow::Owned(self.name.into_owned()),
             directions: Cow::Owned(self.directions.into_owned()),
             modulus: self.modulus,
+            form: self.form,
             viscosity: self.viscosity,
             share: self.share.map(|s| Cow::Owned(s.into_owned())),
             muscle: self.muscle,
@@ -89,7 +165,61 @@ pub struct AxesDescription<'a> {
 /// Coordinate directions of [`AxesDescription::isotropic`].
 const COORDINATES: [[DVec3; 1]; 3] = [[DVec3::X], [DVec3::Y], [DVec3::Z]];
 
+/// Axes (unit vectors) and moduli (Pa) of the biquadratic fibres of some families in an element.
+pub(crate) fn biquadratic<'a>(
+    families: &'a [AxisFamily<'a>],
+    element: usize,
+) -> impl Iterator<Item = (DVec3, f64)> + 'a {
+    let own =
+        families.iter().filter(move |f| f.form == FibreForm::Biquadratic && f.share(element) > 0.0);
+    own.map(move |f| (super::spawn::unit(f, element), f.modulus * f.share(element)))
+}
+
+fn check_modulus(of: ModulusOf, value: f64) -> Result<(), AxesError> {
+    match value >= 0.0 && value.is_finite() {
+        true => Ok(()),
+        false => Err(AxesError::Modulus { of, value }),
+    }
+}
+
+/// Checks families for a body of so many elements.
+fn validate_families(families: &[AxisFamily], count: usize) -> Result<(), AxesError> {
+    families.iter().enumerate().try_for_each(|(i, family)| {
+        match families[..i].iter().any(|other| other.name == family.name) {
+            true => Err(AxesError::Duplicate { family: family.name.to_string() }),
+            false => family.validate(count),
+        }
+    })
+}
+
+/// Checks the fibres of a membrane of so many triangles beside those of a solid.
+pub(crate) fn validate_sheet(
+    families: &[AxisFamily],
+    solid: &[AxisFamily],
+    count: usize,
+) -> Result<(), AxesError> {
+    validate_families(families, count)?;
+    for family in families {
+        let name = || family.name.to_string();
+        if solid.iter().any(|other| other.name == family.name) {
+            return Err(AxesError::Duplicate { family: name() });
+        }
+        if family.form != FibreForm::Biquadratic {
+            return Err(AxesError::SheetForm { family: name() });
+        }
+        if family.viscosity != 0.0 {
+            return Err(AxesError::SheetViscosity { family: name() });
+        }
+    }
+    Ok(())
+}
+
 impl AxesDescription<'_> {
+    /// Whether some of its fibres are biquadratic.
+    pub fn has_biquadratic(&self) -> bool {
+        self.families.iter().any(|f| f.form == FibreForm::Biquadratic)
+    }
+
     /// Axes along x, y and z that amount to an isotropic material at small strain: `Y = 2 mu`, `G = mu`,
     /// `Lambda = lambda`.
     pub fn isotropic(material: LameParameters) -> AxesDescription<'static> {
@@ -113,18 +243,10 @@ impl AxesDescription<'_> {
 
     /// The axes of some elements, which are numbered anew in this order.
     pub(crate) fn of_elements(&self, elements: &[usize]) -> AxesDescription<'static> {
-        let mut own = self.clone().into_owned();
-        for family in &mut own.families {
-            if family.directions.len() > 1 {
-                let left = elements.iter().map(|&e| family.directions[e]).collect();
-                family.directions = Cow::Owned(left);
-            }
-            if let Some(share) = &family.share {
-                let left = elements.iter().map(|&e| share[e]).collect();
-                family.share = Some(Cow::Owned(left));
-            }
+        AxesDescription {
+            families: self.families.iter().map(|family| family.of_elements(elements)).collect(),
+            ..self.clone().into_owned()
         }
-        own
     }
 
     /// Checks everything for a body of so many tetrahedra and hexahedra, which lists hold in this order.
@@ -139,54 +261,15 @@ impl AxesDescription<'_> {
         if self.families.is_empty() && self.volume_modulus == 0.0 {
             return Err(AxesError::Nothing);
         }
-        let modulus = |of: ModulusOf, value: f64| match value >= 0.0 && value.is_finite() {
-            true => Ok(()),
-            false => Err(AxesError::Modulus { of, value }),
-        };
-        modulus(ModulusOf::Volume, self.volume_modulus)?;
-        for (i, family) in self.families.iter().enumerate() {
-            let name = || family.name.to_string();
-            if self.families[..i].iter().any(|other| other.name == family.name) {
-                return Err(AxesError::Duplicate { family: name() });
-            }
-            modulus(ModulusOf::Family(name()), family.modulus)?;
-            let value = family.viscosity;
-            if !(value >= 0.0 && value.is_finite()) {
-                return Err(AxesError::Viscosity { family: name(), value });
-            }
-            let found = family.directions.len();
-            if found != 1 && found != count {
-                return Err(AxesError::Length { family: name(), what: "directions", found, count });
-            }
-            if let Some(share) = &family.share {
-                let found = share.len();
-                if found != count {
-                    return Err(AxesError::Length { family: name(), what: "shares", found, count });
-                }
-                if let Some(element) = share.iter().position(|x| !(*x >= 0.0 && x.is_finite())) {
-                    let value = share[element];
-                    return Err(AxesError::Share { family: name(), element, value });
-                }
-            }
-            for element in 0..if found == 1 { 1 } else { count } {
-                let value = family.direction(element);
-                let unused = found > 1 && family.share(element) == 0.0;
-                if !unused && value.try_normalize().is_none() {
-                    return Err(AxesError::Direction { family: name(), element, value });
-                }
-            }
-            if let Some(muscle) = &family.muscle {
-                let error = |source| AxesError::Muscle { family: name(), source };
-                muscle.validate().map_err(error)?;
-            }
-        }
+        check_modulus(ModulusOf::Volume, self.volume_modulus)?;
+        validate_families(&self.families, count)?;
         for (index, angle) in self.angles.iter().enumerate() {
             let families @ [i, j] = angle.families;
             if i == j || i.max(j) >= self.families.len() {
                 let count = self.families.len();
                 return Err(AxesError::Angle { families, count });
             }
-            modulus(ModulusOf::Angle { index, families }, angle.modulus)?;
+            check_modulus(ModulusOf::Angle { index, families }, angle.modulus)?;
         }
         Ok(())
     }
@@ -198,7 +281,8 @@ impl AxesDescription<'_> {
     }
 
     /// Packs families and angles into what one entity holds. Angles are covered by triads as long as
-    /// there are any; a passive family goes with the first triad that has it, others are single fibres.
+    /// there are any; a passive family goes with the first triad that has it, others are single fibres. Biquadratic
+    /// families are always single.
     pub fn pack(&self) -> Vec<AxisGroup> {
         let mut left: Vec<([usize; 2], f64)> = Vec::new();
         for AxisAngle { families: [i, j], modulus } in self.angles.iter().copied() {
@@ -209,7 +293,8 @@ impl AxesDescription<'_> {
             }
         }
         let mut groups = Vec::new();
-        let mut placed: Vec<bool> = self.families.iter().map(|f| f.muscle.is_some()).collect();
+        let single = |f: &AxisFamily| f.muscle.is_some() || f.form == FibreForm::Biquadratic;
+        let mut placed: Vec<bool> = self.families.iter().map(single).collect();
         let mut volume = self.volume_modulus;
         while let Some(&([i, j], _)) = left.first() {
             let pairs = |k: usize| [[i.min(k), i.max(k)], [j.min(k), j.max(k)]];
@@ -235,8 +320,12 @@ impl AxesDescription<'_> {
             volume = 0.0;
         }
         for (i, family) in self.families.iter().enumerate() {
-            if !placed[i] || family.muscle.is_some() {
-                groups.push(AxisGroup::Fibre(i));
+            match family.form {
+                FibreForm::Biquadratic => groups.push(AxisGroup::Biquadratic(i)),
+                FibreForm::Stretch if !placed[i] || single(family) => {
+                    groups.push(AxisGroup::Fibre(i));
+                }
+                FibreForm::Stretch => {}
             }
         }
         if volume > 0.0 {
@@ -260,8 +349,10 @@ pub enum AxisGroup {
         /// Modulus of volume (Pa).
         volume: f64,
     },
-    /// A family.
+    /// A family that measures its stretch.
     Fibre(usize),
+    /// A family that measures its strain.
+    Biquadratic(usize),
     /// Modulus of volume (Pa).
     Volume(f64),
 }
@@ -391,6 +482,45 @@ pub enum AxesError {
         families: [usize; 2],
         /// Number of families.
         count: usize,
+    },
+    /// Active fibres of a form that has no activation.
+    #[error(
+        "family `{family}` is active and of the form \"biquadratic\", which has no stretch to act on: take the form \
+         \"stretch\", or leave the muscle out"
+    )]
+    ActiveForm {
+        /// Name of the family.
+        family: String,
+    },
+    /// Fibres of a membrane that measure stretch.
+    #[error(
+        "family `{family}` lies in a membrane, whose fibres are biquadratic; give it the form \"biquadratic\""
+    )]
+    SheetForm {
+        /// Name of the family.
+        family: String,
+    },
+    /// Viscous fibres of a membrane.
+    #[error("family `{family}` lies in a membrane and is viscous; leave its viscosity out")]
+    SheetViscosity {
+        /// Name of the family.
+        family: String,
+    },
+    /// Fibres of a membrane of quadrilaterals.
+    #[error("fibres of a membrane lie in triangles; cut the quadrilaterals into triangles")]
+    SheetQuads,
+    /// Fibres across a membrane.
+    #[error(
+        "family `{family}`: the direction {value} stands square to triangle {element}; give one with a part in its plane, or \
+         a share of 0"
+    )]
+    Across {
+        /// Name of the family.
+        family: String,
+        /// Index in the user's list.
+        element: usize,
+        /// The direction.
+        value: DVec3,
     },
     /// A muscle that cannot be used.
     #[error("muscle of family `{family}`: {source}")]

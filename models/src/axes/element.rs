@@ -31,6 +31,7 @@
 //! Chords shorter than 1e-6 of their rest length count as that long where they are divided by: everything
 //! is finite in collapsed and inverted elements.
 
+use sinew_engine::compression::COMPRESSED;
 use sinew_engine::element::{displacement_gradient, volume_change};
 use sinew_engine::law::TangentKind;
 use sinew_engine::scalar::{Real, add, cross, dot, mat_vec, scale, sub};
@@ -278,6 +279,40 @@ fn add_cosine_curvature<R: Real>(m: &mut [R; 9], force: R, cosine: R, p: &Chord<
     add_outer(m, scale(n, R::from_f64(-3.0) * (factor * cosine)), n);
 }
 
+/// `h = G a` from the products `a.D_b` of the vertices 1, 2, 3.
+#[inline(always)]
+fn along<R: Real>(shape: &[R; 3], u: &[[R; 3]; 4]) -> [R; 3] {
+    let mut h = [R::ZERO; 3];
+    for b in 0..3 {
+        h = add(h, scale(sub(u[b + 1], u[0]), shape[b]));
+    }
+    h
+}
+
+/// Forces of a fibre, `f_b = -t (a.D_b)`.
+#[inline(always)]
+fn pull<R: Real>(shape: &[R; 3], t: [R; 3]) -> [[R; 3]; 4] {
+    let mut f = [[R::ZERO; 3]; 4];
+    for b in 0..3 {
+        f[b + 1] = scale(t, -shape[b]);
+        f[0] = sub(f[0], f[b + 1]);
+    }
+    f
+}
+
+/// Tangent of a fibre from the derivative `m` of its pull by `F a`.
+#[inline(always)]
+fn spread<R: Real>(shape: &[R; 3], m: &[R; 9]) -> TetrahedronTangent<R> {
+    let mut core = [[R::ZERO; 9]; 6];
+    for (block, [a, b]) in core.iter_mut().zip(CORE) {
+        let factor = shape[a] * shape[b];
+        for x in 0..9 {
+            block[x] = m[x] * factor;
+        }
+    }
+    assemble(&core)
+}
+
 /// One fibre, passive and active. Moduli are multiplied by the rest volume.
 ///
 /// ```text
@@ -306,11 +341,7 @@ pub struct Fibre<R> {
 impl<R: Real> Fibre<R> {
     #[inline(always)]
     fn chord(&self, u: &[[R; 3]; 4]) -> Chord<R> {
-        let mut h = [R::ZERO; 3];
-        for b in 0..3 {
-            h = add(h, scale(sub(u[b + 1], u[0]), self.shape[b]));
-        }
-        Chord::new(self.axis, h)
+        Chord::new(self.axis, along(&self.shape, u))
     }
 
     /// `(l - l_opt)/w`, held within -1 and 1.
@@ -356,13 +387,7 @@ impl<R: Real> AxisElement<R> for Fibre<R> {
     #[inline(always)]
     fn forces(&self, u: &[[R; 3]; 4]) -> [[R; 3]; 4] {
         let chord = self.chord(u);
-        let t = scale(chord.direction, self.tension(chord.stretch).0);
-        let mut f = [[R::ZERO; 3]; 4];
-        for b in 0..3 {
-            f[b + 1] = scale(t, -self.shape[b]);
-            f[0] = sub(f[0], f[b + 1]);
-        }
-        f
+        pull(&self.shape, scale(chord.direction, self.tension(chord.stretch).0))
     }
 
     #[inline(always)]
@@ -371,21 +396,94 @@ impl<R: Real> AxisElement<R> for Fibre<R> {
         let (force, slope) = self.tension(chord.stretch);
         let across = force * chord.inverse;
         let along = if kind == TangentKind::Exact { slope } else { slope.max(R::ZERO) };
-        let m = chord.stiffness(along, part_of_tension(kind, across));
-        let mut core = [[R::ZERO; 9]; 6];
-        for (block, [a, b]) in core.iter_mut().zip(CORE) {
-            let factor = self.shape[a] * self.shape[b];
-            for x in 0..9 {
-                block[x] = m[x] * factor;
-            }
-        }
-        assemble(&core)
+        spread(&self.shape, &chord.stiffness(along, part_of_tension(kind, across)))
     }
 
     #[inline(always)]
     fn is_clamped(&self, u: &[[R; 3]; 4]) -> R::Mask {
         let (force, slope) = self.tension(self.chord(u).stretch);
         R::less(force.min(slope), R::ZERO)
+    }
+}
+
+/// One biquadratic fibre. Its modulus is multiplied by the rest volume.
+///
+/// ```text
+/// e   = a.E a = (|p|^2 - 1)/2 = (a.h + |h|^2/2)        strain along the fibre
+/// W   = V Y/2 e^2
+/// t   = V Y e p                                        derivative of W by p = F a
+/// K_p = V Y (p p^T + e I)                              its derivative: (3 e + 1) along p, e across
+/// ```
+///
+/// The tangent of the element is `K_p` times `(a.D_a) (a.D_b)`, so that it is projected exactly by clamping the two
+/// eigenvalues. The pull `V Y e |p|` has a maximum in compression at `|p| = 1/sqrt(3)`, where `3 e + 1 = 0`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BiquadraticFibre<R> {
+    /// `a.D_b` of the vertices 1, 2, 3 (1/m).
+    pub shape: [R; 3],
+    /// Unit vector `a`.
+    pub axis: [R; 3],
+    /// `V Y` (J).
+    pub stiffness: R,
+}
+
+impl<R: Real> BiquadraticFibre<R> {
+    /// `F a` and the strain.
+    #[inline(always)]
+    fn strain(&self, u: &[[R; 3]; 4]) -> ([R; 3], R) {
+        let h = along(&self.shape, u);
+        let deformed = add(self.axis, h);
+        (deformed, R::from_f64(0.5) * dot(h, add(self.axis, deformed)))
+    }
+
+    /// Whether the stretch is below [`COMPRESSED`](sinew_engine::compression::COMPRESSED).
+    #[inline(always)]
+    pub(crate) fn is_pressed(&self, u: &[[R; 3]; 4]) -> R::Mask {
+        let (_, e) = self.strain(u);
+        R::less(e, R::from_f64(0.5 * (COMPRESSED * COMPRESSED - 1.0)))
+    }
+
+    /// `3 e + 1`.
+    #[inline(always)]
+    fn slope(strain: R) -> R {
+        R::from_f64(3.0).mul_add(strain, R::ONE)
+    }
+}
+
+impl<R: Real> AxisElement<R> for BiquadraticFibre<R> {
+    #[inline(always)]
+    fn energy(&self, u: &[[R; 3]; 4]) -> R {
+        let (_, e) = self.strain(u);
+        R::from_f64(0.5) * self.stiffness * (e * e)
+    }
+
+    #[inline(always)]
+    fn forces(&self, u: &[[R; 3]; 4]) -> [[R; 3]; 4] {
+        let (p, e) = self.strain(u);
+        pull(&self.shape, scale(p, self.stiffness * e))
+    }
+
+    #[inline(always)]
+    fn tangent(&self, u: &[[R; 3]; 4], kind: TangentKind) -> TetrahedronTangent<R> {
+        let (p, e) = self.strain(u);
+        let mut outer = self.stiffness;
+        if kind == TangentKind::Projected {
+            // where e < 0 all that is left lies along p: (3 e + 1) p p^T/|p|^2 with |p|^2 = 2 e + 1, at least 1/3 where
+            // it is positive
+            let square = (e + e + R::ONE).max(R::from_f64(1.0 / 3.0));
+            let left = Self::slope(e).max(R::ZERO) * square.recip();
+            outer = outer * R::select(R::less(e, R::ZERO), left, R::ONE);
+        }
+        let mut m = [R::ZERO; 9];
+        add_outer(&mut m, scale(p, outer), p);
+        add_identity(&mut m, self.stiffness * part_of_tension(kind, e));
+        spread(&self.shape, &m)
+    }
+
+    #[inline(always)]
+    fn is_clamped(&self, u: &[[R; 3]; 4]) -> R::Mask {
+        let (_, e) = self.strain(u);
+        R::less(self.stiffness * e, R::ZERO)
     }
 }
 

@@ -22,5 +22,6 @@ pub mod muscle;
 pub mod points;
 pub(crate) mod removal;
 pub mod site;
+mod softening;
 pub(crate) mod spawn;
 pub mod systems;

@@ -23,7 +23,7 @@ use sinew_engine::schedule::Evaluation;
 use sinew_engine::vertex::Displacement;
 
 use super::columns::*;
-use super::element::{AxisElement, Fibre, Triad, VolumeTerm};
+use super::element::{AxisElement, BiquadraticFibre, Fibre, Triad, VolumeTerm};
 use super::site::AxisSite;
 use crate::frame::columns::{self, work};
 use crate::frame::gauss::{GaussColumns, GaussElements, GaussLaw};
@@ -81,6 +81,13 @@ pub static FIBRES: LawRow = LawRow::of_systems(
     [mark::<FibreActive<f64>>, mark::<FibreActive<f32>>],
     [fibres::<f64, Brick, 8, 28, 8>, fibres::<f32, Brick, 8, 28, 8>],
 );
+/// Biquadratic fibres in hexahedra.
+pub static BIQUADRATIC: LawRow = LawRow::of_systems(
+    LawInfo::elastic("biquadratic fibres in hexahedra"),
+    Elements::AxesInHexahedra,
+    [mark::<Biquadratic>; 2],
+    [biquadratic::<f64, Brick, 8, 28, 8>, biquadratic::<f32, Brick, 8, 28, 8>],
+);
 /// The term of volume of hexahedra without axes.
 pub static VOLUMES: LawRow = LawRow::of_systems(
     LawInfo::elastic("volume preservation of hexahedra"),
@@ -102,6 +109,13 @@ pub static FIBRES10: LawRow = LawRow::of_systems(
     Elements::AxesInTetrahedra10,
     [mark::<FibreActive<f64>>, mark::<FibreActive<f32>>],
     [fibres::<f64, TenNodes, 10, 45, 4>, fibres::<f32, TenNodes, 10, 45, 4>],
+);
+/// Biquadratic fibres in ten-node tetrahedra.
+pub static BIQUADRATIC10: LawRow = LawRow::of_systems(
+    LawInfo::elastic("biquadratic fibres in ten-node tetrahedra"),
+    Elements::AxesInTetrahedra10,
+    [mark::<Biquadratic>; 2],
+    [biquadratic::<f64, TenNodes, 10, 45, 4>, biquadratic::<f32, TenNodes, 10, 45, 4>],
 );
 /// The term of volume of ten-node tetrahedra without axes.
 pub static VOLUMES10: LawRow = LawRow::of_systems(
@@ -237,6 +251,42 @@ impl<S: Scalar, const V: usize, const P: usize, const Q: usize> PointColumns<S, 
     }
 }
 
+/// Query data of biquadratic fibres; the filter is [`Biquadratic`].
+pub type BiquadraticData<S, A, B, const Q: usize> =
+    (SharedData<S, A, B, Q>, Direction<S, 0>, &'static AxialStiffness<S, 0>);
+
+struct BiquadraticColumns<'a, S: Scalar, const V: usize, const P: usize, const Q: usize> {
+    shared: Shared<'a, S, V, P, Q>,
+    axis: DirectionColumns<'a, S, 0>,
+    stiffness: &'a [AxialStiffness<S, 0>],
+}
+
+impl<S: Scalar, const V: usize, const P: usize, const Q: usize> PointColumns<S, V, P, Q>
+    for BiquadraticColumns<'_, S, V, P, Q>
+{
+    type Element<L: Lanes<Scalar = S>> = BiquadraticFibre<L>;
+    #[inline(always)]
+    fn shared(&self) -> &Shared<'_, S, V, P, Q> {
+        &self.shared
+    }
+    #[inline(always)]
+    fn element<L: Lanes<Scalar = S>>(
+        &self,
+        i: usize,
+        first: usize,
+        share: L,
+    ) -> BiquadraticFibre<L> {
+        let (x, y, z) = self.axis;
+        let axis = [L::splat(x[i].0), L::splat(y[i].0), L::splat(z[i].0)];
+        let [a, b, c] = self.shared.rest[i].gradients::<L>(first);
+        BiquadraticFibre {
+            shape: [dot(a, axis), dot(b, axis), dot(c, axis)],
+            axis,
+            stiffness: L::splat(self.stiffness[i].0) * share,
+        }
+    }
+}
+
 /// Query data of terms of volume; the filter is [`VolumeAlone`].
 pub type VolumeData<S, A, B, const Q: usize> =
     (SharedData<S, A, B, Q>, &'static VolumeStiffness<S>);
@@ -285,6 +335,20 @@ fn fibres<S: Scalar, E: AxisShape<V, P, Q>, const V: usize, const P: usize, cons
         world,
         law,
         |with, u, data, buffer| evaluate(&FibreColumns::new::<E>(u, data), with, buffer),
+    );
+}
+
+fn biquadratic<S: Scalar, E: AxisShape<V, P, Q>, const V: usize, const P: usize, const Q: usize>(
+    world: &mut World,
+    law: PlacedLaw,
+) {
+    activate_elements::<E::AxisVertices, S, BiquadraticData<S, E::AxisVertices, E::AxisBlocks, Q>>(
+        world,
+        law,
+        |with, u, (shared, axis, stiffness), buffer| {
+            let shared = Shared::new::<E>(u, shared);
+            evaluate(&BiquadraticColumns { shared, axis, stiffness }, with, buffer);
+        },
     );
 }
 
@@ -367,6 +431,22 @@ where
     fn is_clamped<L: Lanes<Scalar = S>>((e, share, u): &Points<C::Element<L>, L>) -> L::Mask {
         L::both(L::less(L::ZERO, *share), e.is_clamped(u))
     }
+}
+
+/// Whether something is true of the gradients (1/m) and displacements (m) of a tetrahedron that stands for some point.
+pub(crate) fn at_any_point<S, const V: usize, const P: usize, const Q: usize>(
+    rest: &PointsRest<f64, Q>,
+    u: &[[f64; 3]; V],
+    is_true: impl Fn([[f64; 3]; 3], &[[f64; 3]; 4]) -> bool,
+) -> bool
+where
+    S: Shape<V, P, Q>,
+{
+    let derivatives = &S::derivatives();
+    (0..Q).any(|q| {
+        let u = point_differences::<f64, 4, _, _, _>(derivatives, u, q);
+        is_true(rest.gradients::<f64>(q), &u)
+    })
 }
 
 /// Energy (J) of the axes of an entity in `f64`, from its columns as one element and its rest shape.

@@ -7,7 +7,7 @@ use sinew_engine::scalar::{Scalar, dot};
 
 use super::columns::*;
 use super::damper::AxialDamper;
-use super::element::{AxisElement, Fibre, Triad, VolumeTerm};
+use super::element::{AxisElement, BiquadraticFibre, Fibre, Triad, VolumeTerm};
 use super::points::energy_at_points;
 use crate::frame::hexahedra::Shape;
 
@@ -64,11 +64,28 @@ fn fibre<S: Scalar>(e: &EntityRef) -> Fibre<f64> {
     }
 }
 
-/// Energy (J) of the axes of an entity at displacements (m) of their tetrahedron.
+/// The same of a biquadratic fibre, `None` of other axes.
+fn biquadratic<S: Scalar>(e: &EntityRef) -> Option<BiquadraticFibre<f64>> {
+    let is_one = e.contains::<Biquadratic>()
+        || e.contains::<PooledBiquadratic>()
+        || e.contains::<SheetBiquadratic>()
+        || e.contains::<PooledSheetBiquadratic>();
+    is_one.then(|| {
+        let [stiffness] = numbers!(e, AxialStiffness<S, 0>);
+        let shape = numbers!(e, FibreShape<S, 1>, FibreShape<S, 2>, FibreShape<S, 3>);
+        BiquadraticFibre { shape, axis: direction::<S, 0>(e), stiffness }
+    })
+}
+
+/// Energy (J) of the axes of an entity at displacements (m) of their tetrahedron, of which pooled springs are a part where
+/// fibres are pooled.
 pub(crate) fn energy<S: Scalar>(world: &World, entity: Entity, u: &[[f64; 3]; 4]) -> f64 {
     let e = world.entity(entity);
     if e.contains::<AxialDamper<4>>() {
         return 0.0;
+    }
+    if let Some(own) = biquadratic::<S>(&e) {
+        return own.energy(u);
     }
     if e.contains::<FibreShape<S, 1>>() {
         return fibre::<S>(&e).energy(u);
@@ -94,6 +111,13 @@ where
     // dampers have none
     let Some(rest) = e.get::<PointsRest<S, Q>>() else { return 0.0 };
     let rest = rest.in_f64();
+    if let Some(own) = biquadratic::<S>(&e) {
+        return energy_at_points::<E, _, V, P, Q>(&rest, u, |d, share| BiquadraticFibre {
+            shape: d.map(|d| dot(d, own.axis)),
+            stiffness: own.stiffness * share,
+            ..own
+        });
+    }
     if e.contains::<FibreActive<S>>() {
         let own = fibre::<S>(&e);
         return energy_at_points::<E, _, V, P, Q>(&rest, u, |d, share| Fibre {

@@ -18,10 +18,13 @@ use super::damper::{self, AxialDamper};
 use super::description::{AxesDescription, AxisFamily, AxisGroup};
 use super::muscle::{self, Muscle, Muscles};
 use super::points;
+use super::softening::report_fibres;
 use super::systems;
+use crate::element::membrane::RestTriangle;
 use crate::frame::hexahedra::{Brick, Shape, TenNodes};
 use crate::frame::part::SolidPart;
 use crate::frame::row::{self, LawRow};
+use crate::frame::rules::Evaluation;
 
 /// Rows and blocks of a tetrahedron, and where it comes from.
 pub(super) type Place = (AxisVertices, AxisBlocks, AxisTetrahedron, BodyId);
@@ -51,7 +54,9 @@ type FibreMade<S> = (
     ),
     (PassiveStiffness<S>, PeakTension<S>, MuscleIndex, AxisSource),
 );
-type FibreShapes<S> = (FibreShape<S, 1>, FibreShape<S, 2>, FibreShape<S, 3>);
+pub(crate) type ShapesMade<S> = (FibreShape<S, 1>, FibreShape<S, 2>, FibreShape<S, 3>);
+/// Direction and modulus of a biquadratic fibre.
+pub(crate) type BiquadraticMade<S> = (DirectionBundle<S, 0>, AxialStiffness<S, 0>, AxisSource);
 
 /// Of a tetrahedron of the layout.
 pub(super) fn tetrahedron_place(part: &SolidPart, row: usize) -> Place {
@@ -86,12 +91,22 @@ fn tetrahedron10_rows(part: &SolidPart, row: usize) -> Tetrahedron10Rows {
     )
 }
 
-/// Spawns the axes of a body, element by element in the order of the layout.
-pub(crate) fn spawn_axes<S: Scalar>(world: &mut World, axes: &AxesDescription, part: &SolidPart) {
+/// Spawns the axes of a body, element by element in the order of the layout; in bodies of pooled springs, those that
+/// are springs are a part of these.
+pub(crate) fn spawn_axes<S: Scalar>(
+    world: &mut World,
+    axes: &AxesDescription,
+    part: &SolidPart,
+    evaluation: Evaluation,
+) {
     let groups = axes.pack();
+    if axes.has_biquadratic() {
+        report_fibres::<S>(world);
+    }
     let muscles = spawn_muscles::<S>(world, axes, part.at.body.0 as usize);
     let mut triads: Vec<(Place, ShapeGradientBundle<S>, TriadMade<S>)> = Vec::new();
-    let mut fibres: Vec<(Place, FibreShapes<S>, FibreMade<S>)> = Vec::new();
+    let mut fibres: Vec<(Place, ShapesMade<S>, FibreMade<S>)> = Vec::new();
+    let mut biquadratics: Vec<(Place, ShapesMade<S>, BiquadraticMade<S>)> = Vec::new();
     let mut volumes: Vec<(Place, ShapeGradientBundle<S>, VolumeStiffness<S>, VolumeAlone)> =
         Vec::new();
     let mut dampers: Vec<(Place, AxialDamper<4>)> = Vec::new();
@@ -103,6 +118,11 @@ pub(crate) fn spawn_axes<S: Scalar>(world: &mut World, axes: &AxesDescription, p
             dampers.push((place, AxialDamper::new(axis.to_array(), shape, viscosity)));
         }
         let d = [shape.gradients[1], shape.gradients[2], shape.gradients[3]];
+        let shapes = |family: usize| {
+            let a = unit(&axes.families[family], t);
+            let [a, b, c] = d.map(|d| S::from_f64(DVec3::from_array(d).dot(a)));
+            (FibreShape(a), FibreShape(b), FibreShape(c))
+        };
         for group in &groups {
             match group {
                 AxisGroup::Triad { .. } => {
@@ -110,12 +130,12 @@ pub(crate) fn spawn_axes<S: Scalar>(world: &mut World, axes: &AxesDescription, p
                     triads.extend(made.map(|made| (place, shape_gradient_bundle(d), made)));
                 }
                 &AxisGroup::Fibre(index) => {
-                    if let Some(made) = fibre(axes, index, muscles[index], t, shape.volume) {
-                        let a = unit(&axes.families[index], t);
-                        let q = d.map(|d| S::from_f64(DVec3::from_array(d).dot(a)));
-                        let shapes = (FibreShape(q[0]), FibreShape(q[1]), FibreShape(q[2]));
-                        fibres.push((place, shapes, made));
-                    }
+                    let made = fibre(axes, index, muscles[index], t, shape.volume);
+                    fibres.extend(made.map(|made| (place, shapes(index), made)));
+                }
+                &AxisGroup::Biquadratic(index) => {
+                    let made = biquadratic(axes, index, t, shape.volume);
+                    biquadratics.extend(made.map(|made| (place, shapes(index), made)));
                 }
                 AxisGroup::Volume(modulus) => {
                     let stiffness = VolumeStiffness(S::from_f64(shape.volume * modulus));
@@ -126,6 +146,13 @@ pub(crate) fn spawn_axes<S: Scalar>(world: &mut World, axes: &AxesDescription, p
     }
     spawn_rows::<S, _>(world, triads, &systems::TRIADS);
     spawn_rows::<S, _>(world, fibres, &systems::FIBRES);
+    if evaluation == Evaluation::Pooled {
+        let marked = biquadratics.into_iter().map(|own| (own, PooledBiquadratic)).collect();
+        spawn_rows::<S, _>(world, marked, &systems::BIQUADRATIC_PROJECTION);
+    } else {
+        let marked = biquadratics.into_iter().map(|own| (own, Biquadratic)).collect();
+        spawn_rows::<S, _>(world, marked, &systems::BIQUADRATIC);
+    }
     spawn_rows::<S, _>(world, volumes, &systems::VOLUMES);
     spawn_rows::<S, _>(world, dampers, &damper::IN_TETRAHEDRA);
     let in_hexahedra = AtPoints {
@@ -135,14 +162,26 @@ pub(crate) fn spawn_axes<S: Scalar>(world: &mut World, axes: &AxesDescription, p
         element: |row| {
             part.layout.order.tetrahedra.len() + part.layout.order.hexahedra[row] as usize
         },
-        laws: [&points::TRIADS, &points::FIBRES, &points::VOLUMES, &damper::IN_HEXAHEDRA],
+        laws: [
+            &points::TRIADS,
+            &points::FIBRES,
+            &points::BIQUADRATIC,
+            &points::VOLUMES,
+            &damper::IN_HEXAHEDRA,
+        ],
     };
     spawn_at_points::<S, Brick, _, 8, 28, 8>(world, axes, (&groups, &muscles), &in_hexahedra);
     let in_tetrahedra10 = AtPoints {
         rest: &part.rest.tetrahedra10,
         rows: |row| tetrahedron10_rows(part, row),
         element: |row| part.layout.order.tetrahedra[row] as usize,
-        laws: [&points::TRIADS10, &points::FIBRES10, &points::VOLUMES10, &damper::IN_TETRAHEDRA10],
+        laws: [
+            &points::TRIADS10,
+            &points::FIBRES10,
+            &points::BIQUADRATIC10,
+            &points::VOLUMES10,
+            &damper::IN_TETRAHEDRA10,
+        ],
     };
     spawn_at_points::<S, TenNodes, _, 10, 45, 4>(
         world,
@@ -153,7 +192,7 @@ pub(crate) fn spawn_axes<S: Scalar>(world: &mut World, axes: &AxesDescription, p
 }
 
 /// Spawns entities, if there are any, and puts their law into the schedule.
-pub(super) fn spawn_rows<S: Scalar, B: Bundle<Effect: NoBundleEffect>>(
+pub(crate) fn spawn_rows<S: Scalar, B: Bundle<Effect: NoBundleEffect>>(
     world: &mut World,
     rows: Vec<B>,
     law: &'static LawRow,
@@ -171,8 +210,8 @@ struct AtPoints<'a, Rows, Element, const Q: usize> {
     rows: Rows,
     /// Its number in lists of directions.
     element: Element,
-    /// Laws of triads, fibres, terms of volume and dampers.
-    laws: [&'static LawRow; 4],
+    /// Laws of triads, fibres, biquadratic ones, terms of volume and dampers.
+    laws: [&'static LawRow; 5],
 }
 
 fn spawn_at_points<S, E, R, const V: usize, const P: usize, const Q: usize>(
@@ -188,6 +227,7 @@ fn spawn_at_points<S, E, R, const V: usize, const P: usize, const Q: usize>(
     type Placed<R, S, const Q: usize> = (R, PointsRest<S, Q>);
     let mut triads: Vec<(Placed<R, S, Q>, TriadMade<S>)> = Vec::new();
     let mut fibres: Vec<(Placed<R, S, Q>, FibreMade<S>)> = Vec::new();
+    let mut biquadratics: Vec<(Placed<R, S, Q>, BiquadraticMade<S>, Biquadratic)> = Vec::new();
     let mut volumes: Vec<(Placed<R, S, Q>, VolumeStiffness<S>, VolumeAlone)> = Vec::new();
     let mut dampers: Vec<(R, AxialDamper<V>)> = Vec::new();
     let derivatives = E::derivatives::<f64>();
@@ -211,6 +251,10 @@ fn spawn_at_points<S, E, R, const V: usize, const P: usize, const Q: usize>(
                     let made = fibre(axes, index, muscles[index], e, volume);
                     fibres.extend(made.map(|made| (place, made)));
                 }
+                &AxisGroup::Biquadratic(index) => {
+                    let made = biquadratic(axes, index, e, volume);
+                    biquadratics.extend(made.map(|made| (place, made, Biquadratic)));
+                }
                 AxisGroup::Volume(modulus) => {
                     let stiffness = VolumeStiffness(S::from_f64(volume * modulus));
                     volumes.push((place, stiffness, VolumeAlone));
@@ -218,9 +262,10 @@ fn spawn_at_points<S, E, R, const V: usize, const P: usize, const Q: usize>(
             }
         }
     }
-    let [of_triads, of_fibres, of_volumes, of_dampers] = of.laws;
+    let [of_triads, of_fibres, of_biquadratics, of_volumes, of_dampers] = of.laws;
     spawn_rows::<S, _>(world, triads, of_triads);
     spawn_rows::<S, _>(world, fibres, of_fibres);
+    spawn_rows::<S, _>(world, biquadratics, of_biquadratics);
     spawn_rows::<S, _>(world, volumes, of_volumes);
     spawn_rows::<S, _>(world, dampers, of_dampers);
 }
@@ -297,6 +342,47 @@ fn fibre<S: Scalar>(
             AxisSource::new([Some(index), None, None], [weight, 0.0, 0.0]),
         ),
     ))
+}
+
+/// Direction and modulus of a biquadratic fibre in an element of volume `v` (m^3); `None` where it has no share.
+fn biquadratic<S: Scalar>(
+    axes: &AxesDescription,
+    index: usize,
+    element: usize,
+    v: f64,
+) -> Option<BiquadraticMade<S>> {
+    let family = &axes.families[index];
+    let axis = unit(family, element).to_array();
+    biquadratic_along(family, index, axis, v * family.share(element))
+}
+
+/// The same along an axis (unit vector), where the share of the element in its volume is `weight` (m^3).
+fn biquadratic_along<S: Scalar>(
+    family: &AxisFamily,
+    index: usize,
+    axis: [f64; 3],
+    weight: f64,
+) -> Option<BiquadraticMade<S>> {
+    (weight > 0.0).then(|| {
+        (
+            direction_bundle(axis),
+            AxialStiffness(S::from_f64(family.modulus * weight)),
+            AxisSource::new([Some(index), None, None], [weight, 0.0, 0.0]),
+        )
+    })
+}
+
+/// A biquadratic fibre of the family of number `index` in a triangle of volume `v` (m^3); `None` where it has no share.
+pub(crate) fn sheet_fibre<S: Scalar>(
+    family: &AxisFamily,
+    index: usize,
+    rest: &RestTriangle,
+    (element, v): (usize, f64),
+) -> Option<(ShapesMade<S>, BiquadraticMade<S>)> {
+    let axis = rest.in_plane(unit(family, element).to_array())?;
+    let [_, a, b] = rest.along(axis).map(S::from_f64);
+    let made = biquadratic_along(family, index, axis, v * family.share(element))?;
+    Some(((FibreShape(a), FibreShape(b), FibreShape(S::ZERO)), made))
 }
 
 /// Indices of the muscles of all families, [`NO_MUSCLE`] for passive ones.

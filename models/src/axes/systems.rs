@@ -4,7 +4,7 @@
 use bevy_ecs::prelude::*;
 use sinew_engine::element::AxisVertices;
 use sinew_engine::lanes::{Lanes, MAX_LANES};
-use sinew_engine::law::{LawBuffer, LawInfo, TangentKind};
+use sinew_engine::law::{EvaluationRequest, LawBuffer, LawInfo, TangentKind};
 use sinew_engine::scalar::Scalar;
 use sinew_engine::schedule::Evaluation;
 
@@ -30,9 +30,45 @@ pub static TRIADS: LawRow = LawRow::of_systems(
 pub static FIBRES: LawRow = LawRow::of_systems(
     LawInfo::elastic("fibres"),
     Elements::AxesInTetrahedra,
-    [mark::<FibreShape<f64, 1>>, mark::<FibreShape<f32, 1>>],
+    [mark::<FibreActive<f64>>, mark::<FibreActive<f32>>],
     [fibres::<f64>, fibres::<f32>],
 );
+/// Biquadratic fibres.
+pub static BIQUADRATIC: LawRow = LawRow::of_systems(
+    LawInfo::elastic("biquadratic fibres"),
+    Elements::AxesInTetrahedra,
+    [mark::<Biquadratic>; 2],
+    [biquadratic::<f64>, biquadratic::<f32>],
+);
+/// The projected tangent of biquadratic fibres whose springs are pooled with those of the material: the eigenvalues that
+/// are clamped belong to a fibre, as those of a material to a tetrahedron ([`PooledProjection`]). Each of the two is
+/// projected by itself.
+///
+/// [`PooledProjection`]: crate::laws::svk::PooledProjection
+pub static BIQUADRATIC_PROJECTION: LawRow = LawRow {
+    forces: false,
+    ..LawRow::of_systems(
+        LawInfo::elastic("projected tangent of biquadratic fibres"),
+        Elements::AxesInTetrahedra,
+        [mark::<PooledBiquadratic>; 2],
+        [biquadratic_projection::<f64>, biquadratic_projection::<f32>],
+    )
+    .with_tangent(|kind| kind == TangentKind::Projected)
+};
+/// Biquadratic fibres in membrane triangles.
+pub static SHEET_BIQUADRATIC: LawRow = LawRow {
+    elements: Elements::AxesInTriangles,
+    mark: [mark::<SheetBiquadratic>; 2],
+    info: LawInfo::elastic("biquadratic fibres of membranes"),
+    ..BIQUADRATIC
+};
+/// The projected tangent of those whose springs are pooled, as [`BIQUADRATIC_PROJECTION`].
+pub static SHEET_PROJECTION: LawRow = LawRow {
+    elements: Elements::AxesInTriangles,
+    mark: [mark::<PooledSheetBiquadratic>; 2],
+    info: LawInfo::elastic("projected tangent of biquadratic fibres of membranes"),
+    ..BIQUADRATIC_PROJECTION
+};
 /// The term of volume without axes.
 pub static VOLUMES: LawRow = LawRow::of_systems(
     LawInfo::elastic("volume preservation"),
@@ -51,6 +87,28 @@ fn fibres<S: Scalar>(world: &mut World, law: PlacedLaw) {
     activate_elements::<AxisVertices, S, FibreData<S>>(world, law, |with, u, data, buffer| {
         evaluate(&FibreColumns::new(u, data), with, buffer);
     });
+}
+
+fn biquadratic<S: Scalar>(world: &mut World, law: PlacedLaw) {
+    activate_elements::<AxisVertices, S, BiquadraticData<S>>(
+        world,
+        law,
+        |with, u, data, buffer| {
+            evaluate(&BiquadraticColumns::new(u, data), with, buffer);
+        },
+    );
+}
+
+fn biquadratic_projection<S: Scalar>(world: &mut World, law: PlacedLaw) {
+    activate_elements::<AxisVertices, S, BiquadraticData<S>>(
+        world,
+        law,
+        |with, u, data, buffer| {
+            let tangent = with.request.tangent.filter(|&kind| kind == TangentKind::Projected);
+            let request = &EvaluationRequest { energy: false, force: false, tangent };
+            evaluate(&BiquadraticColumns::new(u, data), Evaluation { request, ..with }, buffer);
+        },
+    );
 }
 
 fn volumes<S: Scalar>(world: &mut World, law: PlacedLaw) {

@@ -4,13 +4,15 @@ use bevy_ecs::prelude::*;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::vertex::BodyId;
 
+use super::change::sum_springs;
 use super::description::SoftBody;
 use super::edit_log::{Edit, before_edit, log_edit};
 use crate::axes::columns::*;
-use crate::axes::description::{AxesError, ModulusOf};
+use crate::axes::description::{AxesError, FibreForm, ModulusOf};
 use crate::axes::muscle::Muscles;
+use crate::frame::rules::Evaluation;
 
-/// Gives a family of axes of body number `body` another modulus (Pa). Displacements, activations and
+/// Gives a family of axes, or of fibres of the membrane, of body number `body` another modulus (Pa). Displacements, activations and
 /// everything else stay.
 ///
 /// What solvers remember is not touched: `sinew::simulation::Simulation::set_axis_modulus` does that too.
@@ -25,17 +27,26 @@ pub fn set_axis_modulus<S: Scalar>(
 ) -> Result<(), AxesError> {
     before_edit::<S>(world);
     let mut bodies = world.query::<&mut SoftBody>();
-    let axes = bodies.iter_mut(world).find(|soft| soft.index == body);
-    let axes = axes.and_then(|soft| soft.into_inner().axes.as_mut());
-    let families = axes.map_or(&mut [][..], |axes| &mut axes.description.families);
-    let Some(index) = families.iter().position(|f| f.name == family) else {
-        let known = families.iter().map(|f| f.name.to_string()).collect();
+    let mut families = Vec::new();
+    if let Some(soft) = bodies.iter_mut(world).find(|soft| soft.index == body) {
+        let soft = soft.into_inner();
+        let of_solid =
+            soft.axes.as_mut().map_or(&mut [][..], |axes| &mut axes.description.families);
+        let pooled = soft.evaluation == Evaluation::Pooled;
+        families.extend(of_solid.iter_mut().map(|own| (own, pooled)));
+        let pooled = soft.membrane.is_some_and(|membrane| membrane.is_pooled());
+        families.extend(soft.sheet_fibres.iter_mut().map(|own| (own, pooled)));
+    }
+    let Some(index) = families.iter().position(|(own, _)| own.name == family) else {
+        let known = families.iter().map(|(own, _)| own.name.to_string()).collect();
         return Err(AxesError::Unknown { family: family.to_string(), known });
     };
     if !(modulus >= 0.0 && modulus.is_finite()) {
         return Err(AxesError::Modulus { of: ModulusOf::Family(family.into()), value: modulus });
     }
-    families[index].modulus = modulus;
+    let (own, pooled) = &mut families[index];
+    own.modulus = modulus;
+    let is_pooled = *pooled && own.form == FibreForm::Biquadratic;
     let muscles = world.get_resource::<Muscles>().cloned().unwrap_or_default();
     let mut entities = world.query::<(
         (&AxisSource, &BodyId, Option<&MuscleIndex>),
@@ -62,6 +73,9 @@ pub fn set_axis_modulus<S: Scalar>(
             1 => b.into_iter().for_each(|mut b| b.0 = stiffness),
             _ => c.into_iter().for_each(|mut c| c.0 = stiffness),
         }
+    }
+    if is_pooled {
+        sum_springs::<S>(world, body);
     }
     log_edit(world, Edit::AxisModulus { body, family: family.into(), modulus });
     Ok(())

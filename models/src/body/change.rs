@@ -9,9 +9,10 @@ use sinew_engine::element::{EdgeVertices, RestVolume, TetrahedronIndex};
 use sinew_engine::isoparametric::HexahedronIndex;
 use sinew_engine::layout::{Cells, UNUSED};
 use sinew_engine::scalar::Scalar;
-use sinew_engine::topology::Topology;
+use sinew_engine::topology::{BodyRows, Topology};
 use sinew_engine::vertex::{BodyId, Mass, RestPosition, WeightShift};
 use std::borrow::Cow;
+use std::ops::Range;
 use std::sync::Arc;
 
 use crate::body::description::SoftBody;
@@ -65,10 +66,7 @@ fn change<S: Scalar>(
     let Some((entity, mut soft)) = found.map(|(entity, soft)| (entity, soft.clone())) else {
         return Ok(());
     };
-    let first = rows.vertices.start;
-    let mut rest = world.query::<&RestPosition>();
-    let rest: Vec<DVec3> =
-        rest.iter(world).skip(first as usize).take(rows.vertices.len()).map(|x| x.0).collect();
+    let rest = rest_positions(world, rows.vertices.clone());
     let rest_of = |row: u32| rest[row as usize];
     let matter = Matter { field: *field, ..soft.matter(&rows.ordered, &rest_of) };
     let springs = if soft.springs.is_empty() {
@@ -76,8 +74,7 @@ fn change<S: Scalar>(
     } else {
         Arc::new(matter.element_springs()?)
     };
-    let resection = world.get_resource::<Resection>().and_then(|r| r.connectivity(body));
-    let left = chosen(&rows, |kind, e| resection.is_none_or(|r| r.is_present(kind, e)));
+    let left = left_of(world, body, &rows);
     let mut masses = matter.masses(Items::All(rest.len()), &left);
     soft.masses.apply(&mut masses);
     let shifts = matter.weight_shifts(Items::All(rest.len()), &left);
@@ -127,6 +124,34 @@ fn set_moduli<S: Scalar>(
     }
 }
 
+/// Sums the constants of pooled springs of a body again, after the modulus of its fibres was changed.
+pub(super) fn sum_springs<S: Scalar>(world: &mut World, body: usize) {
+    let rows = world.resource::<Topology>().bodies[body].clone();
+    let mut query = world.query::<&SoftBody>();
+    let found = query.iter(world).find(|soft| soft.index == body);
+    let Some(soft) = found.cloned() else { return };
+    let rest = rest_positions(world, rows.vertices.clone());
+    let rest_of = |row: u32| rest[row as usize];
+    let matter = soft.matter(&rows.ordered, &rest_of);
+    let lame = matter.field.lame(rows.order.tetrahedra.len(), rows.hexahedra().len());
+    // a membrane alone has no material of solid elements
+    let lame = lame.unwrap_or_default();
+    let left = left_of(world, body, &rows);
+    set_springs::<S>(world, body, (&matter, &soft.springs), (&left, &lame));
+}
+
+/// Rest positions (m) of the vertices in these rows.
+fn rest_positions(world: &mut World, rows: Range<u32>) -> Vec<DVec3> {
+    let mut rest = world.query::<&RestPosition>();
+    rest.iter(world).skip(rows.start as usize).take(rows.len()).map(|x| x.0).collect()
+}
+
+/// Elements of a body that were not removed.
+fn left_of(world: &World, body: usize, rows: &BodyRows) -> Chosen {
+    let resection = world.get_resource::<Resection>().and_then(|r| r.connectivity(body));
+    chosen(&rows.ordered, |kind, e| resection.is_none_or(|r| r.is_present(kind, e)))
+}
+
 /// Writes the constants of all springs, summed over the elements `left`.
 fn set_springs<S: Scalar>(
     world: &mut World,
@@ -174,19 +199,18 @@ fn set_springs<S: Scalar>(
     }
     let rows = matter.ordered.rows_of(ElementKind::Tetrahedron);
     let mut query = world.query::<(
-        (&TetrahedronIndex, &BodyId, &RestVolume<S>),
+        (&TetrahedronIndex, &BodyId),
         (
             &mut VolumetricStiffness<S, 0>,
             &mut VolumetricStiffness<S, 1>,
             &mut VolumetricStiffness<S, 2>,
         ),
     )>();
-    for ((index, id, volume), (mut d0, mut d1, mut d2)) in query.iter_mut(world) {
-        // removed ones have no volume
-        if own(id) && volume.0 != S::ZERO {
-            let index = index.0 as usize;
-            let rest = matter.tetrahedron(rows[index]);
-            (*d0, *d1, *d2) = volumetric_bundle::<S>(&rest, lame[index]);
+    for ((index, id), (mut d0, mut d1, mut d2)) in query.iter_mut(world) {
+        if own(id)
+            && let Ok(t) = left[ElementKind::Tetrahedron].binary_search(&rows[index.0 as usize])
+        {
+            (*d0, *d1, *d2) = volumetric_bundle::<S>(pooled.volumetric[t]);
         }
     }
     if let Some(resection) = resection {

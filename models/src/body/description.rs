@@ -10,7 +10,7 @@ use sinew_engine::mesh::Mesh;
 use sinew_identify::mass::MassLumping;
 use std::sync::Arc;
 
-use crate::axes::description::{AxesDescription, AxesError, BodyAxes};
+use crate::axes::description::{AxesDescription, AxesError, AxisFamily, BodyAxes};
 use crate::body::lumped::{ElementSprings, GivenSprings, SpringRule};
 use crate::body::sheet::{MembraneDescription, MembraneError, MembraneSettings};
 use crate::element::precompute::RestTetrahedronError;
@@ -367,6 +367,8 @@ pub struct SoftBody {
     pub springs: Arc<ElementSprings>,
     /// What its membrane is made of.
     pub membrane: Option<MembraneSettings>,
+    /// Fibres of its membrane.
+    pub sheet_fibres: Vec<AxisFamily<'static>>,
     /// Its axes, and which of their directions were repaired.
     pub axes: Option<BodyAxes>,
 }

@@ -5,6 +5,7 @@
 use super::description::{MassRule, SoftBody};
 use super::lumped::{self, ElementSprings, GivenSprings, SpringRule};
 use super::sheet::{MembraneModel, MembraneSettings, PlaneState};
+use crate::axes::description::{AxisFamily, biquadratic};
 use crate::element::membrane::{self, RestTriangle};
 use crate::element::precompute::{ADJACENT_PAIRS, RestTetrahedron, SpringConstants};
 use crate::frame::rules::Evaluation;
@@ -48,6 +49,10 @@ pub(crate) struct Matter<'a> {
     pub equal_masses: bool,
     /// Its membrane.
     pub membrane: Option<MembraneSettings>,
+    /// Fibres of its solid elements.
+    pub families: &'a [AxisFamily<'a>],
+    /// Fibres of its membrane.
+    pub sheet_fibres: &'a [AxisFamily<'a>],
 }
 
 impl SoftBody {
@@ -60,6 +65,7 @@ impl SoftBody {
         let &Self { model, evaluation, spring_rule, masses, membrane, .. } = self;
         let (field, given, lumping) = (self.field(), self.given.as_deref(), masses.lumping());
         let equal_masses = masses == MassRule::Equal;
+        let families = self.axes.as_ref().map_or(&[][..], |axes| &axes.description.families);
         Matter {
             ordered,
             rest_of,
@@ -71,6 +77,8 @@ impl SoftBody {
             lumping,
             equal_masses,
             membrane,
+            families,
+            sheet_fibres: &self.sheet_fibres,
         }
     }
 }
@@ -285,8 +293,8 @@ impl Matter<'_> {
         sums
     }
 
-    /// Constants of the springs of pooled elements, summed over elements; `lame` are the Lamé parameters (Pa) of
-    /// their tetrahedra.
+    /// Constants of the springs of pooled elements, summed over elements, those of biquadratic fibres among them; `lame`
+    /// are the Lamé parameters (Pa) of their tetrahedra.
     pub fn pooled_springs<'c>(
         &self,
         cells: &'c Cells,
@@ -296,16 +304,29 @@ impl Matter<'_> {
     ) -> PooledSprings<'c> {
         let tensile = vec![0.0; edges.count()];
         let angular = vec![None; triangles.count()];
-        let mut sums = PooledSprings { cells, edges, triangles, tensile, angular };
+        let volumetric = Vec::new();
+        let mut sums = PooledSprings { cells, edges, triangles, tensile, angular, volumetric };
         if self.evaluation == Evaluation::Pooled {
             for (&t, &lame) in elements[ElementKind::Tetrahedron].iter().zip(lame) {
-                let constants = SpringConstants::new(&self.tetrahedron(t), lame);
+                let rest = self.tetrahedron(t);
+                let mut constants = SpringConstants::new(&rest, lame);
+                let place = self.place(ElementKind::Tetrahedron, t);
+                for (axis, modulus) in biquadratic(self.families, place) {
+                    constants.add_fibre(&rest, axis.to_array(), modulus);
+                }
                 sums.add_tetrahedron(t, self.ordered.tetrahedra()[t as usize], &constants);
             }
         }
-        if let Some((moduli, _)) = self.pooled_sheet().map(|sheet| sheet.surface()) {
+        if let Some(sheet) = self.pooled_sheet() {
+            let (moduli, _) = sheet.surface();
             for &t in &elements[ElementKind::Triangle] {
-                let constants = membrane::SpringConstants::new(&self.triangle(t), moduli);
+                let rest = self.triangle(t);
+                let mut constants = membrane::SpringConstants::new(&rest, moduli);
+                let place = self.ordered.order.triangles[t as usize] as usize;
+                for (axis, modulus) in biquadratic(self.sheet_fibres, place) {
+                    let axis = rest.in_plane(axis.to_array()).expect("it was spawned with it");
+                    constants.add_fibre(&rest, axis, modulus * sheet.thickness);
+                }
                 sums.add_triangle(t, &constants);
             }
         }
@@ -322,6 +343,8 @@ pub(crate) struct PooledSprings<'a> {
     pub tensile: Vec<f64>,
     /// Angular springs of the triangles, `None` where there is none.
     pub angular: Vec<Option<[f64; 3]>>,
+    /// Volumetric springs of the tetrahedra, in the order in which these were given.
+    pub volumetric: Vec<[f64; 3]>,
 }
 
 impl PooledSprings<'_> {
@@ -335,6 +358,7 @@ impl PooledSprings<'_> {
 
     fn add_tetrahedron(&mut self, t: u32, nodes: [u32; 4], constants: &SpringConstants) {
         let cells = self.cells;
+        self.volumetric.push(constants.volumetric);
         self.add_tensile(cells.edges_of.tetrahedra.of(t), &constants.tensile);
         for (c, [apex, j, k]) in constants.angular.iter().zip(ADJACENT_PAIRS) {
             // the face through the pair lies opposite the one vertex that it does not use

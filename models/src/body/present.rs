@@ -3,7 +3,9 @@
 use bevy_ecs::prelude::*;
 use serde::{Deserialize, Serialize};
 use sinew_engine::connectivity::{ByKind, Connectivity, ElementKind};
-use sinew_engine::element::{AxisTetrahedron, EdgeVertices, MembraneIndex, TetrahedronIndex};
+use sinew_engine::element::{
+    AxisTetrahedron, AxisTriangle, EdgeVertices, MembraneIndex, TetrahedronIndex,
+};
 use sinew_engine::isoparametric::{AxisHexahedron, HexahedronIndex, QuadIndex};
 use sinew_engine::topology::Topology;
 use sinew_engine::vertex::BodyId;
@@ -56,7 +58,7 @@ pub(crate) struct Entities {
     /// Edges of pooled springs, and those that are springs by themselves.
     pub edges: [Vec<Entity>; 2],
     pub triangles: Vec<Entity>,
-    /// Axes of all kinds, with the tetrahedron or hexahedron that they lie in, ascending.
+    /// Axes of all kinds, with the element that they lie in, ascending.
     axes: ByKind<Vec<(u32, Entity)>>,
 }
 
@@ -123,7 +125,7 @@ impl Resection {
             };
         }
         find_elements!(TetrahedronIndex, AxisTetrahedron, ElementKind::Tetrahedron);
-        find_elements!(MembraneIndex, ElementKind::Triangle);
+        find_elements!(MembraneIndex, AxisTriangle, ElementKind::Triangle);
         find_elements!(HexahedronIndex, AxisHexahedron, ElementKind::Hexahedron);
         find_elements!(QuadIndex, ElementKind::Quad);
         for own in self.bodies.iter_mut().flatten() {

@@ -4,7 +4,8 @@ use bevy_ecs::prelude::*;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use sinew_engine::element::{
-    MembraneBlocks, MembraneIndex, MembraneVertices, membrane_rest_bundle,
+    AxisBlocks, AxisTriangle, AxisVertices, MembraneBlocks, MembraneIndex, MembraneVertices,
+    membrane_rest_bundle,
 };
 use sinew_engine::isoparametric::{QuadBlocks, QuadIndex, QuadVertices, RestQuad, RestShapeError};
 use sinew_engine::layout::BodyLayout;
@@ -13,6 +14,10 @@ use sinew_engine::row::LocalRow;
 use sinew_engine::scalar::Scalar;
 use thiserror::Error;
 
+use crate::axes::columns::{PooledSheetBiquadratic, SheetBiquadratic};
+use crate::axes::description::{AxesError, AxisFamily, biquadratic};
+use crate::axes::spawn::{sheet_fibre, spawn_rows};
+use crate::axes::systems;
 use crate::body::lumped::SpringRule;
 use crate::element::membrane::{RestTriangle, RestTriangleError, plane_strain, plane_stress};
 use crate::element::plate::{Branching, Neighbours};
@@ -158,6 +163,7 @@ impl MembraneSettings {
             evaluation,
             springs,
             bending,
+            fibres: &[],
         }
     }
 
@@ -212,6 +218,9 @@ pub struct MembraneDescription<'a> {
     pub springs: Option<SpringRule>,
     /// Resistance to bending, of triangles; none without it.
     pub bending: Option<Bending>,
+    /// Biquadratic fibres in its triangles: moduli in Pa, as of a solid; of directions the part in the plane of a triangle
+    /// counts. Where springs are pooled they are a part of these.
+    pub fibres: &'a [AxisFamily<'a>],
 }
 
 impl<'a> MembraneDescription<'a> {
@@ -227,6 +236,7 @@ impl<'a> MembraneDescription<'a> {
             evaluation: Evaluation::default(),
             springs: None,
             bending: None,
+            fibres: &[],
         }
     }
 
@@ -322,6 +332,9 @@ pub enum MembraneError {
         /// What is wrong.
         source: RestTriangleError,
     },
+    /// Fibres that cannot be used.
+    #[error(transparent)]
+    Fibres(#[from] AxesError),
     /// An energy that cannot be summed the way asked for.
     #[error(
         "model \"{}\" has no pooled evaluation; leave `evaluation` out or set it to \"fused\"",
@@ -372,6 +385,9 @@ impl MembraneDescription<'_> {
         }
         if let Some(quad) = bad_vertices(self.quads, count) {
             return bad("quadrilateral", quad);
+        }
+        if !self.quads.is_empty() && !self.fibres.is_empty() {
+            return Err(AxesError::SheetQuads.into());
         }
         let springs = [MembraneModel::Quadratic];
         if let Some(bending) = self.bending {
@@ -428,11 +444,57 @@ impl Sheet {
             let edge = edge.map(|row| layout.vertex_order[LocalRow(row)].0);
             return Err(MembraneError::Branching { edge, count });
         }
+        for (t, rest) in rest.iter().enumerate() {
+            let element = order.triangles[t] as usize;
+            for (axis, _) in biquadratic(description.fibres, element) {
+                if rest.in_plane(axis.to_array()).is_none() {
+                    let mut families = description.fibres.iter();
+                    let own = families.find(|f| f.direction(element).normalize() == axis);
+                    let family = own.map_or(String::new(), |f| f.name.to_string());
+                    return Err(AxesError::Across { family, element, value: axis }.into());
+                }
+            }
+        }
         no_twins("quadrilateral", layout.quads(), &order.quads)?;
         let quads = rest_shapes(layout.quads(), &order.quads, &rest_of, |points, quad| {
             RestQuad::new(points).map_err(|source| MembraneError::Quad { quad, source })
         })?;
         Ok(Self { rest, quads, settings: description.settings() })
+    }
+
+    /// Spawns its fibres; `first` is the number of the first of the families in the body.
+    pub(crate) fn spawn_fibres<S: Scalar>(
+        &self,
+        world: &mut World,
+        layout: &BodyLayout,
+        at: Offsets,
+        (families, first): (&[AxisFamily], usize),
+    ) {
+        let mut fibres = Vec::new();
+        let triangles = layout.triangles().iter().zip(layout.cells.edges_of.triangles.each::<3>());
+        for (((t, e), &original), rest) in triangles.zip(&layout.order.triangles).zip(&self.rest) {
+            let [a, b, c] = at.vertices(t);
+            let [bc, ac, ab] = at.blocks(e);
+            let place = (
+                AxisVertices([a, b, c, c]),
+                // those of the last vertex get zeros
+                AxisBlocks([ab, ac, ac, bc, bc, bc]),
+                AxisTriangle(original),
+                at.body,
+            );
+            let weight = rest.area * self.settings.thickness;
+            for (i, family) in families.iter().enumerate() {
+                let made = sheet_fibre::<S>(family, first + i, rest, (original as usize, weight));
+                fibres.extend(made.map(|made| (place, made)));
+            }
+        }
+        if self.settings.is_pooled() {
+            let marked = fibres.into_iter().map(|own| (own, PooledSheetBiquadratic)).collect();
+            spawn_rows::<S, _>(world, marked, &systems::SHEET_PROJECTION);
+        } else {
+            let marked = fibres.into_iter().map(|own| (own, SheetBiquadratic)).collect();
+            spawn_rows::<S, _>(world, marked, &systems::SHEET_BIQUADRATIC);
+        }
     }
 
     /// Spawns an entity per triangle and quadrilateral and puts the laws that they need into the force

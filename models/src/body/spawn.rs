@@ -31,11 +31,11 @@ use super::lumped::{GivenSprings, SpringRule};
 use super::matter::{Items, Matter, PooledSprings, chosen};
 use super::sheet::{MembraneDescription, MembraneModel, Sheet};
 use super::surface::read_surface;
-use crate::axes::description::{AxesError, BodyAxes};
+use crate::axes::description::{AxesError, BodyAxes, validate_sheet};
 use crate::axes::spawn::spawn_axes;
 use crate::axes::systems::AxesOnly;
 use crate::element::plate::Neighbours;
-use crate::element::precompute::{RestTetrahedron, SpringConstants};
+use crate::element::precompute::RestTetrahedron;
 use crate::frame::part::{
     Offsets, RestShapes, SolidPart, are_vertices, bad_vertices, rest_shapes, spawn_hexahedra,
     spawn_tetrahedra, spawn_tetrahedra10,
@@ -105,6 +105,7 @@ fn spawn<S: Scalar>(world: &mut World, body: &BodyDescription) -> Result<Entity,
     };
     let (model, evaluation, spring_rule) = (body.model, body.evaluation, body.springs);
     let field = body.material_field();
+    let membrane_fibres = membrane.map_or(&[][..], |m| m.fibres);
     let membrane = membrane.map(|m| m.settings());
     let ordered = &layout.ordered;
     let (given, lumping) = (body.spring_constants.as_deref(), body.masses.lumping());
@@ -119,6 +120,8 @@ fn spawn<S: Scalar>(world: &mut World, body: &BodyDescription) -> Result<Entity,
         lumping,
         equal_masses: body.masses == MassRule::Equal,
         membrane,
+        families: body.axes.as_ref().map_or(&[][..], |axes| &axes.families),
+        sheet_fibres: membrane_fibres,
     };
     let springs =
         matter.element_springs().map_err(|source| BodyError::Springs { body: name(), source })?;
@@ -150,7 +153,7 @@ fn spawn<S: Scalar>(world: &mut World, body: &BodyDescription) -> Result<Entity,
     let (layout, rest_of, rest) = (&layout, &rest_of, &rest);
     let part = SolidPart { layout, rest_of, rest, lame, compression, clusters, at };
     part.spawn_vertices::<S>(world, &masses, &shifts);
-    if body.model.softens() {
+    if model.softens() {
         report_compression::<S>(world, at.body.0);
     }
     part.spawn_edges::<S>(world, &mass_spring);
@@ -160,12 +163,15 @@ fn spawn<S: Scalar>(world: &mut World, body: &BodyDescription) -> Result<Entity,
     if law.is_none() {
         world.resource_mut::<BodiesWithoutRecovery>().insert(at.body.0 as usize);
     }
-    part.spawn::<S>(world, model, law, (evaluation, body.volume), &edge_rows);
+    let springs_of = (&edge_rows[..], &pooled.volumetric[..]);
+    part.spawn::<S>(world, model, law, (evaluation, body.volume), springs_of);
     if let Some(sheet) = &sheet {
+        let first = body.axes.as_ref().map_or(0, |axes| axes.families.len());
+        sheet.spawn_fibres::<S>(world, layout, at, (membrane_fibres, first));
         sheet.spawn::<S>(world, layout, at);
     }
     if let Some(axes) = &body.axes {
-        spawn_axes::<S>(world, axes, &part);
+        spawn_axes::<S>(world, axes, &part, evaluation);
     }
     partition_laws::<S>(world);
     resection::install::<S>(world);
@@ -188,6 +194,7 @@ fn spawn<S: Scalar>(world: &mut World, body: &BodyDescription) -> Result<Entity,
         masses: body.masses,
         springs: Arc::new(springs),
         membrane,
+        sheet_fibres: membrane_fibres.iter().map(|own| own.clone().into_owned()).collect(),
         axes,
     };
     let entity = world.spawn(soft).id();
@@ -246,6 +253,9 @@ fn check<'a>(
     if let Some(m) = &membrane {
         m.validate(body.points.len())
             .map_err(|source| BodyError::Membrane { body: name(), source })?;
+        let solid = body.axes.as_ref().map_or(&[][..], |axes| &axes.families);
+        let checked = validate_sheet(m.fibres, solid, m.triangles.len());
+        checked.map_err(|source| BodyError::Axes { body: name(), source })?;
     }
     for rule in [body.springs, membrane.and_then(|m| m.springs)] {
         if let Some(SpringRule::Uniform(springs)) = rule
@@ -446,14 +456,15 @@ impl SolidPart<'_> {
         world.spawn_batch(vertices.collect::<Vec<_>>());
     }
 
-    /// Spawns the elements with the mark of their law.
+    /// Spawns the elements with the mark of their law; pooled tetrahedra with the edge-table rows of the edges of the
+    /// layout, and their volumetric springs.
     fn spawn<S: Scalar>(
         &self,
         world: &mut World,
         model: Model,
         law: Option<&'static LawRow>,
         (evaluation, volume): (Evaluation, VolumeRule),
-        edge_rows: &[u32],
+        springs: (&[u32], &[[f64; 3]]),
     ) {
         type Alone = fn(&mut World, &SolidPart);
         // without a law: springs, or axes alone
@@ -478,7 +489,7 @@ impl SolidPart<'_> {
             let pooled = evaluation == Evaluation::Pooled && elements == Elements::Tetrahedra;
             match law {
                 _ if none => {}
-                Some(_) if pooled => self.spawn_pooled::<S>(world, edge_rows),
+                Some(_) if pooled => self.spawn_pooled::<S>(world, springs),
                 // without one it was refused before
                 Some(law) => {
                     if let Some(law) = law.in_elements(elements, volume) {
@@ -490,10 +501,12 @@ impl SolidPart<'_> {
         }
     }
 
-    /// Spawns pooled tetrahedra; `edge_rows` are the edge-table rows of the edges of the layout.
-    fn spawn_pooled<S: Scalar>(&self, world: &mut World, edge_rows: &[u32]) {
-        let constants = self.rest.tetrahedra.iter().zip(&self.lame[0]);
-        let constants = constants.map(|(rest, &lame)| volumetric_bundle::<S>(rest, lame));
+    fn spawn_pooled<S: Scalar>(
+        &self,
+        world: &mut World,
+        (edge_rows, volumetric): (&[u32], &[[f64; 3]]),
+    ) {
+        let constants = volumetric.iter().map(|&own| volumetric_bundle::<S>(own));
         let edges = self.layout.cells.edges_of.tetrahedra.each::<6>();
         let elements = self.tetrahedra::<S>().zip(edges).zip(constants);
         let elements = elements.map(|((tetrahedron, e), constants)| {
@@ -581,11 +594,8 @@ impl SolidPart<'_> {
 type Volumetric<S> =
     (VolumetricStiffness<S, 0>, VolumetricStiffness<S, 1>, VolumetricStiffness<S, 2>);
 
-/// Volumetric springs of a pooled tetrahedron.
-pub(super) fn volumetric_bundle<S: Scalar>(
-    rest: &RestTetrahedron,
-    lame: LameParameters,
-) -> Volumetric<S> {
-    let [a, b, c] = SpringConstants::new(rest, lame).volumetric.map(S::from_f64);
+/// Volumetric springs (N/m^3) of a pooled tetrahedron.
+pub(super) fn volumetric_bundle<S: Scalar>(constants: [f64; 3]) -> Volumetric<S> {
+    let [a, b, c] = constants.map(S::from_f64);
     (VolumetricStiffness(a), VolumetricStiffness(b), VolumetricStiffness(c))
 }

@@ -155,6 +155,27 @@ impl RestTriangle {
         }
         Ok(Self { edges, area })
     }
+
+    /// The part of a direction in the plane of the triangle, made a unit vector; `None` where there is none to speak of: it
+    /// is within 1e-6 of the normal.
+    pub fn in_plane(&self, direction: [f64; 3]) -> Option<[f64; 3]> {
+        let [a, b] = self.edges;
+        let normal = scale(cross(a, b), 0.5 / self.area);
+        let part = sub(direction, scale(normal, dot(normal, direction)));
+        let square = dot(part, part);
+        (square > 1e-12 * dot(direction, direction) && square.is_finite())
+            .then(|| scale(part, 1.0 / square.sqrt()))
+    }
+
+    /// Products (1/m) of a vector with the gradients of the barycentric coordinates in the plane.
+    pub fn along(&self, vector: [f64; 3]) -> [f64; 3] {
+        let [a, b] = self.edges;
+        let (aa, ab, bb) = (dot(a, a), dot(a, b), dot(b, b));
+        let (va, vb) = (dot(vector, a), dot(vector, b));
+        let unit = 1.0 / (4.0 * self.area * self.area);
+        let (first, second) = ((bb * va - ab * vb) * unit, (aa * vb - ab * va) * unit);
+        [-(first + second), first, second]
+    }
 }
 
 /// Stiffnesses of the biquadratic springs of one triangle, N/m^3; edge `i` lies opposite vertex `i`.
@@ -184,6 +205,19 @@ impl SpringConstants {
         let tensile = cot.map(|x| (x * x * (lambda + 2.0 * mu) + mu) * unit);
         let pair = |i: usize, j: usize| (cot[i] * cot[j] * (lambda + 2.0 * mu) - mu) * unit;
         Self { tensile, angular: [pair(1, 2), pair(2, 0), pair(0, 1)] }
+    }
+
+    /// Adds the springs of fibres along the unit vector `axis` in the plane with the modulus times thickness `modulus`
+    /// (N/m): energy `A Y/2 (a.E a)^2`, `k_i = A/2 Y s_i^2` and `c_m = A/2 Y s_i s_j` with `s_i` the product of `a.D` at
+    /// the ends of edge `i`, as in [tetrahedra](crate::element::precompute).
+    pub fn add_fibre(&mut self, rest: &RestTriangle, axis: [f64; 3], modulus: f64) {
+        let q = rest.along(axis);
+        let s = [q[1] * q[2], q[2] * q[0], q[0] * q[1]];
+        let unit = 0.5 * rest.area * modulus;
+        for m in 0..3 {
+            self.tensile[m] += unit * s[m] * s[m];
+            self.angular[m] += unit * s[(m + 1) % 3] * s[(m + 2) % 3];
+        }
     }
 }
 

@@ -18,6 +18,17 @@
 //! ```
 //!
 //! Units: N/m^3 for `k`, `c` and `d`. `k` is positive; `c` and `d` take both signs.
+//!
+//! Fibres along the unit vector `a` with the energy `V Y/2 (a.E a)^2`, `E` being the Green-Lagrange strain, are springs
+//! of the same kind, since `a.E a = -1/2 sum_6 s_ij delta_ij` with `s_ij = (a.D_i) (a.D_j)`. They add to those of the
+//! material ([`SpringConstants::add_fibre`]), which so becomes transversely isotropic at no further cost; the paper
+//! leaves that to future work (section 5):
+//!
+//! ```text
+//! k_ij    = V/2 Y s_ij^2
+//! c_i,jk  = V/2 Y s_ij s_ik
+//! d_ij,kl = V/2 Y s_ij s_kl
+//! ```
 
 use thiserror::Error;
 
@@ -169,6 +180,9 @@ pub struct SpringConstants {
 }
 
 impl SpringConstants {
+    /// No springs.
+    pub const NONE: Self = Self { tensile: [0.0; 6], angular: [0.0; 12], volumetric: [0.0; 3] };
+
     /// The constants with which the springs carry exactly the St Venant-Kirchhoff energy.
     pub fn new(rest: &RestTetrahedron, material: LameParameters) -> Self {
         let LameParameters { lambda, mu } = material;
@@ -179,7 +193,7 @@ impl SpringConstants {
                 g[i][j] = dot(rest.gradients[i], rest.gradients[j]);
             }
         }
-        let mut constants = Self { tensile: [0.0; 6], angular: [0.0; 12], volumetric: [0.0; 3] };
+        let mut constants = Self::NONE;
         for (k, [i, j]) in constants.tensile.iter_mut().zip(EDGES) {
             *k = half_volume * ((lambda + mu) * g[i][j] * g[i][j] + mu * g[i][i] * g[j][j]);
         }
@@ -191,6 +205,22 @@ impl SpringConstants {
                 * (lambda * g[i][j] * g[k][l] + mu * (g[i][k] * g[j][l] + g[i][l] * g[j][k]));
         }
         constants
+    }
+
+    /// Adds the springs of fibres along the unit vector `axis` with the modulus `modulus` (Pa).
+    pub fn add_fibre(&mut self, rest: &RestTetrahedron, axis: [f64; 3], modulus: f64) {
+        let q = rest.gradients.map(|d| dot(d, axis));
+        let s = EDGES.map(|[i, j]| q[i] * q[j]);
+        let unit = 0.5 * rest.volume * modulus;
+        for (k, s) in self.tensile.iter_mut().zip(s) {
+            *k += unit * s * s;
+        }
+        for (c, [e, f]) in self.angular.iter_mut().zip(ADJACENT_EDGES) {
+            *c += unit * s[e] * s[f];
+        }
+        for (d, [e, f]) in self.volumetric.iter_mut().zip(OPPOSITE_EDGES) {
+            *d += unit * s[e] * s[f];
+        }
     }
 
     /// Symmetric matrix `B` (N/m^3) with `W = 1/2 delta^T B delta` and edge tensions `B delta`:

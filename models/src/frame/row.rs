@@ -50,6 +50,8 @@ pub enum Elements {
     Edges,
     /// Axes of anisotropy in tetrahedra.
     AxesInTetrahedra,
+    /// Fibres in membrane triangles.
+    AxesInTriangles,
     /// Axes of anisotropy in hexahedra.
     AxesInHexahedra,
     /// Axes of anisotropy in ten-node tetrahedra.

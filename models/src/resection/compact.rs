@@ -8,8 +8,9 @@ use bevy_ecs::prelude::*;
 use sinew_engine::columns::{can_move_rows, move_rows_to_front};
 use sinew_engine::connectivity::{ByKind, ElementKind};
 use sinew_engine::element::{
-    AxisBlocks, AxisTetrahedron, EdgeBlock, EdgeTension, EdgeVertices, MembraneBlocks,
-    MembraneIndex, TetrahedronBlocks, TetrahedronEdges, TetrahedronIndex, TriangleEdges,
+    AxisBlocks, AxisTetrahedron, AxisTriangle, EdgeBlock, EdgeTension, EdgeVertices,
+    MembraneBlocks, MembraneIndex, TetrahedronBlocks, TetrahedronEdges, TetrahedronIndex,
+    TriangleEdges,
 };
 use sinew_engine::isoparametric::{
     AxisHexahedron, AxisHexahedronBlocks, AxisTetrahedron10Blocks, HexahedronBlocks,
@@ -143,6 +144,7 @@ fn find_tables(world: &mut World, resection: &Resection) -> Vec<Table> {
         triangle.is_some_and(|triangle| own.connectivity.uses_triangle(triangle as u32))
     });
     tables!(AxisTetrahedron, ElementKind::Tetrahedron);
+    tables!(AxisTriangle, ElementKind::Triangle);
     tables!(AxisHexahedron, ElementKind::Hexahedron);
     tables.retain(|table| !table.entities.is_empty());
     tables

@@ -252,6 +252,11 @@ impl<'a, S: Scalar> State<'a, S> {
             let u = self.vertices.displacements(elements.tetrahedra()[e as usize]);
             return axes::removal::energy::<S>(self.world, axes, &u);
         }
+        if kind == ElementKind::Triangle {
+            let [a, b, c] = elements.triangles()[e as usize];
+            let u = self.vertices.displacements([a, b, c, c]);
+            return axes::removal::energy::<S>(self.world, axes, &u);
+        }
         let u = self.vertices.displacements(elements.hexahedra()[e as usize]);
         axes::removal::energy_at::<S, Brick, 8, 28, 8>(self.world, axes, &u)
     }

@@ -1,10 +1,14 @@
 //! Holds a body that lost elements against one that is built anew from what is left.
 
 use super::columns::{AtRemoval, Order, Quantity, quantities};
-use crate::axes::columns::{AxisAngleStiffness, FibreActive, VolumeAlone};
+use crate::axes::columns::{
+    AxisAngleStiffness, Biquadratic, FibreActive, PooledBiquadratic, PooledSheetBiquadratic,
+    SheetBiquadratic, VolumeAlone,
+};
 use crate::axes::muscle::{Muscles, copy_activations};
 use crate::body::description::{BodyDescription, BodyError, SoftBody};
 use crate::body::present::Resection;
+use crate::body::sheet::MembraneDescription;
 use crate::body::spawn::spawn_body;
 use crate::frame::moduli::ClusterIndex;
 use crate::frame::row::ElementRows;
@@ -85,7 +89,7 @@ fn compare<S: Scalar>(world: &mut World, body: usize) -> Result<FreshDifference,
     else {
         return Ok(FreshDifference::default());
     };
-    let (mut mesh, index) = what_is_left(world, body, &rows);
+    let (mut mesh, [index, triangles]) = what_is_left(world, body, &rows);
     let mut own = world.query::<(&TetrahedronIndex, &BodyId, &ClusterIndex)>();
     let own = own.iter(world).filter(|(_, id, _)| id.0 as usize == body);
     let cluster: BTreeMap<u32, u32> = own.map(|(index, _, own)| (index.0, own.0)).collect();
@@ -104,7 +108,8 @@ fn compare<S: Scalar>(world: &mut World, body: usize) -> Result<FreshDifference,
     let mut fresh = World::new();
     install_engine::<S>(&mut fresh, Executor::SingleThreaded);
     if !(index.is_empty() && mesh.triangles.is_empty() && mesh.quads.is_empty()) {
-        spawn_again(&mut fresh, &soft, (&mesh, clusters.as_deref()), &index)?;
+        let index = [&index[..], &triangles];
+        spawn_again(&mut fresh, &soft, (&mesh, clusters.as_deref()), index)?;
         copy_state(world, &mut fresh, body, &displacement);
     }
     let recovers = world.get_resource::<RecoveringBodies>().is_some_and(|r| r.contains(body));
@@ -114,8 +119,8 @@ fn compare<S: Scalar>(world: &mut World, body: usize) -> Result<FreshDifference,
 }
 
 /// The elements left, by the user's vertices, and the user's indices of the solid ones, hexahedra counted
-/// after tetrahedra.
-fn what_is_left(world: &World, body: usize, rows: &BodyRows) -> (Mesh, Vec<usize>) {
+/// after tetrahedra, and of the triangles.
+fn what_is_left(world: &World, body: usize, rows: &BodyRows) -> (Mesh, [Vec<usize>; 2]) {
     let resection = world.get_resource::<Resection>();
     let connectivity = resection.and_then(|r| r.connectivity(body));
     let left = |kind: ElementKind| {
@@ -146,17 +151,19 @@ fn what_is_left(world: &World, body: usize, rows: &BodyRows) -> (Mesh, Vec<usize
         quads: left(ElementKind::Quad).map(|q| rows.quads()[q].map(user)).collect(),
         ..Mesh::default()
     };
-    (mesh, index)
+    let triangles = left(ElementKind::Triangle).map(|t| rows.order.triangles[t] as usize);
+    (mesh, [index, triangles.collect()])
 }
 
-/// Spawns a body of a mesh that is like `soft`; `index` are the places of its solid elements in the arrays of
-/// that.
+/// Spawns a body of a mesh that is like `soft`; `index` are the places of its solid elements, and of its triangles, in the
+/// arrays of that.
 fn spawn_again(
     fresh: &mut World,
     soft: &SoftBody,
     (mesh, clusters): (&Mesh, Option<&[u32]>),
-    index: &[usize],
+    [index, triangles]: [&[usize]; 2],
 ) -> Result<Entity, BodyError> {
+    let fibres: Vec<_> = soft.sheet_fibres.iter().map(|own| own.of_elements(triangles)).collect();
     let field = soft.field();
     let pick = |array: Option<&[f64]>| -> Option<Vec<f64>> {
         array.map(|values| index.iter().map(|&t| values[t]).collect())
@@ -172,7 +179,10 @@ fn spawn_again(
         evaluation: soft.evaluation,
         volume: soft.volume,
         clusters,
-        membrane: soft.membrane.as_ref().map(|m| m.of(&mesh.triangles, &mesh.quads)),
+        membrane: soft
+            .membrane
+            .as_ref()
+            .map(|m| MembraneDescription { fibres: &fibres, ..m.of(&mesh.triangles, &mesh.quads) }),
         springs: soft.spring_rule,
         spring_constants: soft.given.clone(),
         masses: soft.masses,
@@ -343,6 +353,11 @@ fn snapshot<S: Scalar>(world: &mut World, body: usize) -> Snapshot {
     of.add::<MembraneVertices, ()>(world, "membrane triangle", &mut all);
     of.add::<QuadVertices, ()>(world, "membrane quadrilateral", &mut all);
     of.add_axes::<AxisVertices, S>(world, &mut all);
+    of.add::<AxisVertices, Or<(With<SheetBiquadratic>, With<PooledSheetBiquadratic>)>>(
+        world,
+        "fibre of a membrane in",
+        &mut all,
+    );
     of.add_axes::<AxisHexahedronVertices, S>(world, &mut all);
     of.add_axes::<AxisTetrahedron10Vertices, S>(world, &mut all);
     all
@@ -359,6 +374,11 @@ impl Elements<'_> {
     fn add_axes<C: ElementRows, S: Scalar>(&self, world: &mut World, all: &mut Snapshot) {
         self.add::<C, With<AxisAngleStiffness<S, 0>>>(world, "axes in", all);
         self.add::<C, With<FibreActive<S>>>(world, "fibre in", all);
+        self.add::<C, Or<(With<Biquadratic>, With<PooledBiquadratic>)>>(
+            world,
+            "biquadratic fibre in",
+            all,
+        );
         self.add::<C, With<VolumeAlone>>(world, "volume of", all);
     }
 
@@ -373,7 +393,9 @@ impl Elements<'_> {
         let mut elements = world.query_filtered::<(EntityRef, &BodyId, &C), F>();
         for (entity, _, nodes) in elements.iter(world).filter(|(_, id, _)| **id == self.id) {
             let nodes = nodes.vertex_rows().iter().map(|&row| self.rows.vertex(VertexRow(row)).0);
-            let nodes: Vec<u32> = nodes.collect();
+            let mut nodes: Vec<u32> = nodes.collect();
+            // fibres in triangles have their last vertex twice
+            nodes.dedup();
             let mut key = (kind, nodes.clone(), 0);
             key.1.sort_unstable();
             let held = self.quantities.iter().map(|quantity| {

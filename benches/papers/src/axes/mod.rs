@@ -37,7 +37,9 @@ use sinew::engine::scalar::Scalar;
 use sinew::engine::topology::ElementTables;
 use sinew::engine::vertex::{BodyId, RestPosition};
 use sinew::models::axes::damper::{self, AxialDamper};
-use sinew::models::axes::description::{AxesDescription, AxesError, AxisFamily, AxisGroup};
+use sinew::models::axes::description::{
+    AxesDescription, AxesError, AxisFamily, AxisGroup, FibreForm,
+};
 use sinew::models::axes::element::AXIS_PAIRS;
 use sinew::models::element::precompute::RestTetrahedron;
 use sinew::models::frame::row::{LawError, LawRow, LawTable, activate};
@@ -79,6 +81,12 @@ pub enum PrintedError {
     /// An active family.
     #[error("family `{family}` is active, which printed axes do not know; leave its muscle out")]
     Muscle {
+        /// Name of the family.
+        family: String,
+    },
+    /// A family of another form.
+    #[error("family `{family}` is biquadratic; printed axes measure stretch: leave its form out")]
+    Form {
         /// Name of the family.
         family: String,
     },
@@ -176,6 +184,9 @@ impl PrintedDescription<'_> {
             let family_name = || family.name.to_string();
             if family.muscle.is_some() {
                 return Err(PrintedError::Muscle { family: family_name() });
+            }
+            if family.form != FibreForm::Stretch {
+                return Err(PrintedError::Form { family: family_name() });
             }
             // in tetrahedra that have a volume every axis meets two faces
             for place in &places.hexahedra {
@@ -293,7 +304,8 @@ where
         let springs = groups.iter().map(|group| {
             let (families, axial, angular, volume_modulus) = match *group {
                 AxisGroup::Triad { axes, axial, angles, volume } => (axes, axial, angles, volume),
-                AxisGroup::Fibre(i) => {
+                // refused
+                AxisGroup::Biquadratic(i) | AxisGroup::Fibre(i) => {
                     ([Some(i), None, None], [Some(i), None, None], [0.0; 3], 0.0)
                 }
                 AxisGroup::Volume(modulus) => ([None; 3], [None; 3], [0.0; 3], modulus),

@@ -6,13 +6,14 @@ use super::select::group_vertices;
 use crate::error::SceneError;
 use crate::scene::{
     AzimuthElevationEntry, BodyEntry, CircularEntry, FibreEntry, HelicoidalEntry,
-    HemicircularEntry, Key, LaplaceEntry, Mode, MuscleEntry,
+    HemicircularEntry, Key, LaplaceEntry, MembraneEntry, Mode, MuscleEntry,
 };
 use crate::warning::{Level, Warning};
 use glam::DVec3;
-use sinew::engine::mesh::Mesh;
+use sinew::engine::element_kind::ByKind;
+use sinew::engine::mesh::{CellData, Mesh};
 use sinew::models::axes::description::{
-    AxesDescription, AxesError, AxisAngle, AxisFamily, ModulusOf,
+    AxesDescription, AxesError, AxisAngle, AxisFamily, FibreForm, ModulusOf,
 };
 use sinew::models::axes::field::{
     FibreError, FibreField, Laplace, Second, across, angles_by_formula, from_angles,
@@ -21,6 +22,7 @@ use sinew::models::axes::field::{
 use sinew::models::axes::muscle::MuscleSettings;
 use sinew::models::body::Model;
 use std::borrow::Cow;
+use std::collections::BTreeMap;
 
 /// The axes of a body, `None` where it has none.
 pub(super) fn axes(
@@ -42,30 +44,12 @@ pub(super) fn axes(
     let mut owners = Vec::with_capacity(body.fibres.len());
     for (i, entry) in body.fibres.iter().enumerate() {
         let key = key.at("fibres").entry(i);
-        let (field, second) = directions(&key, entry, mesh)?;
-        if field.repaired > 0 {
-            warnings.push(Warning::new(
-                "scene.fibres.length",
-                Level::Warning,
-                format!("fibres `{}` of body `{}`", entry.name, body.name),
-                format!("{} vectors were not of unit length and were made so", field.repaired),
-                "nothing to do if only their direction was meant",
-            ));
-        }
-        let share = cell_data(&key.at("share_field"), entry.share_field.as_ref(), mesh)?;
         let muscle = match &entry.muscle {
             Some(entry) => Some(muscle(&key.at("muscle"), entry, mode)?),
             None => None,
         };
-        let others = others(&key, entry, &field.directions, second, mesh)?;
-        let own = AxisFamily {
-            name: Cow::Owned(entry.name.clone()),
-            directions: Cow::Owned(field.directions),
-            modulus: entry.modulus,
-            viscosity: entry.viscosity.unwrap_or(0.0),
-            share: share.map(Cow::Owned),
-            muscle: None,
-        };
+        let (own, second) = family(&key, &body.name, entry, mesh, warnings)?;
+        let others = others(&key, entry, &own.directions, second, mesh)?;
         let others = others.into_iter().map(|(name, directions, modulus)| AxisFamily {
             name: Cow::Owned(name),
             directions: Cow::Owned(directions),
@@ -102,6 +86,105 @@ pub(super) fn axes(
     Ok(Some(description))
 }
 
+/// A passive family, and what tells the second axis of a triad.
+fn family(
+    key: &Key,
+    body: &str,
+    entry: &FibreEntry,
+    mesh: &Mesh,
+    warnings: &mut Vec<Warning>,
+) -> Result<(AxisFamily<'static>, Second), SceneError> {
+    let (field, second) = directions(key, entry, mesh)?;
+    if field.repaired > 0 {
+        warnings.push(Warning::new(
+            "scene.fibres.length",
+            Level::Warning,
+            format!("fibres `{}` of body `{body}`", entry.name),
+            format!("{} vectors were not of unit length and were made so", field.repaired),
+            "nothing to do if only their direction was meant",
+        ));
+    }
+    let share = cell_data(&key.at("share_field"), entry.share_field.as_ref(), mesh)?;
+    let family = AxisFamily {
+        name: Cow::Owned(entry.name.clone()),
+        directions: Cow::Owned(field.directions),
+        modulus: entry.modulus,
+        form: entry.form,
+        viscosity: entry.viscosity.unwrap_or(0.0),
+        share: share.map(Cow::Owned),
+        muscle: None,
+    };
+    Ok((family, second))
+}
+
+/// Fibres of the membrane of a body, in these triangles of its mesh.
+pub(super) fn of_membrane(
+    key: &Key,
+    (body, entry): (&BodyEntry, &MembraneEntry),
+    (mesh, triangles): (&Mesh, &[[u32; 3]]),
+    warnings: &mut Vec<Warning>,
+) -> Result<Vec<AxisFamily<'static>>, SceneError> {
+    if entry.fibres.is_empty() {
+        return Ok(Vec::new());
+    }
+    let faces = &places(mesh, triangles);
+    let mut families: Vec<AxisFamily> = Vec::with_capacity(entry.fibres.len());
+    for (i, own) in entry.fibres.iter().enumerate() {
+        let key = key.at("fibres").entry(i);
+        let error = |name: &str, source: AxesError| key.at(name).error(source);
+        let of_solid = [
+            ("laplace", own.laplace.is_some()),
+            ("hemicircular", own.hemicircular.is_some()),
+            ("muscle", own.muscle.is_some()),
+            ("across", own.across.is_some()),
+            ("towards", own.towards.is_some()),
+        ];
+        if let Some((name, _)) = of_solid.into_iter().find(|(_, given)| *given) {
+            let remedy = "leave it out; fibres of a membrane are passive, by direction, data, formula, angles, circles or helices";
+            return Err(key.at(name).value("fibres of a membrane do not have it", remedy));
+        }
+        let family_name = || own.name.clone();
+        if own.form != FibreForm::Biquadratic {
+            return Err(error("form", AxesError::SheetForm { family: family_name() }));
+        }
+        if own.viscosity.is_some_and(|viscosity| viscosity != 0.0) {
+            return Err(error("viscosity", AxesError::SheetViscosity { family: family_name() }));
+        }
+        let others = body.fibres.iter().chain(&entry.fibres[..i]);
+        if others.map(|other| &other.name).any(|name| *name == own.name) {
+            return Err(error("name", AxesError::Duplicate { family: family_name() }));
+        }
+        families.push(family(&key, &body.name, own, faces, warnings)?.0);
+    }
+    Ok(families)
+}
+
+/// A mesh whose elements are points, the middles of triangles, with the data of these.
+fn places(mesh: &Mesh, triangles: &[[u32; 3]]) -> Mesh {
+    let middle = |t: &[u32; 3]| t.iter().map(|&v| mesh.points[v as usize]).sum::<DVec3>() / 3.0;
+    let sorted = |mut t: [u32; 3]| {
+        t.sort_unstable();
+        t
+    };
+    let index: BTreeMap<[u32; 3], usize> =
+        mesh.triangles.iter().enumerate().map(|(i, t)| (sorted(*t), i)).collect();
+    let pick = |values: &[f64]| {
+        let of = |t: &[u32; 3]| index.get(&sorted(*t)).and_then(|&i| values.get(i)).copied();
+        triangles.iter().map(|t| of(t).unwrap_or(f64::NAN)).collect()
+    };
+    let data = mesh.cell_data.iter().map(|data| CellData {
+        values: ByKind { tetrahedra: pick(&data.values.triangles), ..ByKind::default() },
+        ..data.clone()
+    });
+    Mesh {
+        source: mesh.source.clone(),
+        points: triangles.iter().map(middle).collect(),
+        tetrahedra: (0..triangles.len() as u32).map(|i| [i; 4]).collect(),
+        cell_data: data.collect(),
+        ..Mesh::default()
+    }
+}
+
 /// Key of what is wrong.
 fn wrong_key<'a>(
     key: &Key<'a>,
@@ -125,6 +208,7 @@ fn wrong_key<'a>(
         AxesError::Direction { family, .. } => of(family, "direction"),
         AxesError::Muscle { family, source } => of(family, &format!("muscle.{}", source.quantity)),
         AxesError::Viscosity { family, .. } => of(family, "viscosity"),
+        AxesError::ActiveForm { family } => of(family, "form"),
         AxesError::Angle { families, .. } => {
             let at = axes.angles.iter().position(|a| a.families == *families).unwrap_or(0);
             shared.at("angles").entry(at).at("between")

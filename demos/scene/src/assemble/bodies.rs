@@ -11,7 +11,9 @@ use crate::springs::{Matter, Springs};
 use crate::warning::{Level, Warning};
 use sinew::engine::mesh::{CheckOptions, Mesh, check};
 use sinew::models::body::lumped::{HexahedronSprings, SpringRule, UniformSprings};
-use sinew::models::body::sheet::{Bending, MembraneModel, MembraneSettings, PlaneState};
+use sinew::models::body::sheet::{
+    Bending, MembraneDescription, MembraneModel, MembraneSettings, PlaneState,
+};
 use sinew::models::body::{BodyDescription, Model, VolumeRule};
 use sinew::models::material::YoungPoisson;
 use std::sync::Arc;
@@ -43,7 +45,13 @@ pub(super) fn body(
     let material = material(&prepared.placed)?;
     let mut checked = Arc::unwrap_or_clone(prepared).checked;
     let membrane = match &body.membrane {
-        Some(entry) => Some(membrane(&key.at("membrane"), entry, &checked.mesh, material)?),
+        Some(entry) => {
+            let key = key.at("membrane");
+            let mut own = membrane(&key, entry, &checked.mesh, material)?;
+            let faces = (&checked.mesh, &own.triangles[..]);
+            own.fibres = axes::of_membrane(&key, (body, entry), faces, &mut built.warnings)?;
+            Some(own)
+        }
         None => None,
     };
     if !checked.mesh.is_solid() && membrane.is_none() {
@@ -82,7 +90,10 @@ pub(super) fn body(
         springs: rule,
         spring_constants: springs.map(|s| Arc::new(s.constants)),
         masses: body.masses.or(of_file).unwrap_or_default(),
-        membrane: membrane.as_ref().map(|m| m.settings.of(&m.triangles, &m.quads)),
+        membrane: membrane.as_ref().map(|m| MembraneDescription {
+            fibres: &m.fibres,
+            ..m.settings.of(&m.triangles, &m.quads)
+        }),
         ..BodyDescription::new(&body.name, &checked.mesh, material)
     };
     let counts = (checked.mesh.tetrahedra.len(), checked.mesh.hexahedra.len());

@@ -3,7 +3,7 @@
 use glam::DVec3;
 use sinew::engine::connectivity::{ByKind, ElementKind};
 use sinew::engine::mesh::{CheckReport, Mesh};
-use sinew::models::axes::description::AxesDescription;
+use sinew::models::axes::description::{AxesDescription, AxisFamily};
 use sinew::models::body::lumped::SpringRule;
 use sinew::models::body::sheet::MembraneSettings;
 use sinew::models::body::{Evaluation, Model, VolumeRule};
@@ -53,6 +53,8 @@ pub struct BuiltMembrane {
     pub settings: MembraneSettings,
     /// Area (m^2).
     pub area: f64,
+    /// Fibres in its triangles.
+    pub fibres: Vec<AxisFamily<'static>>,
 }
 
 impl BuiltMembrane {
@@ -71,7 +73,8 @@ impl BuiltMembrane {
             sides.sum::<DVec3>().length()
         };
         let areas = triangles.iter().map(|t| twice(t)).chain(quads.iter().map(|q| twice(q)));
-        Self { area: 0.5 * areas.sum::<f64>(), triangles, quads, settings }
+        let area = 0.5 * areas.sum::<f64>();
+        Self { area, triangles, quads, settings, fibres: Vec::new() }
     }
 }
 

@@ -4,8 +4,9 @@ use super::totals::Totals;
 use crate::assemble::{BuiltBody, BuiltScene, MaterialRanges};
 use crate::scene::{LoadedScene, Mode};
 use crate::summary::{
-    AxesSummary, BodySummary, ConstraintSummary, Machine, MembraneSummary, RunSettings, RunSummary,
-    RunTiming, SCHEMA, SceneSummary, SolverSummary, Stage, SystemSummary, TouchSummary, Versions,
+    AxesSummary, BodySummary, ConstraintSummary, FamilySummary, Machine, MembraneSummary,
+    RunSettings, RunSummary, RunTiming, SCHEMA, SceneSummary, SolverSummary, Stage, SystemSummary,
+    TouchSummary, Versions,
 };
 use sinew::engine::report::SystemTimes;
 use sinew::engine::schedule::Executor;
@@ -196,6 +197,7 @@ impl RunFacts<'_> {
                 evaluation: m.settings.evaluation,
                 element_method: m.settings.springs,
                 bending: m.settings.bending.map(|b| b.thickness.unwrap_or(m.settings.thickness)),
+                fibres: m.fibres.iter().map(FamilySummary::from).collect(),
             }),
             axes: body.axes.as_ref().map(|axes| AxesSummary::new(axes, activation, volume_ratios)),
         }

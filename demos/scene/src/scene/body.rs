@@ -170,6 +170,9 @@ pub struct MembraneEntry {
     pub bending_thickness: Option<f64>,
     /// Its shape without moments: `"meshed"` (default) or `"flat"`.
     pub bending_rest: Option<RestCurvature>,
+    /// Families of biquadratic fibres in its triangles.
+    #[serde(default)]
+    pub fibres: Vec<FibreEntry>,
 }
 
 /// A preset, single values, or a preset with some values replaced.

@@ -2,6 +2,7 @@
 
 use super::conditions::CurveEntry;
 use serde::{Deserialize, Serialize};
+use sinew::models::axes::description::FibreForm;
 
 /// A family of fibres: a direction in every solid element, given by exactly one of `direction`, `data`,
 /// `formula`, `azimuth_elevation`, `laplace`, `circular`, `hemicircular`, `helicoidal` and `random`. Directions and places
@@ -18,6 +19,9 @@ pub struct FibreEntry {
     pub across: Option<[f64; 2]>,
     /// The second axis is the part of this direction across the fibres; without it, the course of the fibres tells.
     pub towards: Option<[f64; 3]>,
+    /// What their springs measure: `"stretch"` (default) or `"biquadratic"`.
+    #[serde(default)]
+    pub form: FibreForm,
     /// Viscosity along the fibres, and along the axes across them (Pa s); no damping without it.
     pub viscosity: Option<f64>,
     /// The same direction everywhere, of any length.

@@ -14,7 +14,7 @@ pub use touch::{ForceSummary, PairSummary, PullSummary, ToolSummary, TouchSummar
 use crate::assemble::{MaterialRanges, ResectionSummary};
 use serde::{Deserialize, Serialize};
 use sinew::engine::report::StepTotals;
-use sinew::models::axes::description::AxesDescription;
+use sinew::models::axes::description::{AxesDescription, AxisFamily, FibreForm};
 use sinew::models::body::lumped::SpringRule;
 use sinew::models::body::sheet::MembraneModel;
 use sinew::models::body::{Evaluation, Model, VolumeRule};
@@ -267,12 +267,27 @@ pub struct FamilySummary {
     pub name: String,
     /// Modulus (Pa).
     pub modulus: f64,
+    /// What their springs measure.
+    pub form: FibreForm,
     /// Viscosity (Pa s).
     pub viscosity: f64,
     /// Active stress (Pa) at full activation; `None` when passive.
     pub peak_stress: Option<f64>,
     /// Activation at the end.
     pub activation: Option<f64>,
+}
+
+impl From<&AxisFamily<'_>> for FamilySummary {
+    fn from(f: &AxisFamily) -> Self {
+        Self {
+            name: f.name.to_string(),
+            modulus: f.modulus,
+            form: f.form,
+            viscosity: f.viscosity,
+            peak_stress: f.muscle.as_ref().map(|m| m.peak_stress),
+            activation: None,
+        }
+    }
 }
 
 impl AxesSummary {
@@ -283,11 +298,8 @@ impl AxesSummary {
         volume_ratio: [f64; 3],
     ) -> Self {
         let families = axes.families.iter().map(|f| FamilySummary {
-            name: f.name.to_string(),
-            modulus: f.modulus,
-            viscosity: f.viscosity,
-            peak_stress: f.muscle.as_ref().map(|m| m.peak_stress),
             activation: f.muscle.as_ref().and_then(|_| activation(&f.name)),
+            ..FamilySummary::from(f)
         });
         Self {
             families: families.collect(),
@@ -320,6 +332,9 @@ pub struct MembraneSummary {
     /// Thickness (m) that resists bending, where it does.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub bending: Option<f64>,
+    /// Fibres in its triangles.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub fibres: Vec<FamilySummary>,
 }
 
 /// A pressure of a run.

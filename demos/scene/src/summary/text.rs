@@ -1,11 +1,12 @@
 //! The summary of a run as text.
 
 use super::{
-    AxesSummary, BodySummary, Level, MembraneSummary, RunSummary, SolverSummary, Warning,
-    evaluation_name,
+    AxesSummary, BodySummary, FamilySummary, Level, MembraneSummary, RunSummary, SolverSummary,
+    Warning, evaluation_name,
 };
 use crate::assemble::ResectionSummary;
 use crate::text::{TextBlock, counted, line, pressure, seconds, short, write_blocks};
+use sinew::models::axes::description::FibreForm;
 use sinew::models::body::lumped::SpringRule;
 use sinew::models::body::sheet::MembraneModel;
 use sinew::models::body::{Evaluation, Model, VolumeRule};
@@ -498,21 +499,28 @@ impl BodySummary {
     }
 }
 
+impl FamilySummary {
+    fn describe(&self, block: &mut TextBlock) {
+        let viscous = match self.viscosity {
+            0.0 => String::new(),
+            viscosity => format!(", viscosity {} Pa s", short(viscosity)),
+        };
+        let active = self.peak_stress.map_or(String::new(), |stress| {
+            let activation = short(self.activation.unwrap_or(0.0));
+            let stress = pressure(stress);
+            format!(", active stress up to {stress}, activation {activation} at the end")
+        });
+        let modulus = match self.form {
+            FibreForm::Stretch => pressure(self.modulus),
+            form => format!("{}, {}", pressure(self.modulus), form.name()),
+        };
+        line!(block, format!("  fibres {}", self.name), "{modulus}{viscous}{active}");
+    }
+}
+
 impl AxesSummary {
     fn describe(&self, block: &mut TextBlock) {
-        for family in &self.families {
-            let viscous = match family.viscosity {
-                0.0 => String::new(),
-                viscosity => format!(", viscosity {} Pa s", short(viscosity)),
-            };
-            let active = family.peak_stress.map_or(String::new(), |stress| {
-                let activation = short(family.activation.unwrap_or(0.0));
-                let stress = pressure(stress);
-                format!(", active stress up to {stress}, activation {activation} at the end")
-            });
-            let modulus = pressure(family.modulus);
-            line!(block, format!("  fibres {}", family.name), "{modulus}{viscous}{active}");
-        }
+        self.families.iter().for_each(|family| family.describe(block));
         let [smallest, largest, last] = self.volume_ratio.map(short);
         line!(
             block,
@@ -544,6 +552,7 @@ impl MembraneSummary {
             self.model.name(),
             evaluated(self.evaluation, springs)
         );
+        self.fibres.iter().for_each(|family| family.describe(block));
     }
 }
 

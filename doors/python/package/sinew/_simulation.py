@@ -101,6 +101,7 @@ def _axes(own: Axes) -> _Spec:
                 name=family.name,
                 directions=floats("directions", family.directions, 3),
                 modulus=float(family.modulus),
+                form=family.form,
                 viscosity=float(family.viscosity),
                 share=None if family.share is None else floats("share", family.share),
                 muscle=None

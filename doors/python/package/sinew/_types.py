@@ -137,6 +137,9 @@ class Family:
     modulus: float
     """Modulus along the fibres (Pa)."""
 
+    form: str = field(default="stretch", kw_only=True)
+    """``"stretch"``, or ``"biquadratic"``: fibres of St Venant-Kirchhoff, a part of pooled springs."""
+
     viscosity: float = 0.0
     """Viscosity along the fibres (Pa s)."""
 
