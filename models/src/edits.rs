@@ -13,7 +13,7 @@ use crate::body::axis_modulus::set_axis_modulus;
 use crate::body::change::set_material;
 use crate::body::edit_log::{Edit, EditImage, EditLog, before_edit};
 use crate::body::present::{Resection, rows_again};
-use crate::laws::pressure;
+use crate::laws::{bending, pressure};
 use crate::resection::{Region, remove_batch};
 
 impl Edit {
@@ -156,6 +156,7 @@ impl EditImage {
         if let Some(resection) = &self.resection {
             rows_again(world, resection.clone());
         }
+        bending::refresh::<S>(world, None);
         pressure::refresh::<S>(world);
         muscle::apply_all::<S>(world);
     }

@@ -179,14 +179,15 @@ struct Side {
 }
 
 /// Part `r : H` of the jump of slopes at an edge that belongs to the triangle on one side, as factors of `H_xx`, `H_yy` and
-/// `H_xy`; `tangent` points to the higher end, `outward` away from the triangle.
+/// `sqrt(2) H_xy`, whose lengths do not depend on the axes; `tangent` points to the higher end, `outward` away from the triangle.
 fn part(side: &Side, tangent: Plane, outward: Plane) -> [f64; 3] {
     let Side { length, height, beside } = *side;
     let along = 0.5 * (beside * beside - 0.25 * length * length) / height;
     let [t, n] = [tangent, outward];
     let mixed = [t[0] * n[0], t[1] * n[1], t[0] * n[1] + t[1] * n[0]];
     let [tt, nn] = [square(t), square(n)];
-    std::array::from_fn(|i| along * tt[i] - beside * mixed[i] + 0.5 * height * nn[i])
+    let entry = |i: usize| along * tt[i] - beside * mixed[i] + 0.5 * height * nn[i];
+    [entry(0), entry(1), std::f64::consts::FRAC_1_SQRT_2 * entry(2)]
 }
 
 /// The plate on its triangles.
