@@ -1079,7 +1079,8 @@ mod tests {
         let plain = pull(Field::None);
         assert!(plain.drift() < 0.01 && plain.twist.abs() < 0.3, "{plain:?}");
         let diagonal = pull(Field::Diagonal);
-        assert!(diagonal.bottom.x.abs() > 0.2 * diagonal.stretch(), "{diagonal:?}");
+        // ten times what is left to the plain block
+        assert!(diagonal.drift() > 0.1, "{diagonal:?}");
         let helix = pull(Field::Helicoidal);
         assert!(helix.twist.abs() > 1.0, "{helix:?}");
         let level = pull(Field::Horizontal);

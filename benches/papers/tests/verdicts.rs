@@ -16,8 +16,9 @@ fn verdicts_are_those_written_down() {
     let written: [(&'static Source, char, &[Verdict]); 3] = [
         // figure 2, left: gives way, the term, a cubic; the flat state; smoothness
         (&PAPER_A, 'a', &[Agrees, Agrees, Agrees, PaperWrong, Agrees]),
-        // the springs are the material, on two kinds; stiffer and softer, on two kinds; constants at 1/3 and towards 1
-        (&PAPER_A, 'g', &[Agrees; 7]),
+        // the springs are the material, with fibres too, on two kinds; stiffer and softer, on two kinds; constants at 1/3 and
+        // towards 1
+        (&PAPER_A, 'g', &[Agrees; 9]),
         // directions between the axes
         (&PAPER_C, 'b', &[Agrees]),
     ];

@@ -472,7 +472,7 @@ impl<R: Real> AxisElement<R> for BiquadraticFibre<R> {
             // it is positive
             let square = (e + e + R::ONE).max(R::from_f64(1.0 / 3.0));
             let left = Self::slope(e).max(R::ZERO) * square.recip();
-            outer = outer * R::select(R::less(e, R::ZERO), left, R::ONE);
+            outer *= R::select(R::less(e, R::ZERO), left, R::ONE);
         }
         let mut m = [R::ZERO; 9];
         add_outer(&mut m, scale(p, outer), p);
