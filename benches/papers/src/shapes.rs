@@ -161,7 +161,7 @@ pub(crate) fn write<'n>(
 /// Meshes of squares and bricks.
 fn grid(name: &str, number: u64) -> Result<Mesh> {
     let mesh = match name {
-        "cylinder_hex" if number % 2 == 0 => return Ok(cylinder(5, [16, 24, 24])),
+        "cylinder_hex" if number.is_multiple_of(2) => return Ok(cylinder(5, [16, 24, 24])),
         "cylinder_hex" => return Ok(cylinder(4, [18, 24, 24])),
         "tissue_quad" => jitter_interior(&quad_grid(TISSUE, [34, 12])?, 0.2, 1)?,
         "square_quad" => quad_grid(DVec2::splat(SIDE), [10, 10])?,

@@ -22,8 +22,8 @@ fn at<S: Scalar>(x: &[[S; 4]], v: u32) -> [S; 3] {
 /// Adds a force to one end of an edge and takes it from the other.
 fn spread<S: Scalar>(y: &mut [[S; 4]], [a, b]: [u32; 2], force: [S; 3]) {
     for k in 0..3 {
-        y[a as usize][k] = y[a as usize][k] + force[k];
-        y[b as usize][k] = y[b as usize][k] - force[k];
+        y[a as usize][k] += force[k];
+        y[b as usize][k] -= force[k];
     }
 }
 
@@ -80,8 +80,8 @@ pub fn pooled<S: Scalar>(world: &mut World, x: &[[S; 4]], y: &mut [[S; 4]]) {
         stiffness.iter().zip(&changes).map(|(k, &w)| tensile_tension(k.0, w)).collect();
     let mut couple = |c: S, e: u32, f: u32| {
         let (e, f, c) = (e as usize, f as usize, half * c);
-        tensions[e] = tensions[e] + c * changes[f];
-        tensions[f] = tensions[f] + c * changes[e];
+        tensions[e] += c * changes[f];
+        tensions[f] += c * changes[e];
     };
     if let Some((of, (c0, c1, c2))) = single_table(triangles.contiguous_iter(world)) {
         for (i, TriangleEdges(of)) in of.iter().enumerate() {
