@@ -16,9 +16,10 @@ const OUTPUT: [(&str, &str); 3] = [
     ("probe", "what is recorded; other numbers may give the same vertices"),
 ];
 
-/// Vectors whose numbers are one key: of directions the length does not count, and a body that meets nothing may stand
-/// anywhere.
-const VECTORS: [&str; 5] = ["direction", "axis", "hinge_axis", "normal", "translate"];
+/// Vectors whose numbers are one key: of directions the length does not count, points of planes and axes may lie anywhere
+/// in these, and a body that meets nothing may stand anywhere.
+const VECTORS: [&str; 7] =
+    ["direction", "axis", "centre", "hinge_axis", "normal", "point", "translate"];
 
 /// Steps of a run: enough for tools to reach what they touch, most of them in few.
 fn steps(name: &str) -> f64 {
