@@ -831,7 +831,8 @@ impl Measured {
         let same = |p: &[[f64; 2]; 2]| p[1][1] < 100.0 * SAME && p[1][1] < p[0][1];
         let irregular = Finding::of(printed.iter().all(same)).says(format!(
             "on irregular tetrahedra alone fibres act independently of the mesh ({names}): the bottom goes to the same place \
-             within {} % of the elongation with {} cells and {} % with {} ({:.0} % allowed on the finer ones)",
+             within {} % of the elongation with {} cells and {} % with {} ({:.0} % allowed on the finer ones, which must be below \
+             the coarser ones)",
             list(&printed, 0, 1),
             CELLS.iter().product::<usize>(),
             list(&printed, 1, 1),

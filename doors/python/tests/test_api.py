@@ -190,6 +190,22 @@ def test_membranes_fibres_and_muscles():
         sim.add_body("c", mesh, sinew.preset("muscle"), axes=sinew.Axes([muscle], {("fibre", "nobody"): 1.0}))
 
 
+def test_sheets_that_bend():
+    mesh = sinew.generate("sheet", size=(0.032, 0.02), cells=(16, 10))
+    skin = sinew.Material(1e5, 0.3, 1000.0)
+    sag = []
+    for bending in (True, False):
+        sim = sinew.Simulation(gravity=(0, 0, -9.81), threads=1, dt=0.01)
+        membrane = sinew.Membrane(2e-3, skin, bending=bending, bending_rest="flat")
+        flap = sim.add_body("flap", mesh, skin, membrane=membrane)
+        sim.hold(flap, [v for v, x in enumerate(mesh.points[:, 0]) if x < 2.1e-3])
+        sim.step(20)
+        sag.append(-flap.displacements[flap.vertices("x1"), 2].mean())
+    assert sag[0] < 0.8 * sag[1], sag
+    with pytest.raises(sinew.ArgumentError):
+        sim.add_body("b", mesh, skin, membrane=sinew.Membrane(2e-3, skin, bending=True, bending_rest="round"))
+
+
 def test_removal_and_surface(small):
     sim, body = small
     surface, revision = body.surface, body.surface_revision

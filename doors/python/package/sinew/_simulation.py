@@ -86,6 +86,9 @@ def _membrane(own: Membrane) -> _Spec:
         model=own.model,
         evaluation=own.evaluation,
         springs=_springs(own.springs),
+        bending=bool(own.bending),
+        bending_thickness=None if own.bending_thickness is None else float(own.bending_thickness),
+        bending_rest=own.bending_rest,
     )
 
 
