@@ -250,13 +250,17 @@ fn too_many(clock: &StepClock, needed: f64, limit: f64, settings: &SolverSetting
 
 /// The error of a step whose energy grew with as many substeps as were tried.
 pub fn unstable(clock: &StepClock, substeps: u32, limit: f64) -> StepError {
+    // none where everything is held
+    let limit = match limit.is_finite() {
+        true => format!("estimated stability limit {limit:.3e} s"),
+        false => "nothing is free that could limit it".into(),
+    };
     StepError::Diverged {
         step: clock.step,
         time: clock.time,
         reason: format!(
-            "the energy grew, or a number overflowed, even with {substeps} substeps (estimated \
-             stability limit {limit:.3e} s); check loads and prescribed motion, reduce dt or use \
-             integrator = \"safe\""
+            "the energy grew, or a number overflowed, even with {substeps} substeps ({limit}); check loads and prescribed \
+             motion, reduce dt or use integrator = \"safe\""
         ),
     }
 }
