@@ -643,7 +643,13 @@ proptest! {
             let before = simulation.evaluate();
             let report = simulation.remove(body, Region::Tetrahedra(chosen));
             let after = simulation.evaluate();
-            prop_assert!((before - after - report.elastic_energy).abs() < 1e-11 * before);
+            let removed = report.elastic_energy;
+            // muscles that shorten have given energy away: all three may be below zero
+            let size = before.abs() + after.abs() + removed.abs();
+            prop_assert!(
+                (before - after - removed).abs() < 1e-11 * size,
+                "{before} {after} {removed}"
+            );
             let difference = simulation.verify_against_fresh(body).unwrap();
             prop_assert!(difference.largest() < 1e-12, "{kind:?} {difference:?}");
         }
