@@ -21,6 +21,25 @@ pub(crate) struct Beside {
 /// four. A face with four corners is four of them, which no mirror changes.
 pub(crate) type Facet = [VertexRow; 4];
 
+/// A facet that a point may reach in a step.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct NearFacet {
+    pub rows: Facet,
+    /// Distance (m) of the point from it at the start of the step.
+    pub start: f64,
+}
+
+/// The facets that the points of a world may reach in a step.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct NearFaces<'a> {
+    pub all: &'a [NearFacet],
+    /// At least the way (m) that a point and a facet came together since the start of the step.
+    pub moved: f64,
+}
+
+/// Rounding of distances, by the mean edge of a surface.
+pub(crate) const ROUNDING: f64 = 1e-9;
+
 /// Corners (m) of a facet.
 pub(crate) fn facet_corners(facet: &Facet, x: &dyn Fn(VertexRow) -> DVec3) -> [DVec3; 3] {
     let [a, b, c, d] = *facet;
@@ -46,30 +65,47 @@ pub(crate) fn point_in([a, b, c]: [DVec3; 3], [u, v, w]: [f64; 3]) -> DVec3 {
 /// Signed distance of `p` from `faces`: that of the closest point, its sign by the angle-weighted mean normal of the
 /// faces that meet there (Baerentzen & Aanaes 2005). Faces of membranes may be `open`: beyond their rim the distance is
 /// that from the plane of the face at the rim, so that a point which slides off is not held back.
+///
+/// `moved` (m) is at least the way that `p` and a face came together since the start of the step. In fast motion a point
+/// reaches hundreds of faces, and all but a few are by this too far to be looked at.
 pub(crate) fn beside(
     p: DVec3,
-    faces: &[Facet],
+    faces: &[NearFacet],
+    moved: f64,
     x: &dyn Fn(VertexRow) -> DVec3,
     open: bool,
 ) -> Option<Beside> {
-    let mut best: Option<(f64, Facet, [f64; 3], DVec3)> = None;
-    for &face in faces {
-        let corners = facet_corners(&face, x);
+    let from = |face: &Facet| {
+        let corners = facet_corners(face, x);
         let weights = closest_point(p, corners);
         let at = point_in(corners, weights);
-        let distance = p.distance(at);
-        if best.as_ref().is_none_or(|(least, ..)| distance < *least) {
-            best = Some((distance, face, weights, at));
+        (p.distance(at), weights, at)
+    };
+    let nearest = (0..faces.len()).min_by(|a, b| faces[*a].start.total_cmp(&faces[*b].start))?;
+    let mut best = (nearest, from(&faces[nearest].rows));
+    for (i, face) in faces.iter().enumerate() {
+        let (own, (least, ..)) = best;
+        if i == nearest || face.start - moved > least {
+            continue;
+        }
+        let found = from(&face.rows);
+        // of equals the first, whichever was looked at first
+        if found.0 < least || found.0 == least && i < own {
+            best = (i, found);
         }
     }
-    let (distance, face, weights, at) = best?;
+    let (own, (distance, weights, at)) = best;
+    let face = faces[own].rows;
     // mean normal of all faces that have this point: one alone where it is inside of a face
     let mut normal = DVec3::ZERO;
     let mut round: Vec<Facet> = Vec::new();
     let [a, b, c] = facet_corners(&face, x);
     let size = a.distance(b).max(a.distance(c));
     let interior = weights.iter().all(|w| *w > 1e-9);
-    for &other in faces.iter().filter(|other| !interior || **other == face) {
+    let beside = |other: &&NearFacet| {
+        if interior { other.rows == face } else { other.start - moved <= distance + 1e-9 * size }
+    };
+    for other in faces.iter().filter(beside).map(|other| other.rows) {
         let corners = facet_corners(&other, x);
         let w = closest_point(p, corners);
         let there = point_in(corners, w);
@@ -143,6 +179,15 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
+    /// Facets with their distances from a point.
+    fn near_from(p: DVec3, faces: &[Facet], x: &dyn Fn(VertexRow) -> DVec3) -> Vec<NearFacet> {
+        let near = |&rows: &Facet| {
+            let corners = facet_corners(&rows, x);
+            NearFacet { rows, start: p.distance(point_in(corners, closest_point(p, corners))) }
+        };
+        faces.iter().map(near).collect()
+    }
+
     #[test]
     fn beyond_the_rim_of_a_membrane_the_plane_counts() {
         // two triangles and a face with four corners, all in one plane
@@ -152,7 +197,7 @@ mod tests {
         let faces =
             [[a, b, c, c], [a, c, d, d], [b, e, f, c], [e, f, c, b], [f, c, b, e], [c, b, e, f]];
         let x = |row: VertexRow| points[row.index()];
-        let near = |p: DVec3| beside(p, &faces, &x, true).unwrap();
+        let near = |p: DVec3| beside(p, &near_from(p, &faces, &x), 0.0, &x, true).unwrap();
         for p in [
             DVec3::new(-0.3, 0.4, -0.01),
             DVec3::new(2.2, 1.4, -0.01),
@@ -185,7 +230,9 @@ mod tests {
         }
 
         #[test]
-        fn distances_from_a_cube_have_the_right_sign(p in prop::array::uniform3(-0.3..1.3)) {
+        fn distances_from_a_cube_have_the_right_sign(
+            p in prop::array::uniform3(-0.3..1.3), start in prop::array::uniform3(-0.3..1.3),
+        ) {
             // the corner region of the unit cube near the origin, outward
             let points = [
                 DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z, DVec3::X + DVec3::Y, DVec3::X + DVec3::Z,
@@ -199,7 +246,12 @@ mod tests {
             let x = |row: VertexRow| points[row.index()];
             let q = (p - 0.5).abs() - 0.5;
             let exact = q.max(DVec3::ZERO).length() + q.max_element().min(0.0);
-            let found = beside(p, &faces, &x, false).unwrap();
+            let near = |p| near_from(p, &faces, &x);
+            let found = beside(p, &near(p), 0.0, &x, false).unwrap();
+            // as it is with all faces looked at, wherever the step began
+            let start = DVec3::from_array(start);
+            let far = beside(p, &near(start), p.distance(start) + 1e-12, &x, false).unwrap();
+            prop_assert_eq!((far.face, far.weights, far.normal), (found.face, found.weights, found.normal));
             prop_assert!((found.distance - exact).abs() < 1e-12, "{} {exact}", found.distance);
             let h = 1e-6;
             // away from where the closest point jumps
@@ -210,7 +262,7 @@ mod tests {
             };
             if exact.abs() > 1e-4 && !jumps {
                 for axis in [DVec3::X, DVec3::Y, DVec3::Z] {
-                    let at = |p| beside(p, &faces, &x, false).unwrap().distance;
+                    let at = |p| beside(p, &near(p), 0.0, &x, false).unwrap().distance;
                     let difference = (at(p + h * axis) - at(p - h * axis)) / (2.0 * h);
                     prop_assert!((difference - found.normal.dot(axis)).abs() < 1e-4);
                 }

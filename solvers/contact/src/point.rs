@@ -9,7 +9,7 @@
 //! * friction: slip `t = P (e + x - x_tool)` since the point began to stick, `P` the projection on the tangent plane,
 //!   `l = |t|`, `A k l^2 / 2` while `k l` is below the limit `f p` (`f`: friction), else `A (f p l - (f p)^2 / (2 k))`.
 
-use crate::beside::{Facet, beside};
+use crate::beside::{NearFaces, beside};
 use crate::limits::Limits;
 use crate::shape::Shape;
 use glam::{DMat3, DQuat, DVec3};
@@ -279,7 +279,7 @@ impl ContactPoint {
     pub fn evaluate(
         &mut self,
         parts: &[PartNow],
-        faces: &[Facet],
+        faces: NearFaces,
         x: &dyn Fn(VertexRow) -> DVec3,
         start: &dyn Fn(VertexRow) -> DVec3,
         limits: Limits,
@@ -309,7 +309,9 @@ impl ContactPoint {
             }
             Against::Faces(range) => {
                 let open = self.memory.side != 0.0;
-                let Some(near) = beside(at, &faces[range.clone()], x, open) else { return active };
+                let Some(near) = beside(at, &faces.all[range.clone()], faces.moved, x, open) else {
+                    return active;
+                };
                 (active.gap, gradient) = (near.distance, near.normal);
                 let [d, e, f, g] = near.face;
                 let [p, q, r, s] = near.weights;
@@ -490,11 +492,21 @@ impl Side {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::beside::NearFacet;
     use proptest::prelude::*;
 
-    const FACES: [Facet; 3] = {
-        let [b, c, d, e] = [VertexRow(1), VertexRow(2), VertexRow(3), VertexRow(4)];
-        [[b, c, d, d], [c, e, d, d], [b, c, e, d]]
+    const FACES: NearFaces = {
+        const ALL: [NearFacet; 3] = {
+            let [b, c, d, e] = [VertexRow(1), VertexRow(2), VertexRow(3), VertexRow(4)];
+            let start = 0.0;
+            let [p, q, r] = [[b, c, d, d], [c, e, d, d], [b, c, e, d]];
+            [
+                NearFacet { rows: p, start },
+                NearFacet { rows: q, start },
+                NearFacet { rows: r, start },
+            ]
+        };
+        NearFaces { all: &ALL, moved: 0.0 }
     };
 
     fn part(shape: Shape, turn: f64) -> PartNow {
@@ -521,7 +533,7 @@ mod tests {
     fn check(point: &mut ContactPoint, parts: &[PartNow], places: [DVec3; 5], exact: bool) -> bool {
         let start = |row: VertexRow| DVec3::splat(0.01 * f64::from(row.0));
         let at = |places: [DVec3; 5]| move |row: VertexRow| places[row.index()];
-        let active = point.evaluate(parts, &FACES, &at(places), &start, Limits::Take);
+        let active = point.evaluate(parts, FACES, &at(places), &start, Limits::Take);
         if !active.on || active.pressure < 0.05 {
             return false;
         }
@@ -536,7 +548,7 @@ mod tests {
                 let mut step = |sign: f64| {
                     let mut moved = places;
                     moved[row.index()][axis] += sign * h;
-                    point.evaluate(parts, &FACES, &at(moved), &start, Limits::Keep)
+                    point.evaluate(parts, FACES, &at(moved), &start, Limits::Keep)
                 };
                 let (more, less) = (step(1.0), step(-1.0));
                 let slope = -(more.energy - less.energy) / (2.0 * h);
@@ -578,7 +590,7 @@ mod tests {
                     if check(&mut point, &parts, places, *exact) {
                         checked += 1;
                         let x = |_: VertexRow| places[0];
-                        let active = point.evaluate(&parts, &FACES, &x, &x, Limits::Take);
+                        let active = point.evaluate(&parts, FACES, &x, &x, Limits::Take);
                         slipped += u32::from(point.k * active.slip.length() > point.limit);
                     }
                 }
@@ -628,7 +640,7 @@ mod tests {
         let mut point = point(Against::Part(0), 0.2);
         let normal = parts[0].now.rotation * DVec3::Z;
         let at = -0.1 * normal;
-        let active = point.evaluate(&parts, &FACES, &|_| at, &|_| at, Limits::Take);
+        let active = point.evaluate(&parts, FACES, &|_| at, &|_| at, Limits::Take);
         let kept = point.kept_slip(&active);
         assert!((point.k * kept.length() / (0.2 * active.pressure) - 1.0).abs() < 1e-12);
         assert!(active.slip.length() > kept.length());

@@ -1,7 +1,7 @@
 //! All contact of a world during a step: the points that may be touched, their forces at any state, the state that is
 //! kept, and the reports at the end.
 
-use crate::beside::{Facet, beside};
+use crate::beside::{Facet, NearFaces, NearFacet, ROUNDING, beside};
 use crate::limits::Limits;
 use crate::pair::{BodyContact, BodyContactReport};
 use crate::point::{
@@ -166,7 +166,7 @@ pub struct ContactSet {
     active: Vec<Active>,
     /// Points of the last round of an inner loop, and their places (m).
     rounds: Vec<(Active, DVec3)>,
-    faces: Vec<Facet>,
+    faces: Vec<NearFacet>,
     figures: ContactFigures,
     /// Local stiffnesses (N/m) found in this step, by tool.
     local: Vec<(usize, DMat3)>,
@@ -255,8 +255,8 @@ impl ContactSet {
             let used = point.rows.iter().zip(point.weights).filter(|(_, w)| *w > 0.0);
             rows.extend(used.map(|(&row, w)| (row, w * point.area * point.k, w * damping)));
             if let Against::Faces(range) = &point.against {
-                let faces = self.faces[range.clone()].iter().flatten();
-                rows.extend(faces.map(|&row| (row, point.area * point.k, 0.0)));
+                let faces = self.faces[range.clone()].iter().flat_map(|face| face.rows);
+                rows.extend(faces.map(|row| (row, point.area * point.k, 0.0)));
             }
         }
         rows.sort_unstable_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
@@ -373,13 +373,32 @@ impl ContactSet {
     /// The forces of friction are those with the limits of the last call that did not keep them.
     pub fn evaluate(&mut self, bodies: &Range<usize>, x: &RowPlaces, limits: Limits) -> f64 {
         let range = self.range(bodies);
-        let (parts, faces) = (&self.parts, &self.faces);
+        let moved = self.moved(bodies, x.now);
+        let (parts, faces) = (&self.parts, NearFaces { all: &self.faces, moved });
         let mut sum = 0.0;
         for (point, active) in self.points[range.clone()].iter_mut().zip(&mut self.active[range]) {
             *active = point.evaluate(parts, faces, x.now, x.start, limits);
             sum += active.energy;
         }
         sum
+    }
+
+    /// A bound of the way (m) that a point of one body and a face of another came together since the start of the step.
+    fn moved(&self, bodies: &Range<usize>, x: &dyn Fn(VertexRow) -> DVec3) -> f64 {
+        if self.faces.is_empty() {
+            return 0.0;
+        }
+        let skins = self.skins[bodies.clone()].iter().map(|known| &known.skin);
+        let (mut most, mut edge) = (0.0_f64, 0.0_f64);
+        for skin in skins {
+            let ways =
+                skin.rows.iter().zip(&skin.at).map(|(row, at)| x(*row).distance_squared(*at));
+            // positions that are not finite tell nothing
+            most = ways
+                .fold(most, |most, way| if way.is_nan() { f64::INFINITY } else { most.max(way) });
+            edge = edge.max(skin.edge);
+        }
+        2.0 * most.sqrt() + ROUNDING * edge
     }
 
     /// Corrects the tangents of points whose force changed by more than the last tangent said: normals turn in a furrow

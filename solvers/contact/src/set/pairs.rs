@@ -57,7 +57,7 @@ impl ContactSet {
         [from, to]: [usize; 2],
         rest: &[DVec3],
         points: &mut Vec<ContactPoint>,
-        faces: &mut Vec<Facet>,
+        faces: &mut Vec<NearFacet>,
     ) -> u32 {
         let mut buried = 0;
         let (own, other) = (&self.skins[from].skin, &self.skins[to].skin);
@@ -103,13 +103,11 @@ impl ContactSet {
                 Place::Beside { side } => {
                     memory.side = side;
                     faces.extend(reached.iter().map(|reached| {
-                        let [a, b, c, d] = reached.facet.map(|v| other.rows[v as usize]);
+                        let rows = reached.facet.map(|v| other.rows[v as usize]);
                         // membranes show the side that the point is on
-                        if reached.membrane && side < 0.0 {
-                            turned([a, b, c, d])
-                        } else {
-                            [a, b, c, d]
-                        }
+                        let behind = reached.membrane && side < 0.0;
+                        let rows = if behind { turned(rows) } else { rows };
+                        NearFacet { rows, start: reached.distance }
                     }));
                 }
             }
@@ -152,8 +150,10 @@ impl ContactSkin {
         let Some(nearest) = reached.iter().min_by(nearer) else { return Place::Beyond };
         let x = |row: VertexRow| self.at[row.index()];
         let local = |reached: &Reached| reached.facet.map(VertexRow);
-        let facets: Vec<Facet> = reached.iter().map(local).collect();
-        let distance = beside(at, &facets, &x, false).map_or(0.0, |found| found.distance);
+        let facets = |reached| NearFacet { rows: local(reached), start: reached.distance };
+        let facets: Vec<NearFacet> = reached.iter().map(facets).collect();
+        let distance = beside(at, &facets, ROUNDING * self.edge, &x, false)
+            .map_or(0.0, |found| found.distance);
         if !nearest.membrane {
             // inside or on the far side of a body
             return match memory.pressure == 0.0 && distance < -DEEP * self.edge {

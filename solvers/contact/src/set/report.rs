@@ -199,8 +199,9 @@ impl ContactSet {
                 self.collect(index, part, body, other, &mut points);
                 for mut point in points {
                     point.friction = 0.0;
-                    let active =
-                        point.evaluate(&self.parts, &self.faces, x.now, x.start, Limits::Take);
+                    // points of tools know no faces
+                    let faces = NearFaces::default();
+                    let active = point.evaluate(&self.parts, faces, x.now, x.start, Limits::Take);
                     force -= active.push;
                 }
             }
