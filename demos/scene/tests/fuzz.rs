@@ -159,7 +159,8 @@ fn survive_seeds(what: &str, cases: u64, mut case: impl FnMut(u64) -> bool) {
         let _told = Told(seed);
         let clock = Instant::now();
         accepted += u64::from(case(seed));
-        assert!(clock.elapsed() < Duration::from_secs(20), "{:?}", clock.elapsed());
+        // on a busy machine the slowest case that its caps end takes half of this
+        assert!(clock.elapsed() < Duration::from_secs(60), "{:?}", clock.elapsed());
     }
     println!("{what}: {cases} cases, {accepted} accepted");
     // what is always or never refused tests one half only
@@ -379,9 +380,11 @@ fn random_scene(seed: u64) -> String {
     ]);
     let dt = random.log(1e-4, 3e-2);
     let gravity = random.pick(&["[0.0, 0.0, -9.81]", "[0.0, 0.0, 0.0]", "[30.0, 0.0, 0.0]"]);
+    // caps that end a hopeless case soon: a loop that has none shows by its time
     let mut text = format!(
         "name = \"fuzz\"\ndt = {dt:e}\nduration = {:e}\ngravity = {gravity}\n\
-         solver = {{ integrator = \"{integrator}\", max_newton_iterations = 15 }}\noutput = {{ every = 2 }}\n",
+         solver = {{ integrator = \"{integrator}\", max_newton_iterations = 15, max_linear_iterations = 1000, max_substeps = 4000 }}\n\
+         output = {{ every = 2 }}\n",
         20.0 * dt
     );
     let two = random.chance(2);
@@ -459,7 +462,11 @@ fn scenes_made_up_at_random() {
     let out = std::env::temp_dir().join(format!("sinew-fuzz-{}", std::process::id()));
     survive_seeds("random scenes", 250, |seed| {
         let files = seed % 10 == 0;
-        let done = runs(&random_scene(seed), 8, files.then_some(&*out));
+        let scene = random_scene(seed);
+        if std::env::var("SINEW_FUZZ_CASES").is_ok_and(|cases| cases == "1") {
+            println!("# seed {seed}\n{scene}");
+        }
+        let done = runs(&scene, 8, files.then_some(&*out));
         if files && out.join("fuzz.csv").is_file() {
             frames_are_finite(&out);
             std::fs::remove_dir_all(&out).unwrap();

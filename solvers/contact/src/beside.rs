@@ -25,15 +25,15 @@ pub(crate) type Facet = [VertexRow; 4];
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct NearFacet {
     pub rows: Facet,
-    /// Distance (m) of the point from it at the start of the step.
-    pub start: f64,
+    /// Distance (m) of the point from it, when that was last taken.
+    pub distance: f64,
 }
 
 /// The facets that the points of a world may reach in a step.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct NearFaces<'a> {
     pub all: &'a [NearFacet],
-    /// At least the way (m) that a point and a facet came together since the start of the step.
+    /// At least the way (m) that a point and a facet came together since their distances were taken.
     pub moved: f64,
 }
 
@@ -62,11 +62,24 @@ pub(crate) fn point_in([a, b, c]: [DVec3; 3], [u, v, w]: [f64; 3]) -> DVec3 {
     a * u + b * v + c * w
 }
 
+/// Closest point of a facet: distance (m) of `p` from it, its barycentric coordinates, its place (m).
+fn closest(p: DVec3, facet: &Facet, x: &dyn Fn(VertexRow) -> DVec3) -> (f64, [f64; 3], DVec3) {
+    let corners = facet_corners(facet, x);
+    let weights = closest_point(p, corners);
+    let at = point_in(corners, weights);
+    (p.distance(at), weights, at)
+}
+
+/// Distance (m) of `p` from a facet.
+pub(crate) fn distance(p: DVec3, facet: &Facet, x: &dyn Fn(VertexRow) -> DVec3) -> f64 {
+    closest(p, facet, x).0
+}
+
 /// Signed distance of `p` from `faces`: that of the closest point, its sign by the angle-weighted mean normal of the
 /// faces that meet there (Baerentzen & Aanaes 2005). Faces of membranes may be `open`: beyond their rim the distance is
 /// that from the plane of the face at the rim, so that a point which slides off is not held back.
 ///
-/// `moved` (m) is at least the way that `p` and a face came together since the start of the step. In fast motion a point
+/// `moved` (m) is at least the way that `p` and a face came together since the distances were taken. In fast motion a point
 /// reaches hundreds of faces, and all but a few are by this too far to be looked at.
 pub(crate) fn beside(
     p: DVec3,
@@ -75,20 +88,16 @@ pub(crate) fn beside(
     x: &dyn Fn(VertexRow) -> DVec3,
     open: bool,
 ) -> Option<Beside> {
-    let from = |face: &Facet| {
-        let corners = facet_corners(face, x);
-        let weights = closest_point(p, corners);
-        let at = point_in(corners, weights);
-        (p.distance(at), weights, at)
-    };
-    let nearest = (0..faces.len()).min_by(|a, b| faces[*a].start.total_cmp(&faces[*b].start))?;
-    let mut best = (nearest, from(&faces[nearest].rows));
+    let from = |face: &NearFacet| closest(p, &face.rows, x);
+    let nearest =
+        (0..faces.len()).min_by(|a, b| faces[*a].distance.total_cmp(&faces[*b].distance))?;
+    let mut best = (nearest, from(&faces[nearest]));
     for (i, face) in faces.iter().enumerate() {
         let (own, (least, ..)) = best;
-        if i == nearest || face.start - moved > least {
+        if i == nearest || face.distance - moved > least {
             continue;
         }
-        let found = from(&face.rows);
+        let found = from(face);
         // of equals the first, whichever was looked at first
         if found.0 < least || found.0 == least && i < own {
             best = (i, found);
@@ -103,7 +112,7 @@ pub(crate) fn beside(
     let size = a.distance(b).max(a.distance(c));
     let interior = weights.iter().all(|w| *w > 1e-9);
     let beside = |other: &&NearFacet| {
-        if interior { other.rows == face } else { other.start - moved <= distance + 1e-9 * size }
+        if interior { other.rows == face } else { other.distance - moved <= distance + 1e-9 * size }
     };
     for other in faces.iter().filter(beside).map(|other| other.rows) {
         let corners = facet_corners(&other, x);
@@ -181,10 +190,7 @@ mod tests {
 
     /// Facets with their distances from a point.
     fn near_from(p: DVec3, faces: &[Facet], x: &dyn Fn(VertexRow) -> DVec3) -> Vec<NearFacet> {
-        let near = |&rows: &Facet| {
-            let corners = facet_corners(&rows, x);
-            NearFacet { rows, start: p.distance(point_in(corners, closest_point(p, corners))) }
-        };
+        let near = |&rows: &Facet| NearFacet { rows, distance: distance(p, &rows, x) };
         faces.iter().map(near).collect()
     }
 

@@ -498,12 +498,12 @@ mod tests {
     const FACES: NearFaces = {
         const ALL: [NearFacet; 3] = {
             let [b, c, d, e] = [VertexRow(1), VertexRow(2), VertexRow(3), VertexRow(4)];
-            let start = 0.0;
+            let distance = 0.0;
             let [p, q, r] = [[b, c, d, d], [c, e, d, d], [b, c, e, d]];
             [
-                NearFacet { rows: p, start },
-                NearFacet { rows: q, start },
-                NearFacet { rows: r, start },
+                NearFacet { rows: p, distance },
+                NearFacet { rows: q, distance },
+                NearFacet { rows: r, distance },
             ]
         };
         NearFaces { all: &ALL, moved: 0.0 }

@@ -1,7 +1,7 @@
 //! All contact of a world during a step: the points that may be touched, their forces at any state, the state that is
 //! kept, and the reports at the end.
 
-use crate::beside::{Facet, NearFaces, NearFacet, ROUNDING, beside};
+use crate::beside::{Facet, NearFaces, NearFacet, ROUNDING, beside, distance};
 use crate::limits::Limits;
 use crate::pair::{BodyContact, BodyContactReport};
 use crate::point::{
@@ -383,22 +383,40 @@ impl ContactSet {
         sum
     }
 
-    /// A bound of the way (m) that a point of one body and a face of another came together since the start of the step.
-    fn moved(&self, bodies: &Range<usize>, x: &dyn Fn(VertexRow) -> DVec3) -> f64 {
+    /// A bound of the way (m) that a point of one body and a face of another came together since the distances of faces
+    /// were taken. Those are taken again where the bound is too wide to leave many faces out.
+    fn moved(&mut self, bodies: &Range<usize>, x: &dyn Fn(VertexRow) -> DVec3) -> f64 {
         if self.faces.is_empty() {
             return 0.0;
         }
-        let skins = self.skins[bodies.clone()].iter().map(|known| &known.skin);
-        let (mut most, mut edge) = (0.0_f64, 0.0_f64);
-        for skin in skins {
-            let ways =
-                skin.rows.iter().zip(&skin.at).map(|(row, at)| x(*row).distance_squared(*at));
+        let (mut most, mut edges) = (0.0_f64, [f64::INFINITY, 0.0]);
+        for KnownSkin { skin, .. } in &self.skins[bodies.clone()] {
+            let ways = skin.rows.iter().zip(&skin.seen).map(|(row, at)| x(*row).distance(*at));
             // positions that are not finite tell nothing
             most = ways
                 .fold(most, |most, way| if way.is_nan() { f64::INFINITY } else { most.max(way) });
-            edge = edge.max(skin.edge);
+            if !skin.rows.is_empty() {
+                edges = [edges[0].min(skin.edge), edges[1].max(skin.edge)];
+            }
         }
-        2.0 * most.sqrt() + ROUNDING * edge
+        let rounding = ROUNDING * edges[1];
+        if most < 0.25 * edges[0] || !most.is_finite() {
+            return 2.0 * most + rounding;
+        }
+        let range = self.range(bodies);
+        for point in &self.points[range] {
+            let Against::Faces(near) = &point.against else { continue };
+            let at = point.at(x);
+            for face in &mut self.faces[near.clone()] {
+                face.distance = distance(at, &face.rows, x);
+            }
+        }
+        for KnownSkin { skin, .. } in &mut self.skins[bodies.clone()] {
+            for (row, at) in skin.rows.iter().zip(&mut skin.seen) {
+                *at = x(*row);
+            }
+        }
+        rounding
     }
 
     /// Corrects the tangents of points whose force changed by more than the last tangent said: normals turn in a furrow

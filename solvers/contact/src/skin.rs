@@ -29,7 +29,9 @@ pub(crate) struct ContactSkin {
     pub edge: f64,
     /// Places (m) of the vertices at the start of the step.
     pub at: Vec<DVec3>,
-    /// Outward unit normals there; zero at vertices of membranes.
+    /// Places (m) at which distances of other points from the faces were last taken.
+    pub seen: Vec<DVec3>,
+    /// Outward unit normals at the start of the step; zero at vertices of membranes.
     pub normals: Vec<DVec3>,
     /// How far (m) each may come in the step.
     pub way: Vec<f64>,
@@ -110,6 +112,7 @@ impl ContactSkin {
     ) {
         self.at.clear();
         self.at.extend(self.rows.iter().map(|&row| x(row)));
+        self.seen.clone_from(&self.at);
         self.way.clear();
         // forces of the step change the speed that it begins with
         let way = |&row: &VertexRow| 1.5 * v(row).length() * dt + 0.25 * self.edge;

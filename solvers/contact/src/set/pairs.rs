@@ -107,7 +107,7 @@ impl ContactSet {
                         // membranes show the side that the point is on
                         let behind = reached.membrane && side < 0.0;
                         let rows = if behind { turned(rows) } else { rows };
-                        NearFacet { rows, start: reached.distance }
+                        NearFacet { rows, distance: reached.distance }
                     }));
                 }
             }
@@ -150,7 +150,7 @@ impl ContactSkin {
         let Some(nearest) = reached.iter().min_by(nearer) else { return Place::Beyond };
         let x = |row: VertexRow| self.at[row.index()];
         let local = |reached: &Reached| reached.facet.map(VertexRow);
-        let facets = |reached| NearFacet { rows: local(reached), start: reached.distance };
+        let facets = |reached| NearFacet { rows: local(reached), distance: reached.distance };
         let facets: Vec<NearFacet> = reached.iter().map(facets).collect();
         let distance = beside(at, &facets, ROUNDING * self.edge, &x, false)
             .map_or(0.0, |found| found.distance);
@@ -198,6 +198,8 @@ struct Bins {
     size: f64,
     /// Most (m) that a face may move in this step, and half an edge.
     way: f64,
+    /// The faces, ascending.
+    faces: Vec<usize>,
     /// Cell and face, ascending.
     cells: Vec<([i64; 3], usize)>,
 }
@@ -219,7 +221,8 @@ impl Bins {
         if near.is_empty() || size <= 0.0 {
             return None;
         }
-        let mut bins = Self { origin: within[0], size, way, cells: Vec::new() };
+        let faces = near.iter().map(|(face, _)| *face).collect();
+        let mut bins = Self { origin: within[0], size, way, faces, cells: Vec::new() };
         for (face, own) in near {
             let cells: Vec<_> = bins.cells_of(&grown(own, way)).collect();
             bins.cells.extend(cells.into_iter().map(|cell| (cell, face)));
@@ -236,6 +239,19 @@ impl Bins {
         })
     }
 
+    /// Faces in the cells of a box, ascending.
+    fn in_cells(&self, of: &[DVec3; 2]) -> Vec<usize> {
+        let mut faces = Vec::new();
+        for cell in self.cells_of(of) {
+            let first = self.cells.partition_point(|(own, _)| *own < cell);
+            let here = self.cells[first..].iter().take_while(|(own, _)| *own == cell);
+            faces.extend(here.map(|(_, face)| *face));
+        }
+        faces.sort_unstable();
+        faces.dedup();
+        faces
+    }
+
     /// All facets that a point may reach in this step that moves by at most `way` (m). Whatever is nearer than one of
     /// them is among them: the nearest of some would not tell on which side of a surface a point is.
     fn reach(
@@ -247,14 +263,12 @@ impl Bins {
         reached: &mut Vec<Reached>,
     ) {
         reached.clear();
-        let mut faces = Vec::new();
-        for cell in self.cells_of(&grown([at; 2], way)) {
-            let first = self.cells.partition_point(|(own, _)| *own < cell);
-            let here = self.cells[first..].iter().take_while(|(own, _)| *own == cell);
-            faces.extend(here.map(|(_, face)| *face));
-        }
-        faces.sort_unstable();
-        faces.dedup();
+        // fast points reach all faces, and would search more cells than there are
+        let faces = if 2.0 * way > self.size * (self.faces.len() as f64).cbrt() {
+            self.faces.clone()
+        } else {
+            self.in_cells(&grown([at; 2], way))
+        };
         let far = way + self.way;
         let x = |row: VertexRow| skin.at[row.index()];
         for face in faces {
