@@ -5,7 +5,7 @@
 //! cuts, well and badly proportioned.
 //!
 //! The seeds of damaged files are those of `tests/corpus`. `SINEW_FUZZ_CASES` sets the cases of every test, `SINEW_FUZZ_SEED`
-//! the first of them: a failure prints the seed that makes it again.
+//! the first of them, `SINEW_FUZZ_SECONDS` the longest that one may take: a failure prints the seed that makes it again.
 
 #![allow(
     clippy::print_stderr,
@@ -146,6 +146,8 @@ fn survive_seeds(what: &str, cases: u64, mut case: impl FnMut(u64) -> bool) {
     let number = |name: &str| std::env::var(name).ok().and_then(|n| n.parse::<u64>().ok());
     let cases = number("SINEW_FUZZ_CASES").unwrap_or(cases);
     let first = number("SINEW_FUZZ_SEED").unwrap_or(0);
+    // on a busy machine the slowest case that its caps end takes half of this
+    let limit = number("SINEW_FUZZ_SECONDS").unwrap_or(60);
     struct Told(u64);
     impl Drop for Told {
         fn drop(&mut self) {
@@ -159,8 +161,7 @@ fn survive_seeds(what: &str, cases: u64, mut case: impl FnMut(u64) -> bool) {
         let _told = Told(seed);
         let clock = Instant::now();
         accepted += u64::from(case(seed));
-        // on a busy machine the slowest case that its caps end takes half of this
-        assert!(clock.elapsed() < Duration::from_secs(60), "{:?}", clock.elapsed());
+        assert!(clock.elapsed() < Duration::from_secs(limit), "{:?}", clock.elapsed());
     }
     println!("{what}: {cases} cases, {accepted} accepted");
     // what is always or never refused tests one half only
