@@ -320,6 +320,7 @@ fn loose_vertices_fly_by_the_rule_of_the_integrator() {
         (Integrator::LinearisedBdf2, true),
         (Integrator::Bdf2, true),
         (Integrator::TrBdf2, true),
+        (Integrator::LinearisedTrBdf2, true),
         (Integrator::ImplicitMidpoint, true),
     ] {
         let (mut s, body) = fused(&mesh, soft(1e4, 0.4));
@@ -350,9 +351,13 @@ fn loose_vertices_fly_by_the_rule_of_the_integrator() {
 #[test]
 fn integrators_of_second_order_survive_removals() {
     let mesh = jittered_box([0.1, 0.04, 0.04], [5, 2, 2]);
-    for integrator in
-        [Integrator::Auto, Integrator::Bdf2, Integrator::TrBdf2, Integrator::ImplicitMidpoint]
-    {
+    for integrator in [
+        Integrator::Auto,
+        Integrator::Bdf2,
+        Integrator::TrBdf2,
+        Integrator::LinearisedTrBdf2,
+        Integrator::ImplicitMidpoint,
+    ] {
         for mass in [MassPolicy::Keep, MassPolicy::Recompute] {
             let (mut s, body) = fused(&mesh, soft(1e4, 0.4));
             clamp(&mut s, body, &mesh, "x0");

@@ -122,6 +122,8 @@ combinations! {
     bdf2_fused_f32: Bdf2 Fused F32, 2;
     tr_bdf2_fused_f64: TrBdf2 Fused F64, 1;
     tr_bdf2_fused_f32: TrBdf2 Fused F32, 1;
+    linearised_tr_bdf2_fused_f64: LinearisedTrBdf2 Fused F64, 2;
+    linearised_tr_bdf2_fused_f32: LinearisedTrBdf2 Fused F32, 2;
     midpoint_fused_f64: ImplicitMidpoint Fused F64, 1;
     midpoint_fused_f32: ImplicitMidpoint Fused F32, 1;
     verlet_fused_f64: StormerVerlet Fused F64, 2;
@@ -287,6 +289,7 @@ impl Hashes {
             Integrator::Newton,
             Integrator::Bdf2,
             Integrator::TrBdf2,
+            Integrator::LinearisedTrBdf2,
             Integrator::ImplicitMidpoint,
             Integrator::QuasiStatic,
             Integrator::SymplecticEuler,

@@ -195,8 +195,9 @@ impl Held {
 const AT_THE_END: [Integrator; 3] =
     [Integrator::Safe, Integrator::LinearisedBdf2, Integrator::QuasiStatic];
 /// They ask for it on the way too, where a hand's path and a ramp are rounded otherwise.
-const ON_THE_WAY: [Integrator; 4] = [
+const ON_THE_WAY: [Integrator; 5] = [
     Integrator::TrBdf2,
+    Integrator::LinearisedTrBdf2,
     Integrator::ImplicitMidpoint,
     Integrator::SymplecticEuler,
     Integrator::StormerVerlet,

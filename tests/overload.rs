@@ -134,6 +134,7 @@ fn no_body_is_blown_up_without_a_word() {
             Integrator::Safe,
             Integrator::Newton,
             Integrator::TrBdf2,
+            Integrator::LinearisedTrBdf2,
             Integrator::QuasiStatic,
             Integrator::SymplecticEuler,
         ] {

@@ -63,12 +63,13 @@ fn elastic_forces_have_no_resultant() {
     }
 }
 
-const FLIGHT: [Integrator; 8] = [
+const FLIGHT: [Integrator; 9] = [
     Integrator::Safe,
     Integrator::LinearisedBdf2,
     Integrator::Newton,
     Integrator::Bdf2,
     Integrator::TrBdf2,
+    Integrator::LinearisedTrBdf2,
     Integrator::ImplicitMidpoint,
     Integrator::SymplecticEuler,
     Integrator::StormerVerlet,
@@ -148,9 +149,10 @@ fn free_fall_follows_the_integrators_closed_form() {
             simulation.step().unwrap();
             let n = f64::from(n);
             let fallen = match integrator {
-                Integrator::StormerVerlet | Integrator::TrBdf2 | Integrator::ImplicitMidpoint => {
-                    0.5 * g * (n * h) * (n * h)
-                }
+                Integrator::StormerVerlet
+                | Integrator::TrBdf2
+                | Integrator::LinearisedTrBdf2
+                | Integrator::ImplicitMidpoint => 0.5 * g * (n * h) * (n * h),
                 // the error of the first step, by implicit Euler, tends to 3/2 of itself
                 Integrator::Bdf2 | Integrator::LinearisedBdf2 => {
                     0.5 * g * h * h * (n * n + 1.5 * (1.0 - (1.0 / 3.0_f64).powf(n)))
@@ -234,6 +236,7 @@ fn bdf2_tr_bdf2_and_midpoint_are_of_second_order() {
         Integrator::LinearisedBdf2,
         Integrator::Bdf2,
         Integrator::TrBdf2,
+        Integrator::LinearisedTrBdf2,
         Integrator::ImplicitMidpoint,
     ] {
         let e = errors(integrator, &[50, 100, 200]);
@@ -312,6 +315,7 @@ fn energy_balance_tells_damping_from_the_integrators_own_dissipation() {
         (Integrator::LinearisedBdf2, 0.02),
         (Integrator::Bdf2, 0.02),
         (Integrator::TrBdf2, 0.02),
+        (Integrator::LinearisedTrBdf2, 0.02),
         (Integrator::ImplicitMidpoint, 0.02),
         (Integrator::StormerVerlet, 0.02),
         (Integrator::Safe, 0.2),

@@ -213,6 +213,7 @@ integrators! { by_integrator:
     linearised_bdf2: LinearisedBdf2;
     #[ignore = "slow"]
     tr_bdf2: TrBdf2;
+    linearised_tr_bdf2: LinearisedTrBdf2;
     #[ignore = "slow"]
     midpoint: ImplicitMidpoint;
     #[ignore = "slow"]
@@ -491,6 +492,7 @@ integrators! { drag:
     drag_bdf2: Bdf2;
     #[ignore = "slow"]
     drag_tr_bdf2: TrBdf2;
+    drag_linearised_tr_bdf2: LinearisedTrBdf2;
     drag_midpoint: ImplicitMidpoint;
     drag_stormer_verlet: StormerVerlet;
 }

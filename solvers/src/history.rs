@@ -48,10 +48,19 @@ pub(crate) struct StepHistory<S> {
 pub(crate) struct BodyHistory {
     /// Elastic energy (J) at the end of the step.
     pub elastic: f64,
-    /// Energy budget less the energy (J) at the end of the step.
+    /// Energy budget less the energy (J) at the end of the step; below zero where only the tolerance let it through.
     pub excess: f64,
+    /// Largest kinetic and elastic energy (J) of late.
+    pub largest: f64,
     /// Number of coming steps that have to be safe steps.
     pub wait: u32,
+}
+
+impl BodyHistory {
+    /// Makes the energies allow nothing.
+    pub fn forget_energies(&mut self) {
+        (self.excess, self.largest) = (0.0, 0.0);
+    }
 }
 
 /// The part of a body's history that holds at the start of a step.
@@ -70,7 +79,7 @@ impl Past {
         let wait = bodies.iter().map(|past| past.body.wait).max().unwrap_or(0);
         let mut body = BodyHistory { wait, ..bodies[0].body };
         if !same_groups {
-            body.excess = 0.0;
+            body.forget_energies();
         }
         Self {
             same_state: same_groups && bodies.iter().all(|past| past.same_state),

@@ -112,6 +112,10 @@ integrators! {
     /// TR-BDF2 solved to convergence, two solves a step. Second order, damps high frequencies, and
     /// needs no history.
     TrBdf2: IntegratorFacts { name: "tr-bdf2", order: 2, ..NEWTON };
+    /// TR-BDF2 with one linear system a stage, two a step, each linearised where the velocities lead; it must pass the
+    /// tests of [`Self::LinearisedBdf2`] or gives way to the safe step. Second order, keeps free motion best of all that
+    /// solve few systems, and needs no history.
+    LinearisedTrBdf2: IntegratorFacts { name: "linearised-tr-bdf2", multistep: false, ..LINEARISED_BDF2 };
     /// Implicit midpoint rule solved to convergence. Second order, keeps angular momentum; not robust:
     /// large steps make it gain energy without bound.
     ImplicitMidpoint: IntegratorFacts {

@@ -122,8 +122,7 @@ pub struct SolverSettings {
     /// Fraction of the estimated stability limit used by explicit substeps.
     pub explicit_safety: f64,
     /// Bodies with many inverted elements move by the corotational energy until they are in shape again
-    /// (`sinew_solvers::recovery`). On by default; integrators other than `auto`, `linearised-bdf2` and
-    /// `safe` have none.
+    /// (`sinew_solvers::recovery`). On by default; integrators other than `auto`, `safe` and the linearised ones have none.
     pub recovery: bool,
 }
 

@@ -376,6 +376,7 @@ fn random_scene(seed: u64) -> String {
         "newton",
         "bdf2",
         "tr-bdf2",
+        "linearised-tr-bdf2",
         "symplectic-euler",
         "stormer-verlet",
     ]);

@@ -1,7 +1,7 @@
 //! The end of a step: velocities, energy cap, report, and the new state into the columns and the history.
 
 use super::linearised_bdf2::WAIT;
-use super::step::{BodyStep, ImplicitScratch, Step, StepMode, noise};
+use super::step::{BodyStep, ImplicitScratch, Rejected, Step, StepMode, noise};
 use super::touch::At;
 use crate::history::BodyHistory;
 use crate::state::{book_momentum, dot3, position, write_state};
@@ -11,7 +11,7 @@ use sinew_engine::report::ContactFigures;
 use sinew_engine::scalar::Scalar;
 
 /// Part of the energy budget's excess over the energy that is lost every step.
-pub const BUDGET_DECAY: f64 = 0.05;
+pub const BUDGET_DECAY: f64 = 0.01;
 
 impl<S: Scalar> Step<'_, S> {
     /// Ends the step.
@@ -58,7 +58,8 @@ impl<S: Scalar> Step<'_, S> {
             } else {
                 report.constraint_work = 0.0;
             }
-            scratch.history.bodies.push(body.history(kinetic + potential));
+            let energies = [kinetic + potential, kinetic + body.elastic + stored];
+            scratch.history.bodies.push(body.history(energies));
             let others = BodyHistory {
                 wait: scratch.history.bodies.last().map_or(0, |own| own.wait),
                 ..Default::default()
@@ -124,19 +125,25 @@ impl BodyStep {
         kinetic > 0.0 && kinetic + potential > self.budget + rounding
     }
 
-    /// History of a body that ends with `energy` (J), kinetic and potential.
-    fn history(&self, energy: f64) -> BodyHistory {
+    /// History of a body that ends with these energies (J): kinetic and potential, and what of that it has itself.
+    fn history(&self, [energy, own]: [f64; 2]) -> BodyHistory {
         let past = self.past.body;
-        let unused = self.budget - energy;
+        let kept = 1.0 - BUDGET_DECAY;
+        let unused = self.budget + past.excess - energy;
         BodyHistory {
             elastic: self.elastic,
-            // what a safe step takes is not given back
-            excess: if self.mode == StepMode::Trial {
-                (1.0 - BUDGET_DECAY) * (unused + past.excess).max(0.0)
-            } else {
-                0.0
+            // what only the tolerance let through is owed; what a safe step takes is not given back
+            excess: match self.mode {
+                StepMode::Trial if unused > 0.0 => kept * unused,
+                StepMode::Converge => 0.0,
+                _ => unused.min(0.0),
             },
-            wait: if self.rejected.is_some() { WAIT } else { past.wait.saturating_sub(1) },
+            largest: own.max(kept * past.largest),
+            wait: if !matches!(self.rejected, None | Some(Rejected::Beforehand)) {
+                WAIT
+            } else {
+                past.wait.saturating_sub(1)
+            },
         }
     }
 }

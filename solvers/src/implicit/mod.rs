@@ -27,6 +27,7 @@
 //!   actions, for any step length.
 //! * **Linearised BDF2**: one Newton step of BDF2 from `x_n + h v_n`, which must pass tests
 //!   (`linearised_bdf2`); a body that fails them takes the safe step.
+//! * **Linearised TR-BDF2**: one Newton step a stage, under the same tests (`tr_bdf2`).
 //! * **Newton, BDF2, TR-BDF2, midpoint**: iterated to convergence, the last three from where the
 //!   velocities lead. A body in contact for which that fails takes the safe step.
 //! * **Quasi-static**: the same without inertia; in parts if it does not converge in one go, or turns
@@ -143,6 +144,7 @@ impl<S: Scalar> Step<'_, S> {
             Integrator::Newton => self.converged_euler(),
             Integrator::Bdf2 => self.bdf2(),
             Integrator::TrBdf2 => self.tr_bdf2(),
+            Integrator::LinearisedTrBdf2 => self.linearised_tr_bdf2(),
             Integrator::ImplicitMidpoint => self.midpoint(),
             Integrator::QuasiStatic => self.equilibrium(),
             Integrator::Auto | Integrator::SymplecticEuler | Integrator::StormerVerlet => {

@@ -98,7 +98,7 @@ impl<S: Scalar> Step<'_, S> {
             let h = if body.uses_bdf2() { bdf2 } else { ahead };
             body.weights = Weights::new(self.settings, h);
             if !self.energies_hold {
-                body.past.body.excess = 0.0;
+                body.past.body.forget_energies();
             }
         }
         let energies = self.begin_with_energies(self.energies_hold);

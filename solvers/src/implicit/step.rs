@@ -147,13 +147,13 @@ pub(super) struct BodyStep {
 pub(super) enum StepMode {
     /// One solve, line search and energy cap.
     Safe,
-    /// One solve, which must pass the tests of linearised BDF2.
+    /// One solve a stage, which must pass the tests of linearised BDF2.
     Trial,
     /// Newton to convergence.
     Converge,
 }
 
-/// Why a linearised BDF2 step or a converged one does not count.
+/// Why a linearised step of second order or a converged one does not count.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Rejected {
     Indefinite,
@@ -161,6 +161,8 @@ pub(super) enum Rejected {
     Energy,
     Inverted,
     Unconverged,
+    /// Not tried: safe steps are due.
+    Beforehand,
 }
 
 /// Rows of a piece without held unknowns.
@@ -341,9 +343,9 @@ impl BodyStep {
         (self.done, self.rejected) = (true, Some(why));
     }
 
-    /// Takes another round of Newton's iteration up.
+    /// Takes another round of Newton's iteration up, unless the step was given up.
     pub fn reopen(&mut self) {
-        (self.done, self.converged) = (false, false);
+        (self.done, self.converged) = (self.rejected.is_some(), false);
     }
 }
 
