@@ -13,6 +13,7 @@ mod determinism;
 mod documents;
 mod elements;
 mod explicit;
+mod free_motion;
 mod host;
 mod linear;
 mod material_field;
