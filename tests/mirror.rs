@@ -225,25 +225,29 @@ fn under_tools_mirrors_and_numbers_do_not_matter() {
     }
 }
 
-/// What mirrors and numbers change between bodies is what is left when the inner loop ends: at the default tolerance up to
-/// a fifth of the displacement of ten-node tetrahedra (in furrows between faces), 3e-3 of that of hexahedra. The tangents leave
+/// Not ten-node tetrahedra on each other: in the furrows between their faces the scene has several outcomes, up to a fifth of the
+/// displacement apart, and rounding chooses (another preconditioner is enough).
+const WITH_ONE_OUTCOME: [Kind; 4] =
+    [Kind::Tetrahedra, Kind::Hexahedra, Kind::Triangles, Kind::Quads];
+
+/// What mirrors and numbers change between bodies is what is left when the inner loop ends: at the default tolerance 3e-3
+/// of the displacement of hexahedra. The tangents leave
 /// out how normals turn, so every round leaves a part of up to nine tenths: a hundred times what it changes may be left.
 #[test]
 #[ignore = "slow"]
 fn between_bodies_mirrors_and_numbers_matter_as_the_tolerance_does() {
-    for kind in KINDS {
+    for kind in WITH_ONE_OUTCOME {
         let found = off(kind, false, 0.0, &tight(), ASIDE);
         assert!(found.iter().all(|off| *off < 1e-5), "{kind:?}: {found:?}");
     }
 }
 
 /// With friction between bodies limits follow the pressure, and what is left does not shrink with the tolerance. A thousandth
-/// of the force is left in each of the twelve steps. Ten-node tetrahedra are not here: of their scene there are two outcomes,
-/// a tenth of the displacement apart.
+/// of the force is left in each of the twelve steps.
 #[test]
 #[ignore = "slow"]
 fn friction_between_bodies_leaves_what_a_step_leaves() {
-    for kind in [Kind::Tetrahedra, Kind::Hexahedra, Kind::Triangles, Kind::Quads] {
+    for kind in WITH_ONE_OUTCOME {
         for aside in [DVec3::ZERO, ASIDE] {
             let found = off(kind, false, 0.3, &solver!(Integrator::Safe), aside);
             assert!(found.iter().all(|off| *off < 12.0 * 1e-3), "{kind:?} {aside}: {found:?}");

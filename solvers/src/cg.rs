@@ -164,6 +164,9 @@ struct UpdatePiece<T> {
 /// regular than a product.
 const FACTOR_COST: f64 = 5.0;
 
+/// Iterations beyond which a coarse space pays in small bodies, too.
+const SLOW: f64 = 12.0;
+
 impl<T: Scalar> ConjugateGradients<T> {
     /// Solves `A e = r` for the correction `e` of the residual `r`.
     pub fn solve<S: Scalar>(
@@ -235,6 +238,17 @@ impl<T: Scalar> ConjugateGradients<T> {
                 && self.correction.is_some() != self.matrix.low_rank.is_empty()
                 && k.excess < k.cost
         })
+    }
+
+    /// Whether the factor alone took more than [`SLOW`] iterations for three powers of ten when it was new, or the coarse
+    /// space was added for that.
+    pub fn is_slow(&self) -> bool {
+        let slow = |k: &KeptFor| match k.kind {
+            Preconditioner::Multigrid => true,
+            Preconditioner::IncompleteCholesky => k.fresh.is_some_and(|decade| 3.0 * decade > SLOW),
+            _ => false,
+        };
+        self.kept.as_ref().is_some_and(slow)
     }
 
     /// The last direction, any length.

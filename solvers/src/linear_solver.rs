@@ -11,7 +11,7 @@
 
 use crate::cg::memory::{MemoryMisfit, PreconditionerMemory};
 use crate::cg::{BodySystem, CgStatus, ConjugateGradients, Inner, SolveLimits};
-use crate::settings::{LinearOptions, LinearPrecision, Preconditioner};
+use crate::settings::{LinearOptions, LinearPrecision, MULTIGRID_WHERE_SLOW, Preconditioner};
 use crate::state::{Rows, dot3};
 use crate::system::{Pattern, ShiftedTangent, SystemMatrix, ranges};
 use glam::DVec3;
@@ -188,6 +188,11 @@ impl<S: Scalar> LinearSolver<S> {
         if !options.same_matrix {
             self.groups[group].1.assembled = [false; 2];
         }
+        let preconditioner = {
+            let BodySolver { single, full, .. } = &self.groups[group].1;
+            let slow = single.is_slow() || full.is_slow();
+            resolve(options.preconditioner, system, b.len(), slow)
+        };
         let same_type = size_of::<S>() == size_of::<f32>();
         let solve = LinearSolve {
             solver: self,
@@ -206,7 +211,7 @@ impl<S: Scalar> LinearSolver<S> {
                 status: CgStatus::Converged,
                 iterations: 0,
                 residual: 0.0,
-                preconditioner: resolve(options.preconditioner, system, b.len()),
+                preconditioner,
                 refreshes: 0,
                 breakdowns: 0,
                 fell_back: false,
@@ -280,15 +285,20 @@ impl<S: Scalar> LinearSolver<S> {
     }
 }
 
-/// The preconditioner to use for so many vertices: the complete factor knows nothing of what contact couples.
+/// The preconditioner to use for so many vertices, whose factor alone was `slow` or not: the complete factor knows nothing
+/// of what contact couples.
 fn resolve<S: Scalar>(
     chosen: Preconditioner,
     system: &ShiftedTangent<'_, S>,
     vertices: usize,
+    slow: bool,
 ) -> Preconditioner {
     let coupled = system.contact.is_some_and(|contact| !contact.couplings.is_empty());
     let chosen = match chosen {
         Preconditioner::Direct if coupled => Preconditioner::Auto,
+        Preconditioner::Auto if slow && vertices >= MULTIGRID_WHERE_SLOW => {
+            Preconditioner::Multigrid
+        }
         chosen => chosen,
     };
     chosen.resolve(vertices)

@@ -9,7 +9,7 @@ use sinew_engine::step::StepError;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Preconditioner {
-    /// By the size of the body (default).
+    /// By the size of the body, and between 100 and 600 vertices by how many iterations the factor takes alone (default).
     #[default]
     Auto,
     /// Inverse diagonal blocks.
@@ -50,6 +50,9 @@ impl Preconditioner {
 
 /// Vertices from which the coarse space pays.
 const MULTIGRID_FROM: usize = 600;
+
+/// Vertices from which it pays where the factor alone takes many iterations.
+pub(crate) const MULTIGRID_WHERE_SLOW: usize = 100;
 
 /// Number type in which linear systems are solved.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
