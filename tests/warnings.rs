@@ -3,12 +3,15 @@
 use crate::common::*;
 use bevy_app::{App, Update};
 use glam::DVec3;
+use sinew::engine::connectivity::ElementKind;
 use sinew::engine::mesh::generate::box_tets;
+use sinew::models::body::lumped::GivenSprings;
 use sinew::models::body::sheet::MembraneDescription;
 use sinew::models::resection::{Region, Removal};
 use sinew::prelude::*;
 use sinew::warning::totals::RunTotals;
 use sinew::warning::{Untrusted, Warning, spawn_checked_body, warnings};
+use std::sync::Arc;
 
 fn codes(warnings: &[Warning]) -> Vec<&str> {
     warnings.iter().map(|w| w.code.as_str()).collect()
@@ -58,6 +61,36 @@ fn bodies_are_doubted_when_they_are_built() {
     simulation.add_checked_body(&long, &checked.report).unwrap();
     assert_eq!(codes(&simulation.warnings())[1..], ["mesh.implausible-size"]);
     assert_eq!(simulation.verdict(), Ok(()));
+}
+
+#[test]
+fn negative_springs_are_told() {
+    let mesh = box_tets(DVec3::splat(0.1), [1, 1, 1]).unwrap();
+    // the diagonal of the box belongs to all six tetrahedra
+    let longest = |v: [u32; 2]| {
+        let [a, b] = v.map(|v| mesh.points[v as usize]);
+        a.distance(b) > 0.17
+    };
+    let with = |diagonal: [f64; 6]| {
+        let mut springs = GivenSprings::default();
+        for (cell, k) in mesh.tetrahedra.iter().zip(diagonal) {
+            let pairs = (0..4).flat_map(|i| (i + 1..4).map(move |j| [cell[i], cell[j]]));
+            let constants: Vec<f64> = pairs.map(|p| if longest(p) { k } else { 5.0 }).collect();
+            springs.add(ElementKind::Tetrahedron, cell, &constants);
+        }
+        let model = Model::MassSpring;
+        let spring_constants = Some(Arc::new(springs));
+        let body = BodyDescription::new("body", &mesh, soft(1e4, 0.3));
+        let mut simulation = Simulation::new(options(Precision::F64, 1)).unwrap();
+        simulation.add_body(&BodyDescription { model, spring_constants, ..body }).unwrap();
+        simulation.warnings()
+    };
+    // what elements share counts once, by its sum
+    assert_eq!(with([-1.0, -1.0, -1.0, -1.0, -1.0, 6.0]), []);
+    let found = with([-2.0, -1.0, -1.0, -1.0, -1.0, 5.0]);
+    assert_eq!(codes(&found), ["material.springs.negative"]);
+    assert!(found[0].message.starts_with("1 of 19 springs"), "{found:?}");
+    assert!(found[0].remedy.contains("nonnegative"), "{found:?}");
 }
 
 #[test]

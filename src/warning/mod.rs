@@ -167,8 +167,26 @@ pub fn body_warnings(world: &World) -> Vec<Warning> {
         let findings = own.into_iter().flat_map(|own| &own.findings);
         found.extend(findings.map(|f| of_mesh(&subject, f)));
         found.extend(of_material(world, soft, &subject));
+        found.extend(of_springs(soft, subject));
     }
     found
+}
+
+/// Springs that push the more the longer they get, with which a body need not be stable at rest.
+fn of_springs(soft: &SoftBody, subject: String) -> Option<Warning> {
+    let [negative, all] = soft.springs.negative();
+    (negative > 0).then(|| {
+        Warning::new(
+            "material.springs.negative",
+            Level::Warning,
+            subject,
+            format!(
+                "{negative} of {all} springs have negative constants, with which a body may give way to no load at all, and \
+                 an equilibrium may be one of less energy than at rest"
+            ),
+            "element_method = \"nonnegative\" has none; `sinew fit` says what springs of a mesh are worth",
+        )
+    })
 }
 
 fn of_mesh(subject: &str, finding: &Finding) -> Warning {

@@ -35,11 +35,15 @@ const VISCOSITY: f64 = 30.0;
 /// Traction (Pa) on the bottom: about a third of Young's modulus, with which the block changes its shape as visibly as
 /// in the figures.
 const TRACTION: f64 = 3e3;
+/// Tractions (Pa) over which the motion is judged, which hangs on how far the block is pulled.
+const TRACTIONS: [f64; 4] = [500.0, 1e3, 2e3, TRACTION];
+/// Constants of volume springs over those that the moduli ask for, over which figure 6 a is judged: the paper prints none.
+const FACTORS: [u32; 3] = [1, 3, 10];
 /// Jitter of the irregular meshes, of which these are taken.
 const JITTER: f64 = 0.15;
-const SEEDS: [u64; 2] = [0, 1];
-/// Draws of random fibres on the coarse and on the fine mesh.
-const DRAWS: [u64; 2] = [8, 4];
+const SEEDS: [u64; 4] = [0, 1, 2, 3];
+/// Draws of random fibres on coarse and on fine meshes; every draw has the next irregular mesh.
+const DRAWS: [u64; 2] = [16, 8];
 /// Step (s) of the paper; steps of free motion, and steps after these in which mass damping (1/s), critical for the
 /// slowest bending, brings the block to rest.
 const STEP: f64 = 0.01;
@@ -125,9 +129,16 @@ impl Block {
 
 /// Places of the meshes of tetrahedra among all.
 const PARALLEL: usize = 0;
-const IRREGULAR: [usize; 2] = [1, 2];
+const IRREGULAR: [usize; SEEDS.len()] = [1, 2, 3, 4];
 /// That of the hexahedra.
-const HEXAHEDRA: usize = 3;
+const HEXAHEDRA: usize = 5;
+/// Meshes on which straight courses and the form with an energy are tried, which hang little on the mesh.
+const FEW: [usize; 3] = [PARALLEL, IRREGULAR[0], IRREGULAR[1]];
+
+/// The irregular mesh of a draw of random fibres.
+fn mesh_of(draw: u64) -> usize {
+    IRREGULAR[draw as usize % IRREGULAR.len()]
+}
 
 /// Tetrahedra cut alike, so that all diagonals are parallel; irregular ones; hexahedra.
 fn blocks(cells: [usize; 3]) -> Result<Vec<Block>> {
@@ -149,8 +160,9 @@ fn triad(along: DVec3) -> [DVec3; 3] {
     [a, b, c]
 }
 
-/// Three axes, the first along the fibres and stiffer; the axes of an isotropic material without.
-fn axes(mesh: &Mesh, field: Field, volume: bool) -> Result<AxesDescription<'static>> {
+/// Three axes, the first along the fibres and stiffer; the axes of an isotropic material without. Springs of volume are so
+/// many times as stiff as its first Lamé parameter asks for.
+fn axes(mesh: &Mesh, field: Field, volume: u32) -> Result<AxesDescription<'static>> {
     let mut axes = damped_axes(MATERIAL, VISCOSITY)?;
     let along = field.directions(mesh)?;
     if !along.is_empty() {
@@ -160,9 +172,7 @@ fn axes(mesh: &Mesh, field: Field, volume: bool) -> Result<AxesDescription<'stat
         }
         axes.families[0].modulus = FIBRE;
     }
-    if !volume {
-        axes.volume_modulus = 0.0;
-    }
+    axes.volume_modulus *= f64::from(volume);
     Ok(axes)
 }
 
@@ -217,10 +227,11 @@ impl Shape {
     }
 }
 
-/// The block hung up, with the traction on its bottom.
+/// The block hung up, with a traction (Pa) on its bottom.
 fn hung(
     block: &Block,
     (mut simulation, body): (Simulation, BodyHandle),
+    traction: f64,
     curve: Curve,
 ) -> Result<(Simulation, BodyHandle)> {
     let (mesh, cells) = (&block.mesh, block.cells);
@@ -232,7 +243,7 @@ fn hung(
         let x = mesh.points[v as usize];
         let edge = |x: f64, size: f64| if x == 0.0 || x == size { 0.5 } else { 1.0 };
         let area = cell.x * cell.y * edge(x.x, SIZE.x) * edge(x.y, SIZE.y);
-        forces.push((row, DVec3::new(0.0, 0.0, -TRACTION * area)));
+        forces.push((row, DVec3::new(0.0, 0.0, -traction * area)));
     }
     simulation.add_load(Load { name: "pull".into(), forces, curve });
     Ok((simulation, body))
@@ -241,10 +252,11 @@ fn hung(
 /// What hangs there.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum What {
-    /// Axes as printed, with or without springs of volume, which the paper names with its figure 3 only.
-    Printed { field: Field, volume: bool },
+    /// Axes as printed, with springs of volume so many times as stiff as the moduli ask for, or without, for the paper names
+    /// them with its figure 3 only.
+    Printed { field: Field, volume: u32 },
     /// Axes with an energy, at their equilibrium.
-    Energy { field: Field, volume: bool },
+    Energy { field: Field, volume: u32 },
     /// Plain springs of one constant, with which the block is as stiff as its material under a small load; at their
     /// equilibrium.
     Springs,
@@ -259,12 +271,13 @@ impl What {
     }
 
     /// Body, fibres, volume springs.
-    fn words(self) -> [&'static str; 3] {
-        let on = |volume| if volume { "yes" } else { "no" };
+    fn words(self) -> (&'static str, &'static str, Option<f64>) {
         match self {
-            Self::Printed { field, volume } => ["axes, printed", field.name(), on(volume)],
-            Self::Energy { field, volume } => ["axes, with energy", field.name(), on(volume)],
-            Self::Springs => ["plain springs", "", ""],
+            Self::Printed { field, volume } => ("axes, printed", field.name(), Some(volume.into())),
+            Self::Energy { field, volume } => {
+                ("axes, with energy", field.name(), Some(volume.into()))
+            }
+            Self::Springs => ("plain springs", "", None),
         }
     }
 }
@@ -286,7 +299,8 @@ fn pulled(block: &Block, what: What) -> Result<Swing> {
         }
     };
     let parts = 6;
-    let (mut simulation, body) = hung(block, world, Curve::ramp(0.0, f64::from(parts)))?;
+    let curve = Curve::ramp(0.0, f64::from(parts));
+    let (mut simulation, body) = hung(block, world, TRACTION, curve)?;
     let found = settle(&mut simulation, parts, &format!("{what:?}, {}", block.name));
     let u = simulation.displacements(body);
     Ok(match found {
@@ -311,13 +325,18 @@ struct Swing {
     failed: Option<String>,
 }
 
-/// Axes as printed, `free` steps without the brake.
-fn swing(block: &Block, (field, volume): (Field, bool), free: usize) -> Result<Swing> {
+/// Axes as printed under a traction (Pa), `free` steps without the brake.
+fn swing(
+    block: &Block,
+    (field, volume): (Field, u32),
+    traction: f64,
+    free: usize,
+) -> Result<Swing> {
     let description = BodyDescription::new("block", &block.mesh, MATERIAL);
     let description = BodyDescription { masses: MassRule::Equal, ..description };
     let axes = axes(&block.mesh, field, volume)?;
     let world = world_of_axes(description, axes, Some(VolumeForm::Printed), stormer(0.0))?;
-    let (mut simulation, body) = hung(block, world, Curve::Constant)?;
+    let (mut simulation, body) = hung(block, world, traction, Curve::Constant)?;
     simulation.set_dt(STEP);
     let mut swing = Swing::default();
     let mut before = DVec3::ZERO;
@@ -514,6 +533,14 @@ struct Key {
     size: usize,
     mesh: usize,
     what: What,
+    /// Pull (Pa) at the bottom.
+    traction: f64,
+}
+
+impl Key {
+    fn of(size: usize, mesh: usize, what: What) -> Self {
+        Self { size, mesh, what, traction: TRACTION }
+    }
 }
 
 /// All runs.
@@ -529,34 +556,45 @@ struct Measured {
 /// Runs, and the steps that they are free for.
 fn jobs() -> Vec<(Key, usize)> {
     let mut jobs = Vec::new();
+    let printed = |field, volume| What::Printed { field, volume };
     let tetrahedra = || std::iter::once(PARALLEL).chain(IRREGULAR);
     // the slow ones first
-    for field in COURSES {
-        let what = What::Printed { field, volume: false };
-        jobs.extend(tetrahedra().map(|mesh| (Key { size: 1, mesh, what }, 0)));
-    }
-    let [first, _] = IRREGULAR;
-    for (size, draws) in [(1, DRAWS[1]), (0, DRAWS[0])] {
-        jobs.extend((1..=draws).map(|draw| {
-            let what = What::Printed { field: Field::Random(draw), volume: true };
-            (Key { size, mesh: first, what }, 0)
-        }));
-    }
-    for field in COURSES {
-        let (with, without) =
-            (What::Printed { field, volume: true }, What::Printed { field, volume: false });
-        jobs.push((Key { size: 0, mesh: first, what: with }, SWING));
-        jobs.push((Key { size: 0, mesh: HEXAHEDRA, what: with }, 0));
-        jobs.extend(tetrahedra().map(|mesh| (Key { size: 0, mesh, what: without }, 0)));
-        let energy = What::Energy { field, volume: false };
-        for size in [0, 1] {
-            jobs.extend(tetrahedra().map(|mesh| (Key { size, mesh, what: energy }, 0)));
+    let draw = |size, draw, volume| {
+        (Key::of(size, mesh_of(draw), printed(Field::Random(draw), volume)), 0)
+    };
+    let meshes = |field| -> Vec<usize> {
+        if CURVED.contains(&field) { tetrahedra().collect() } else { FEW.to_vec() }
+    };
+    for size in [1, 0] {
+        for field in COURSES {
+            let own = meshes(field).into_iter();
+            jobs.extend(own.map(|mesh| (Key::of(size, mesh, printed(field, 0)), 0)));
         }
     }
-    let what = What::Printed { field: Field::None, volume: true };
-    jobs.push((Key { size: 0, mesh: PARALLEL, what }, 0));
+    jobs.extend((1..=DRAWS[1]).map(|d| draw(1, d, 1)));
+    for volume in FACTORS {
+        jobs.extend((1..=DRAWS[0]).map(|d| draw(0, d, volume)));
+    }
+    let first = IRREGULAR[0];
+    for field in COURSES {
+        jobs.push((Key::of(0, first, printed(field, 1)), SWING));
+        jobs.push((Key::of(0, HEXAHEDRA, printed(field, 1)), 0));
+        let energy = What::Energy { field, volume: 0 };
+        for size in [0, 1] {
+            jobs.extend(FEW.map(|mesh| (Key::of(size, mesh, energy), 0)));
+        }
+    }
+    for volume in &FACTORS[1..] {
+        jobs.push((Key::of(0, first, printed(Field::Horizontal, *volume)), 0));
+    }
+    for field in [Field::Hemicircular, Field::Diagonal] {
+        let at = |traction| Key { traction, ..Key::of(0, first, printed(field, 1)) };
+        let others = TRACTIONS.into_iter().filter(|t| *t != TRACTION);
+        jobs.extend(others.map(|traction| (at(traction), SWING)));
+    }
+    jobs.push((Key::of(0, PARALLEL, printed(Field::None, 1)), 0));
     for size in [0, 1] {
-        jobs.extend(tetrahedra().map(|mesh| (Key { size, mesh, what: What::Springs }, 0)));
+        jobs.extend(tetrahedra().map(|mesh| (Key::of(size, mesh, What::Springs), 0)));
     }
     jobs
 }
@@ -564,7 +602,7 @@ fn jobs() -> Vec<(Key, usize)> {
 fn run(blocks: &[Vec<Block>; 2], key: Key, free: usize) -> Result<Swing> {
     let block = &blocks[key.size][key.mesh];
     match key.what {
-        What::Printed { field, volume } => swing(block, (field, volume), free),
+        What::Printed { field, volume } => swing(block, (field, volume), key.traction, free),
         What::Energy { .. } | What::Springs => pulled(block, key.what),
     }
 }
@@ -581,6 +619,19 @@ fn measure() -> Result<Measured> {
         meshes.iter().flat_map(|m| blocks.iter().map(move |size| &size[*m])).collect();
     let (modes, moments) = ([free_modes(false)?, free_modes(true)?], moments(&of)?);
     Ok(Measured { runs: runs?, modes, moments, blocks })
+}
+
+/// How far the place of the bottom scatters about its mean over meshes, in the root mean square and over the elongation;
+/// not a number where a mesh did not come to rest.
+fn scatter(shapes: &[Option<Shape>]) -> f64 {
+    let known: Vec<Shape> = shapes.iter().flatten().copied().collect();
+    let count = known.len() as f64;
+    if known.len() < shapes.len() || known.len() < 2 {
+        return f64::NAN;
+    }
+    let mean = known.iter().map(|s| s.bottom).sum::<DVec3>() / count;
+    let squares: f64 = known.iter().map(|s| s.bottom.distance_squared(mean)).sum();
+    (squares / (count - 1.0)).sqrt() / -mean.z
 }
 
 /// Largest difference of the place of the bottom between meshes, over the elongation; not a number where a mesh
@@ -615,7 +666,7 @@ const NEAR: f64 = 0.1;
 
 impl Measured {
     fn of(&self, size: usize, mesh: usize, what: What) -> Option<&Swing> {
-        self.runs.iter().find(|r| r.0 == Key { size, mesh, what }).map(|r| &r.1)
+        self.runs.iter().find(|r| r.0 == Key::of(size, mesh, what)).map(|r| &r.1)
     }
 
     fn end(&self, size: usize, mesh: usize, what: What) -> Option<Shape> {
@@ -629,7 +680,14 @@ impl Measured {
 
     /// Figure 6, on the first irregular mesh and with springs of volume.
     fn figure_6(&self, field: Field) -> Option<&Swing> {
-        self.of(0, IRREGULAR[0], What::Printed { field, volume: true })
+        self.of(0, IRREGULAR[0], What::Printed { field, volume: 1 })
+    }
+
+    /// The same pulled by another traction (Pa).
+    fn pulled_by(&self, traction: f64, field: Field) -> Option<&Swing> {
+        let what = What::Printed { field, volume: 1 };
+        let key = Key { traction, ..Key::of(0, IRREGULAR[0], what) };
+        self.runs.iter().find(|r| r.0 == key).map(|r| &r.1)
     }
 
     fn findings(&self) -> Vec<Finding> {
@@ -645,9 +703,9 @@ impl Measured {
     /// Figures 1 and 5.
     fn of_anisotropy(&self) -> [Finding; 2] {
         let on = |volume| What::Printed { field: Field::None, volume };
-        let [off, with] = [false, true].map(|volume| self.drift(0, PARALLEL, on(volume)));
+        let [off, with] = [0, 1].map(|volume| self.drift(0, PARALLEL, on(volume)));
         let springs = self.drift(0, PARALLEL, What::Springs);
-        let energy = self.drift(0, PARALLEL, What::Energy { field: Field::None, volume: false });
+        let energy = self.drift(0, PARALLEL, What::Energy { field: Field::None, volume: 0 });
         let text = format!(
             "on tetrahedra cut by parallel diagonals plain springs, as stiff as the material under a small load, leave the \
              vertical by {:.0} % of the elongation (at least {:.0} % is seen by all), axes as printed hardly ({:.0} % \
@@ -693,55 +751,84 @@ impl Measured {
     }
 
     /// Shapes of random fibres at rest.
-    fn draws(&self, size: usize, of: fn(&Shape) -> f64) -> Vec<f64> {
+    fn draws(&self, size: usize, volume: u32, of: fn(&Shape) -> f64) -> Vec<f64> {
         (1..=DRAWS[size])
             .map(|draw| {
-                let what = What::Printed { field: Field::Random(draw), volume: true };
-                self.end(size, IRREGULAR[0], what).map_or(f64::NAN, |s| of(&s))
+                let what = What::Printed { field: Field::Random(draw), volume };
+                self.end(size, mesh_of(draw), what).map_or(f64::NAN, |s| of(&s))
             })
             .collect()
     }
 
-    /// Figure 6 at rest.
-    fn of_courses(&self) -> [Finding; 4] {
+    /// Figure 6 a: whether the block is thinner and longer than with random fibres, beyond what chance does to these.
+    fn of_horizontal(&self) -> Finding {
         let missing = [f64::NAN; 4];
         let seen = |s: Shape| [s.stretch(), s.section(), s.width[0], s.width[1]];
-        let level = self.figure_6(Field::Horizontal).and_then(|s| s.end).map_or(missing, seen);
         let plain = self.figure_6(Field::None).and_then(|s| s.end).map_or(missing, seen);
-        let without = What::Printed { field: Field::Horizontal, volume: false };
-        let without = self.end(0, IRREGULAR[0], without).map_or(missing, seen);
-        let [longer, section] =
-            [Shape::stretch, Shape::section].map(|of| statistics(&self.draws(0, of)));
-        // beyond what chance does to the block of comparison
-        let thinner =
-            level[0] > longer[0] + 2.0 * longer[1] && level[1] < section[0] - 2.0 * section[1];
-        let horizontal = Finding::of(thinner).says(format!(
+        let horizontal = |volume| {
+            let what = What::Printed { field: Field::Horizontal, volume };
+            self.end(0, IRREGULAR[0], what).map_or(missing, seen)
+        };
+        let mut words = Vec::new();
+        let met = FACTORS.map(|volume| {
+            let level = horizontal(volume);
+            let [longer, section] =
+                [Shape::stretch, Shape::section].map(|of| statistics(&self.draws(0, volume, of)));
+            words.push(format!(
+                "{volume}: {:.1} mm beside {:.1} +- {:.1} mm, {:.1} % beside {:.1} +- {:.1} % ({:.1} % of the width along the \
+                 fibres, {:.1} % across them)",
+                1e3 * level[0],
+                1e3 * longer[0],
+                1e3 * longer[1],
+                100.0 * level[1],
+                100.0 * section[0],
+                100.0 * section[1],
+                100.0 * level[2],
+                100.0 * level[3],
+            ));
+            level[0] > longer[0] + 2.0 * longer[1] && level[1] < section[0] - 2.0 * section[1]
+        });
+        let where_met: Vec<String> =
+            FACTORS.iter().zip(met).filter(|m| m.1).map(|m| m.0.to_string()).collect();
+        let finding = match where_met.len() {
+            n if n == FACTORS.len() => Finding::of(true),
+            0 => Finding::not_determined(
+                false,
+                "constants of volume springs of 1 to 10 times the moduli's",
+            ),
+            _ => Finding::not_determined(
+                true,
+                format!(
+                    "the constant of volume springs, which is not printed: a block that is longer is thinner where volume is \
+                     kept; it holds at {} times what the moduli ask for",
+                    where_met.join(" and ")
+                ),
+            ),
+        };
+        finding.says(format!(
             "horizontal fibres make the block thinner and longer than random ones, the paper's isotropic body, by more than \
-             twice what chance scatters: elongation {:.1} mm beside {:.1} +- {:.1} mm, cross-section of the middle {:.1} % \
-             of that at rest beside {:.1} +- {:.1} % ({} draws; along the fibres {:.1} % of the width, across them {:.1} %; \
-             without fibres {:.1} mm and {:.1} %). Without springs of volume no block thins ({:.1} % here), so this figure \
-             needs them",
-            1e3 * level[0],
-            1e3 * longer[0],
-            1e3 * longer[1],
-            100.0 * level[1],
-            100.0 * section[0],
-            100.0 * section[1],
+             twice what chance scatters ({} draws). Elongation and cross-section of the middle over that at rest, by the \
+             constant of volume springs over what the moduli ask for: {}. Without fibres {:.1} mm and {:.1} %; without \
+             springs of volume no block thins ({:.1} %), so this figure needs them",
             DRAWS[0],
-            100.0 * level[2],
-            100.0 * level[3],
+            words.join("; "),
             1e3 * plain[0],
             100.0 * plain[1],
-            100.0 * without[1],
-        ));
-        let diagonal = What::Printed { field: Field::Diagonal, volume: true };
+            100.0 * horizontal(0)[1],
+        ))
+    }
+
+    /// Figure 6 at rest.
+    fn of_courses(&self) -> [Finding; 4] {
+        let horizontal = self.of_horizontal();
+        let diagonal = What::Printed { field: Field::Diagonal, volume: 1 };
         let diagonal = self.drift(0, IRREGULAR[0], diagonal);
         let bend = Finding::of(diagonal > VISIBLE).says(format!(
             "diagonal fibres bend the block to one side: sideways motion of {:.0} % of the elongation (at least {:.0} %)",
             100.0 * diagonal,
             100.0 * VISIBLE
         ));
-        let drifts = [0, 1].map(|size| self.draws(size, Shape::drift));
+        let drifts = [0, 1].map(|size| self.draws(size, 1, Shape::drift));
         let [coarse, fine] = [0, 1].map(|size| statistics(&drifts[size])[0]);
         let most = drifts[0].iter().fold(0.0f64, |m, x| m.max(*x));
         let isotropic = Finding::of(coarse < NEAR && NEAR < diagonal).says(format!(
@@ -753,12 +840,19 @@ impl Measured {
             100.0 * NEAR,
             100.0 * diagonal
         ));
-        // chance falls as the root of the number of elements, by 0.35 here; means of so few draws scatter by a third
-        let falls = Finding::of(fine < 0.35 * 1.5 * coarse).says(format!(
-            "what is left is chance and falls with the number of elements: with eight times as many {:.2} of it is left \
-             ({} draws; 0.35 as the inverse root, up to 0.53 for the scatter of the means)",
+        // chance falls as the root of the number of elements. Lengths of two random numbers scatter by sqrt(4/pi - 1) = 0.52
+        // of their mean, so that the ratio of two means is known to that much over the roots of their counts
+        let root = 8.0_f64.sqrt().recip();
+        let error = 0.52 * DRAWS.map(|n| (n as f64).recip()).iter().sum::<f64>().sqrt();
+        let allowed = root * (1.0 + 2.0 * error);
+        let falls = Finding::of(fine < allowed * coarse).says(format!(
+            "what is left is chance and falls with the number of elements: with eight times as many {:.2} of it is left, \
+             {:.2} % of the elongation ({} draws, on {} meshes in turn; {root:.2} as the inverse \
+             root, up to {allowed:.2} by twice the standard error of such means)",
             fine / coarse,
-            DRAWS[1]
+            100.0 * fine,
+            DRAWS[1],
+            SEEDS.len(),
         ));
         [horizontal, bend, isotropic, falls]
     }
@@ -780,31 +874,63 @@ impl Measured {
             list.join(", "),
             STEP * SWING as f64
         ));
-        let [own, other] = [Field::Hemicircular, Field::Diagonal]
-            .map(|field| self.figure_6(field).map_or(f64::NAN, Swing::undulation));
-        let snake = Finding::of(own > CLEAR && other < CLEAR).says(format!(
-            "hemicircular fibres make it undulate like a snake: its middle goes to both sides in turn, to the lesser one \
-             {:.0} % of the way (at least {:.0} %), with diagonal fibres {:.0} % (less)",
-            100.0 * own,
-            100.0 * CLEAR,
-            100.0 * other
-        ));
-        [helix, snake]
+        [helix, self.of_snake()]
     }
 
-    /// How far meshes part (%), coarse and fine, all of tetrahedra and irregular ones alone.
-    fn partings(&self, what: What) -> [[f64; 2]; 2] {
-        [0, 1].map(|size| {
-            let ends =
-                [PARALLEL, IRREGULAR[0], IRREGULAR[1]].map(|mesh| self.end(size, mesh, what));
-            [100.0 * parting(&ends), 100.0 * parting(&ends[1..])]
-        })
+    /// Figure 6 c: whether the middle goes to both sides in turn, which diagonal fibres do not make it do.
+    fn of_snake(&self) -> Finding {
+        let undulation = |traction, field| {
+            self.pulled_by(traction, field).map_or(f64::NAN, |s| 100.0 * s.undulation())
+        };
+        let both = TRACTIONS.map(|traction| {
+            [Field::Hemicircular, Field::Diagonal].map(|field| undulation(traction, field))
+        });
+        let clear = 100.0 * CLEAR;
+        let met = both.map(|[own, other]| own > clear && other < clear);
+        let over = |i: usize| format!("{:.2}", TRACTIONS[i] / MATERIAL.young_modulus);
+        let words: Vec<String> = both
+            .iter()
+            .enumerate()
+            .map(|(i, [own, other])| format!("{own:.0} and {other:.0} % at {}", over(i)))
+            .collect();
+        let holds: Vec<String> = (0..met.len()).filter(|i| met[*i]).map(over).collect();
+        let finding = match holds.len() {
+            n if n == met.len() => Finding::of(true),
+            0 => Finding::not_determined(false, "loads of 0.05 to 0.3 E"),
+            _ => Finding::not_determined(
+                true,
+                format!(
+                    "the load over Young's modulus, which is not printed: it holds at {}",
+                    holds.join(", ")
+                ),
+            ),
+        };
+        finding.says(format!(
+            "hemicircular fibres make it undulate like a snake: its middle goes to both sides in turn, to the lesser one by \
+             at least {clear:.0} % of the way to the other, with diagonal fibres by less; with either by {}",
+            words.join(", ")
+        ))
+    }
+
+    /// Where the bottom comes to rest on some meshes.
+    fn ends(&self, size: usize, meshes: &[usize], what: What) -> Vec<Option<Shape>> {
+        meshes.iter().map(|mesh| self.end(size, *mesh, what)).collect()
+    }
+
+    /// How far all meshes of tetrahedra part (%), coarse and fine: as printed, and in the form with an energy.
+    fn partings(&self, field: Field) -> [[f64; 2]; 2] {
+        let tetrahedra: Vec<usize> = std::iter::once(PARALLEL).chain(IRREGULAR).collect();
+        let of = |meshes: &[usize], what| {
+            [0, 1].map(|size| 100.0 * parting(&self.ends(size, meshes, what)))
+        };
+        let meshes = if CURVED.contains(&field) { &tetrahedra[..] } else { &FEW };
+        let printed = of(meshes, What::Printed { field, volume: 0 });
+        [printed, of(&FEW, What::Energy { field, volume: 0 })]
     }
 
     /// Whether a block that only stretches goes to the same place on all meshes.
     fn of_straight(&self, field: Field) -> Finding {
-        let [[coarse, _], [fine, _]] = self.partings(What::Printed { field, volume: false });
-        let [[energy, _], [fine_energy, _]] = self.partings(What::Energy { field, volume: false });
+        let [[coarse, fine], [energy, fine_energy]] = self.partings(field);
         let what = match field {
             Field::None => "without fibres".to_string(),
             _ => format!("with {} fibres", field.name()),
@@ -821,30 +947,35 @@ impl Measured {
 
     /// Whether blocks that bend or twist do so on all meshes.
     fn of_tilings(&self) -> [Finding; 2] {
-        let printed = CURVED.map(|field| self.partings(What::Printed { field, volume: false }));
-        let energy = CURVED.map(|field| self.partings(What::Energy { field, volume: false }));
-        let list = |all: &[[[f64; 2]; 2]; 3], size: usize, which: usize| {
-            let values = all.iter().map(|p| format!("{:.1}", p[size][which]));
-            values.collect::<Vec<_>>().join(", ")
-        };
+        let list = |values: [f64; 3]| values.map(|x| format!("{x:.1}")).join(", ");
         let names = CURVED.map(Field::name).join(", ");
-        let same = |p: &[[f64; 2]; 2]| p[1][1] < 100.0 * SAME && p[1][1] < p[0][1];
-        let irregular = Finding::of(printed.iter().all(same)).says(format!(
-            "on irregular tetrahedra alone fibres act independently of the mesh ({names}): the bottom goes to the same place \
-             within {} % of the elongation with {} cells and {} % with {} ({:.0} % allowed on the finer ones, which must be below \
-             the coarser ones)",
-            list(&printed, 0, 1),
+        let irregular = |size: usize, of: fn(&[Option<Shape>]) -> f64| {
+            CURVED.map(|field| {
+                let what = What::Printed { field, volume: 0 };
+                100.0 * of(&self.ends(size, &IRREGULAR, what))
+            })
+        };
+        let [apart, scatters] = [parting, scatter].map(|of| [0, 1].map(|size| irregular(size, of)));
+        let same = (0..CURVED.len())
+            .all(|i| apart[1][i] < 100.0 * SAME && scatters[1][i] < scatters[0][i]);
+        let irregular = Finding::of(same).says(format!(
+            "on irregular tetrahedra alone fibres act independently of the mesh ({names}): on {} meshes the bottom goes to the \
+             same place within {} % of the elongation with {} cells and {} % with {} ({:.0} % allowed on the finer ones), and \
+             scatters by {} and by {} % (standard deviation, less on the finer ones)",
+            IRREGULAR.len(),
+            list(apart[0]),
             CELLS.iter().product::<usize>(),
-            list(&printed, 1, 1),
+            list(apart[1]),
             FINE.iter().product::<usize>(),
-            100.0 * SAME
+            100.0 * SAME,
+            list(scatters[0]),
+            list(scatters[1]),
         ));
+        let all = CURVED.map(|field| self.partings(field));
         let moments = &self.moments;
         // visible, not smaller on finer meshes, and there only where the moment is
-        let stays = |p: &[[f64; 2]; 2]| p[1][0] > 100.0 * VISIBLE && p[1][0] > 0.7 * p[0][0];
-        let converges = |p: &[[f64; 2]; 2]| p[1][0] < 100.0 * NEAR;
-        let shown = printed.iter().all(stays)
-            && energy.iter().all(converges)
+        let stays = |[coarse, fine]: [f64; 2]| fine > 100.0 * VISIBLE && fine > 0.7 * coarse;
+        let shown = all.iter().all(|[printed, energy]| stays(*printed) && energy[1] < 100.0 * NEAR)
             && moments.off < 1e-9
             && moments.own > 0.01;
         let mean = |i: usize| moments.mean.get(i).copied().unwrap_or(f64::NAN);
@@ -868,12 +999,12 @@ impl Measured {
             "what fibres do is independent of the tiling ({names}): with printed angular springs, and parallel cuts beside \
              irregular ones, the place of the bottom differs by {} % of the elongation with {} cells and by {} % with {}; \
              in the form with an energy by {} and {} %",
-            list(&printed, 0, 0),
+            list(all.map(|p| p[0][0])),
             CELLS.iter().product::<usize>(),
-            list(&printed, 1, 0),
+            list(all.map(|p| p[0][1])),
             FINE.iter().product::<usize>(),
-            list(&energy, 0, 0),
-            list(&energy, 1, 0)
+            list(all.map(|p| p[1][0])),
+            list(all.map(|p| p[1][1]))
         ));
         [irregular, tiling]
     }
@@ -908,7 +1039,7 @@ impl Measured {
         let mut series = Vec::new();
         for (colour, field) in COURSES.into_iter().enumerate() {
             for size in [0, 1] {
-                let what = What::Printed { field, volume: false };
+                let what = What::Printed { field, volume: 0 };
                 let own = self.runs.iter().filter(|(k, _)| (k.size, k.what) == (size, what));
                 let places = own.filter_map(|(_, s)| s.end.as_ref().map(place)).collect();
                 let name = format!("{}{}", field.name(), ["", ", fine"][size]);
@@ -972,17 +1103,18 @@ impl Measured {
 
     /// Figures 1 and 5 in the first row, figure 6 in the second: coarse meshes at rest.
     fn shapes(&self) -> Result<Chart> {
-        let (none, [first, _]) = (Field::None, IRREGULAR);
+        let (none, first) = (Field::None, IRREGULAR[0]);
         let axes = |field, volume| What::Printed { field, volume };
         let mut wanted = vec![
             (PARALLEL, "springs, parallel cuts".to_string(), What::Springs),
-            (PARALLEL, "axes, parallel cuts".to_string(), axes(none, false)),
-            (PARALLEL, "with volume springs".to_string(), axes(none, true)),
+            (PARALLEL, "axes, parallel cuts".to_string(), axes(none, 0)),
+            (PARALLEL, "with volume springs".to_string(), axes(none, 1)),
             (first, "springs, irregular".to_string(), What::Springs),
-            (first, "axes, irregular".to_string(), axes(none, false)),
+            (first, "axes, irregular".to_string(), axes(none, 0)),
         ];
-        for field in COURSES.into_iter().skip(1).chain([Field::Random(1)]) {
-            wanted.push((first, field.name().to_string(), axes(field, true)));
+        let random = IRREGULAR.len() as u64;
+        for field in COURSES.into_iter().skip(1).chain([Field::Random(random)]) {
+            wanted.push((first, field.name().to_string(), axes(field, 1)));
         }
         let mut panels = Vec::new();
         for (mesh, title, what) in wanted {
@@ -1020,8 +1152,9 @@ pub(crate) fn figure() -> Result<Figure> {
     let rows = measured.runs.iter().map(|(key, swing)| {
         (key, &measured.blocks[key.size][key.mesh].name, key.what.words(), swing.end)
     });
-    let table = table_of!("a-pulled", "The block pulled down, at rest"; for (_, mesh, [body, fibres, volume], s) in rows;
-        "body" => body, "fibres" => fibres, "volume springs" => volume, "mesh" => mesh.clone(),
+    let table = table_of!("a-pulled", "The block pulled down, at rest"; for (key, mesh, (body, fibres, volume), s) in rows;
+        "body" => body, "fibres" => fibres, "volume springs times" => volume, "mesh" => mesh.clone(),
+        "pull Pa" => key.traction,
         "elongation mm" => s.map(|s| 1e3 * s.stretch()), "sideways x mm" => s.map(|s| 1e3 * s.bottom.x),
         "sideways y mm" => s.map(|s| 1e3 * s.bottom.y), "twist degrees" => s.map(|s| s.twist),
         "width x %" => s.map(|s| 100.0 * s.width[0]), "width y %" => s.map(|s| 100.0 * s.width[1]),
@@ -1037,7 +1170,7 @@ pub(crate) fn figure() -> Result<Figure> {
              steps of {STEP} s cut where stability asks for it, dampers of {VISCOSITY} Pa s along all axes (and beside \
              the radial springs of hexahedra); figure 6 after {:.1} s of free motion, the others from the start, braked by \
              mass damping of {BRAKE} 1/s until they rest. Meshes of {coarse} and {fine} cells of six tetrahedra: cut alike, \
-             so that all diagonals are parallel, and two that are irregular (cut at random, vertices moved by {JITTER}). \
+             so that all diagonals are parallel, and {} that are irregular (cut at random, vertices moved by {JITTER}). \
              Plain springs: one constant on all edges, so chosen by a run that the block is as stiff as its material under a \
              thousandth of its weight ({constant:.0} N/m on parallel cuts, {irregular:.0} N/m on an irregular mesh), and the form with an energy: equilibria. The \
              paper prints no sizes, moduli or loads.",
@@ -1047,6 +1180,7 @@ pub(crate) fn figure() -> Result<Figure> {
             MATERIAL.young_modulus,
             MATERIAL.poisson_ratio,
             STEP * SWING as f64,
+            SEEDS.len(),
         ),
         findings: measured.findings(),
         tables: vec![table],
@@ -1070,13 +1204,18 @@ mod tests {
         let axis = [1.0, 4.0, -2.0].map(|middle| vec![0.0, middle, 9.0]).to_vec();
         assert_eq!(Swing { axis, ..Swing::default() }.undulation(), 0.5);
         assert_eq!(statistics(&[1.0, 3.0]), [2.0, 2f64.sqrt()]);
+        let at = |x| {
+            let bottom = DVec3::new(x, 0.0, -2.0);
+            Some(Shape { bottom, twist: 0.0, width: [1.0; 2] })
+        };
+        assert_eq!(scatter(&[at(1.0), at(3.0)]), 2f64.sqrt() / 2.0);
+        assert!(scatter(&[at(1.0), None]).is_nan());
     }
 
     #[test]
     fn fibres_move_the_block_as_they_should() {
         let block = blocks(CELLS).unwrap().swap_remove(IRREGULAR[0]);
-        let pull =
-            |field| pulled(&block, What::Energy { field, volume: true }).unwrap().end.unwrap();
+        let pull = |field| pulled(&block, What::Energy { field, volume: 1 }).unwrap().end.unwrap();
         let plain = pull(Field::None);
         assert!(plain.drift() < 0.01 && plain.twist.abs() < 0.3, "{plain:?}");
         let diagonal = pull(Field::Diagonal);
@@ -1096,7 +1235,7 @@ mod tests {
     fn printed_axes_swing_in_explicit_steps() {
         let mesh = irregular_box_tets(SIZE, [2, 2, 4], JITTER, 0).unwrap();
         let block = Block::new("small".into(), mesh, [2, 2, 4]).unwrap();
-        let run = swing(&block, (Field::Helicoidal, true), 40).unwrap();
+        let run = swing(&block, (Field::Helicoidal, 1), TRACTION, 40).unwrap();
         assert_eq!(run.failed, None);
         assert!(run.shapes.len() == 40 && run.axis[0].len() == 5);
         assert_eq!(run.frames.len(), FRAMES.len());
@@ -1131,19 +1270,20 @@ mod tests {
             .into_iter()
             .map(|(key, _)| {
                 let parallel = key.mesh == PARALLEL;
-                let x = match key.what {
-                    What::Springs if parallel => 0.7,
-                    What::Springs => [0.05, 0.02][key.size],
-                    What::Printed { field, volume: false } if CURVED.contains(&field) => {
-                        if parallel { 0.5 } else { [0.01, 0.0][key.size] * key.mesh as f64 }
-                    }
-                    What::Printed { field: Field::None, volume: true } if parallel => 0.1,
-                    What::Printed { field: Field::Random(draw), .. } => {
-                        [0.05, 0.02][key.size] * draw as f64 / 4.0
-                    }
-                    What::Printed { field: Field::Diagonal, volume: true } => 0.4,
-                    _ => 0.0,
-                };
+                let x =
+                    match key.what {
+                        What::Springs if parallel => 0.7,
+                        What::Springs => [0.05, 0.02][key.size],
+                        What::Printed { field, volume: 0 } if CURVED.contains(&field) => {
+                            if parallel { 0.5 } else { [0.01, 0.0][key.size] * key.mesh as f64 }
+                        }
+                        What::Printed { field: Field::None, volume: 1 } if parallel => 0.1,
+                        What::Printed { field: Field::Random(draw), .. } => {
+                            [0.05, 0.02][key.size] * draw as f64 / DRAWS[key.size] as f64
+                        }
+                        What::Printed { field: Field::Diagonal, volume: 1 } => 0.4,
+                        _ => 0.0,
+                    };
                 (key, Swing { end: Some(shape(x)), ..Swing::default() })
             })
             .collect();
@@ -1169,6 +1309,21 @@ mod tests {
             Agrees,
         ];
         assert_eq!(verdicts(&measured), expected);
+        // one load with which it undulates, one constant with which it thins: both hang on what is not printed
+        for (key, swing) in &mut measured.runs {
+            match key.what {
+                What::Printed { field: Field::Hemicircular, .. } if key.traction == 1e3 => {
+                    swing.axis = vec![vec![0.0, 1.0, 0.0], vec![0.0, -0.5, 0.0]];
+                }
+                What::Printed { field: Field::Horizontal, volume: 10 } => {
+                    let thin = Shape { bottom: DVec3::new(0.0, 0.0, -1.1), ..shape(0.0) };
+                    swing.end = Some(Shape { width: [0.9, 0.9], ..thin });
+                }
+                _ => {}
+            }
+        }
+        let found = verdicts(&measured);
+        assert_eq!([found[2], found[7]], [NotDetermined; 2]);
         // a moment that is not the one of the proof, and axes that drift as springs do
         measured.moments.off = 0.1;
         for (key, swing) in &mut measured.runs {

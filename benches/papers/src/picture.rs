@@ -123,7 +123,6 @@ pub fn paper_b(adapter: &AdapterRequest) -> Result<Image, RenderJobError> {
     ];
     let mut variants = Vec::new();
     for (label, model) in fits {
-        // 0.3 times 10 kPa on 4 cm^2
         let text = format!(
             "name = \"cube\"\ndescription = \"A cube in tension.\"\ndt = 0.01\nduration = 1.5\n\
              gravity = [0.0, 0.0, 0.0]\n[solver]\nmass_damping = 20.0\n\
@@ -131,7 +130,7 @@ pub fn paper_b(adapter: &AdapterRequest) -> Result<Image, RenderJobError> {
              generate = {{ box = {{ size = [0.02, 0.02, 0.02], cells = [8, 8, 8], elements = \"hexahedra\" }} }}\n\
              material = {{ young_modulus = 10e3, poisson_ratio = 0.3, density = 1000.0 }}\n{model}\n\
              [[constraint]]\nname = \"held\"\nselect = {{ group = \"x0\" }}\n\
-             [[load]]\nname = \"pull\"\nselect = {{ group = \"x1\" }}\nforce = [1.2, 0.0, 0.0]\n"
+             [[load]]\nname = \"pull\"\non = {{ group = \"x1\" }}\ntraction = [3e3, 0.0, 0.0]\n"
         );
         variants.push(Variant { label: label.into(), scene: scene("cube.toml", &text)? });
     }
@@ -178,12 +177,11 @@ pub fn paper_c(
     ];
     let mut variants = Vec::new();
     for (label, elements, model) in models {
-        // 0.3 times 10 kPa on 64 cm^2
         let text = format!(
             "name = \"block\"\ndescription = \"A block pulled down.\"\ndt = 0.01\nduration = 2.0\n\
              gravity = [0.0, 0.0, 0.0]\n[solver]\nmass_damping = 20.0\n\
              [[constraint]]\nname = \"top\"\nselect = {{ group = \"z1\" }}\n\
-             [[load]]\nname = \"pull\"\nselect = {{ group = \"z0\" }}\nforce = [0.0, 0.0, -19.2]\n\
+             [[load]]\nname = \"pull\"\non = {{ group = \"z0\" }}\ntraction = [0.0, 0.0, -3e3]\n\
              [[body]]\nname = \"block\"\n\
              generate = {{ box = {{ size = [0.08, 0.08, 0.16], cells = [4, 4, 8], elements = \"{elements}\" }} }}\n\
              material = {{ young_modulus = 10e3, poisson_ratio = 0.3, density = 1000.0 }}\n{model}"

@@ -36,6 +36,7 @@ impl Subcommand for GeneratedShape {
                     .help(help(key.about))
                     .action(ArgAction::Set)
                     .num_args(1..)
+                    .value_delimiter(',')
                     .allow_negative_numbers(true)
                     .required(!key.optional)
             });

@@ -144,6 +144,8 @@ fn checks_and_meshes() {
     let bone = file("bone.msh").display().to_string();
     let shape = ["mesh", "generate", "specimen", "--width", "0.01", "--cells", "32", "4"];
     check(&[&shape[..], &["--sheet", "quads", "--out", &bone]].concat(), 0, "grip1", "");
+    let commas = ["--cells", "8,2,1", "--thickness", "0.01", "--solid", "irregular", "-o", &bone];
+    check(&[&shape[..5], &commas].concat(), 0, "tetrahedra  96", "");
     check(&[&shape[..3], &["-o", &bone]].concat(), 2, "", "--width");
     check(&[&shape[..5], &["--cells", "3", "-o", &bone]].concat(), 1, "", "specimen");
     check(&["mesh", "generate"], 2, "", "balloon");

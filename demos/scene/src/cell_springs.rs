@@ -25,7 +25,7 @@ pub enum CellSpringsError {
     /// Material out of range.
     #[error(transparent)]
     Material(#[from] MaterialError),
-    /// Neither tetrahedra nor triangles, or no such cell.
+    /// No such cell.
     #[error("{source_name}: there is no {kind} {cell}; it has {count}, counted from 0")]
     NoCell {
         /// File.
@@ -37,6 +37,12 @@ pub enum CellSpringsError {
         /// How many there are.
         count: usize,
     },
+    /// Hexahedra or quadrilaterals alone.
+    #[error(
+        "{0}: these springs are those of tetrahedra and triangles, of which it has none; `sinew fit` finds springs for \
+         hexahedra and quadrilaterals"
+    )]
+    NoSimplices(String),
     /// Springs are those of linear tetrahedra.
     #[error(
         "{0}: springs are for tetrahedra of four vertices, these have ten; take a mesh of first order"
@@ -174,6 +180,9 @@ impl SpringTable {
             true => ("tetrahedron", mesh.tetrahedra.len()),
             false => ("triangle", mesh.triangles.len()),
         };
+        if count == 0 {
+            return Err(CellSpringsError::NoSimplices(mesh.source.clone()));
+        }
         let cells = cells.iter().map(|&cell| match cell < count {
             true if solid => tetrahedron(&mesh, cell, material, fibres),
             true => triangle(&mesh, cell, material, fibres, thickness.unwrap_or(0.0)),

@@ -1,7 +1,7 @@
 //! Springs of single elements.
 
 use glam::DVec3;
-use sinew::engine::mesh::generate::{box_tets, triangle_grid};
+use sinew::engine::mesh::generate::{box_tets, quad_grid, triangle_grid};
 use sinew::models::material::YoungPoisson;
 use sinew_scene::cell_springs::{CellFibres, CellSpring, SpringTable};
 
@@ -97,4 +97,7 @@ fn sheets_have_springs_too() {
     assert!(size("angular") < 1e-12 * size("tensile"), "{springs:?}");
     let error = SpringTable::of(&mesh, MATERIAL, None, None, &[0]).unwrap_err().to_string();
     assert!(error.contains("--thickness"), "{error}");
+    let quads = quad_grid([1.0, 1.0].into(), [1, 1]).unwrap();
+    let error = SpringTable::of(&quads, MATERIAL, None, Some(0.001), &[0]).unwrap_err();
+    assert!(error.to_string().contains("`sinew fit`"), "{error}");
 }

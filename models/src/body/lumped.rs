@@ -5,6 +5,7 @@
 use serde::Serialize;
 use sinew_engine::connectivity::{ByKind, ElementKind};
 use sinew_engine::isoparametric::{HEXAHEDRON_PAIRS, QUAD_PAIRS};
+use sinew_engine::layout::BodyElements;
 use sinew_identify::ElementMethod;
 
 use crate::element::precompute::EDGES;
@@ -87,6 +88,7 @@ pub struct ElementSprings {
     pub(super) constants: ByKind<Vec<f64>>,
     /// Whether elements that share a pair share one spring, by kind.
     pub(super) uniform: ByKind<bool>,
+    negative: [usize; 2],
 }
 
 impl ElementSprings {
@@ -107,6 +109,28 @@ impl ElementSprings {
     /// Whether elements of a kind share one spring where they share a pair of vertices; else each has its own.
     pub fn is_uniform(&self, kind: ElementKind) -> bool {
         self.uniform[kind]
+    }
+
+    /// How many springs have a negative constant, and how many springs there are, those of elements that share a pair of
+    /// vertices added up.
+    pub fn negative(&self) -> [usize; 2] {
+        self.negative
+    }
+
+    /// Counts springs for [`negative`](Self::negative); `elements` are those of the layout.
+    pub(super) fn count(&mut self, elements: &BodyElements) {
+        let mut sums: BTreeMap<[u32; 2], f64> = BTreeMap::new();
+        for kind in ElementKind::ALL.into_iter().filter(|kind| self.has(*kind)) {
+            let pairs = pairs(kind);
+            let each = self.constants[kind].chunks_exact(pairs.len());
+            for (rows, constants) in elements.nodes[kind].iter().zip(each) {
+                for (pair, k) in pairs.iter().zip(constants) {
+                    let [a, b] = pair.map(|i| rows[i]);
+                    *sums.entry([a.min(b), a.max(b)]).or_default() += k;
+                }
+            }
+        }
+        self.negative = [sums.values().filter(|k| **k < 0.0).count(), sums.len()];
     }
 
     /// Whether there are any springs.

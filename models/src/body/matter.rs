@@ -452,6 +452,7 @@ impl Matter<'_> {
             // fits come in lexicographic order
             springs.constants[ElementKind::Triangle].chunks_exact_mut(3).for_each(<[f64]>::reverse);
         }
+        springs.count(self.ordered);
         Ok(springs)
     }
 

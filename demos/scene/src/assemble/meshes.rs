@@ -51,6 +51,9 @@ pub fn generate(shape: &Generate) -> Result<Option<Mesh>, MeshError> {
                 (None, _, SheetCells::Triangles) => specimen_triangles(s.width, flat),
                 (None, _, SheetCells::Quads) => specimen_quads(s.width, flat),
                 (Some(t), Some(SolidCells::Hexahedra), _) => specimen_hexahedra(s.width, t, deep),
+                (Some(t), Some(SolidCells::Irregular), _) => {
+                    specimen_tets(s.width, t, deep).and_then(|mesh| jitter_interior(&mesh, 0.15, 0))
+                }
                 (Some(t), ..) => specimen_tets(s.width, t, deep),
             }
         }),

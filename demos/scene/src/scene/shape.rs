@@ -125,7 +125,7 @@ shapes! {
             /// Layers along the axis; default 20.
             #[serde(default = "cylinder_layers")]
             layers: usize,
-            /// `"tetrahedra"` (default) or `"hexahedra"`.
+            /// `"tetrahedra"` (default), `"hexahedra"` or `"irregular"` tetrahedra.
             #[serde(default)]
             elements: SolidCells,
         }
@@ -163,7 +163,7 @@ shapes! {
             thickness: Option<f64>,
             /// Of a sheet: `"triangles"` (default) or `"quads"`.
             sheet: Option<SheetCells>,
-            /// Of a solid: `"tetrahedra"` (default) or `"hexahedra"`.
+            /// Of a solid: `"tetrahedra"` (default), `"hexahedra"` or `"irregular"` tetrahedra.
             solid: Option<SolidCells>,
         }
     /// A disc of triangles at z = 0 around the origin; groups `rim`, `body`.
