@@ -14,9 +14,9 @@ use sinew::identify::mesh::fit_elements;
 use sinew::identify::{ElementMethod, LinearMaterial, Section};
 use sinew::models::axes::description::{AxesDescription, AxisAngle, AxisFamily};
 use sinew::models::axes::muscle::MuscleSettings;
-use sinew::models::body::MassRule;
 use sinew::models::body::lumped::{HexahedronSprings, SpringRule, UniformSprings};
 use sinew::models::body::sheet::{MembraneDescription, MembraneModel};
+use sinew::models::body::{Integration, MassRule};
 use sinew::models::resection::{Region, RemovalReport};
 use sinew::prelude::*;
 
@@ -75,6 +75,9 @@ impl Mixed {
     }
 }
 
+/// Both ways to integrate hexahedra.
+const INTEGRATIONS: [Integration; 2] = [Integration::Full, Integration::Reduced];
+
 /// Removes a tenth of the elements of a kind.
 fn remove_some(
     simulation: &mut Simulation,
@@ -109,9 +112,10 @@ fn mixed_bars_hang_like_bars_of_one_kind() {
 #[test]
 fn the_same_bits_on_any_number_of_threads() {
     let bar = mixed([16, 4, 4]);
-    let run = |precision, threads| {
+    let run = |precision, integration, threads| {
         let options = options(precision, threads);
-        let (mut simulation, body) = crate::common::alone(options, &bar.description());
+        let description = BodyDescription { integration, ..bar.description() };
+        let (mut simulation, body) = crate::common::alone(options, &description);
         hold_end(&mut simulation, body, &bar.mesh.points);
         simulation.set_gravity(DVec3::new(0.0, 0.0, -9.81));
         simulation.set_dt(0.01);
@@ -128,23 +132,29 @@ fn the_same_bits_on_any_number_of_threads() {
         simulation.state_hash()
     };
     for precision in [Precision::F64, Precision::F32] {
-        assert_eq!(run(precision, 1), run(precision, 2));
+        for integration in INTEGRATIONS {
+            assert_eq!(run(precision, integration, 1), run(precision, integration, 2));
+        }
     }
 }
 
 #[test]
 fn what_is_left_equals_a_fresh_build() {
     let bar = mixed([6, 2, 2]);
-    for (model, sheet) in [
-        (Model::CompressibleStVK, MembraneModel::Biquadratic),
-        (Model::Linear, MembraneModel::Linear),
-        (Model::Corotational, MembraneModel::Corotational),
-        (Model::NeoHookean, MembraneModel::CompressibleBiquadratic),
-        (Model::MassSpring, MembraneModel::MassSpring),
+    let [full, reduced] = INTEGRATIONS;
+    for (model, integration, sheet) in [
+        (Model::CompressibleStVK, full, MembraneModel::Biquadratic),
+        (Model::CompressibleStVK, reduced, MembraneModel::Biquadratic),
+        (Model::Linear, full, MembraneModel::Linear),
+        (Model::Linear, reduced, MembraneModel::Linear),
+        (Model::Corotational, full, MembraneModel::Corotational),
+        (Model::NeoHookean, reduced, MembraneModel::CompressibleBiquadratic),
+        (Model::NeoHookean, full, MembraneModel::CompressibleBiquadratic),
+        (Model::MassSpring, full, MembraneModel::MassSpring),
     ] {
         let description = bar.description();
         let membrane = description.membrane.map(|m| MembraneDescription { model: sheet, ..m });
-        let description = BodyDescription { model, membrane, ..description };
+        let description = BodyDescription { model, integration, membrane, ..description };
         let (mut simulation, body) = alone(&description);
         simulation.prepare_removals(body).unwrap();
         disturb(&mut simulation, body, 1e-3, 3);
@@ -157,12 +167,13 @@ fn what_is_left_equals_a_fresh_build() {
                 compacted += u32::from(report.compacted);
                 gone += report.elastic_energy;
             }
-            let what = format!("{} round {round}", model.name());
+            let what = format!("{} {integration:?} round {round}", model.name());
             assert_fresh(&mut simulation, body, 1e-12, &what);
         }
         assert!(compacted > 0);
         let left = simulation.evaluate();
-        assert!((left + gone - energy).abs() < 1e-10 * energy, "{}", model.name());
+        let lost = (left + gone - energy).abs();
+        assert!(lost < 1e-10 * energy, "{} {integration:?}: {lost:e}", model.name());
     }
 }
 
@@ -195,9 +206,10 @@ fn axes_leave_with_their_elements() {
 
 #[test]
 fn hexahedra_contract_like_tetrahedra() {
-    let contract = |mesh: &Mesh| {
+    let contract = |mesh: &Mesh, integration| {
         let bar = Mixed { mesh: mesh.clone(), triangles: Vec::new(), quads: Vec::new() };
-        let (mut simulation, body) = alone(&bar.with_muscle());
+        let description = BodyDescription { integration, ..bar.with_muscle() };
+        let (mut simulation, body) = alone(&description);
         hold_end(&mut simulation, body, &mesh.points);
         simulation.set_gravity(DVec3::ZERO);
         simulation.set_activation(body, "muscle", 1.0).unwrap();
@@ -206,17 +218,28 @@ fn hexahedra_contract_like_tetrahedra() {
         simulation.displacements(body).iter().map(|u| u.x).fold(0.0, f64::min)
     };
     let bricks = box_hexahedra(DVec3::new(0.2, 0.05, 0.05), [16, 4, 4]).unwrap();
-    let (a, b) = (contract(&bricks), contract(&bricks.split_into_simplices()));
-    assert!(a < -0.01 && (a / b - 1.0).abs() < 0.03, "{a} {b}");
+    let b = contract(&bricks.split_into_simplices(), Integration::Full);
+    for integration in INTEGRATIONS {
+        let a = contract(&bricks, integration);
+        assert!(a < -0.01 && (a / b - 1.0).abs() < 0.03, "{integration:?}: {a} {b}");
+    }
 }
 
 #[test]
 fn a_new_material_equals_a_new_body() {
     let bar = mixed([6, 2, 2]);
     let stiff = YoungPoisson { young_modulus: 3e4, poisson_ratio: 0.2, density: 1200.0 };
-    for model in [Model::CompressibleStVK, Model::Linear, Model::MassSpring] {
+    let [full, reduced] = INTEGRATIONS;
+    for (model, integration) in [
+        (Model::CompressibleStVK, full),
+        (Model::CompressibleStVK, reduced),
+        (Model::Linear, full),
+        (Model::Linear, reduced),
+        (Model::MassSpring, full),
+    ] {
         let run = |first: YoungPoisson, second: Option<YoungPoisson>| {
             let description = BodyDescription { material: first, model, ..bar.description() };
+            let description = BodyDescription { integration, ..description };
             let (mut simulation, body) = alone(&description);
             disturb(&mut simulation, body, 1e-3, 5);
             if let Some(second) = second {
@@ -225,7 +248,8 @@ fn a_new_material_equals_a_new_body() {
             let energy = simulation.evaluate();
             (energy, simulation.elastic_forces(body), simulation.masses(body))
         };
-        assert_eq!(run(stiff, None), run(SOFT, Some(stiff)), "{}", model.name());
+        let name = model.name();
+        assert_eq!(run(stiff, None), run(SOFT, Some(stiff)), "{name} {integration:?}");
     }
 }
 
@@ -305,7 +329,9 @@ fn springs_of_a_plate_and_negative_constants_stay_bounded() {
 #[test]
 fn crushed_hexahedra_recover() {
     let mesh = box_hexahedra(DVec3::splat(0.1), [4, 4, 4]).unwrap();
-    for start in ["flat", "mirrored", "point"] {
+    for (start, integration) in
+        ["flat", "mirrored", "point"].into_iter().flat_map(|s| INTEGRATIONS.map(|i| (s, i)))
+    {
         let away = |p: DVec3| match start {
             "flat" => p.z * DVec3::Z,
             "mirrored" => 2.0 * p.z * DVec3::Z,
@@ -314,7 +340,8 @@ fn crushed_hexahedra_recover() {
         let noise = random_field(mesh.points.len(), 2);
         let u: Vec<DVec3> =
             mesh.points.iter().zip(&noise).map(|(p, n)| 1e-6 * *n - away(*p)).collect();
-        recovers(&BodyDescription::new("cube", &mesh, SOFT), &u, start);
+        let cube = BodyDescription { integration, ..BodyDescription::new("cube", &mesh, SOFT) };
+        recovers(&cube, &u, &format!("{start} {integration:?}"));
     }
 }
 

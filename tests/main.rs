@@ -23,6 +23,7 @@ mod patch;
 mod physics;
 mod pressure;
 mod recovery;
+mod reduced;
 mod reference;
 mod resection;
 mod resting;

@@ -90,7 +90,7 @@ fn equal_errors_are_interpolated_in_logarithms() {
 
 #[test]
 fn verdicts_compare_what_they_say() {
-    let [linear, clusters, _, ten_node] = Discretisation::ALL.map(Discretisation::name);
+    let [linear, clusters, _, ten_node, _] = Discretisation::ALL.map(Discretisation::name);
     let (a, b) = (1, 2);
     let mut report = ElementReport {
         rows: vec![

@@ -5,7 +5,7 @@ use crate::element::{
     ShapeGradients, TetrahedronShapes, TetrahedronVertices, displacement_gradient, minor,
 };
 use crate::isoparametric::{
-    Derivatives, HexahedronRest, HexahedronVertices, PointsRest, Tetrahedron10Rest,
+    CornerPoints, Derivatives, HexahedronRest, HexahedronVertices, PointsRest, Tetrahedron10Rest,
     Tetrahedron10Vertices,
 };
 use crate::lanes::{Batch, Batches, Lanes, MAX_LANES};
@@ -123,7 +123,7 @@ impl<S: Scalar> Batch<S> for Compressed<'_, S> {
     }
 }
 
-type OfPoints<'w, 's, N, R> = Query<'w, 's, (&'static N, &'static R, &'static BodyId)>;
+type OfPoints<'w, 's, N, R, F = ()> = Query<'w, 's, (&'static N, &'static R, &'static BodyId), F>;
 
 /// Counts into [`CompressionReport`].
 fn measure_compression<S: Scalar>(
@@ -131,7 +131,8 @@ fn measure_compression<S: Scalar>(
     mut report: ResMut<CompressionReport>,
     vertices: Query<&Displacement<S>>,
     tetrahedra: Query<(&TetrahedronVertices, ShapeGradients<S>, &BodyId)>,
-    hexahedra: OfPoints<HexahedronVertices, HexahedronRest<S>>,
+    hexahedra: OfPoints<HexahedronVertices, HexahedronRest<S>, Without<CornerPoints>>,
+    at_corners: OfPoints<HexahedronVertices, HexahedronRest<S>, With<CornerPoints>>,
     tens: OfPoints<Tetrahedron10Vertices, Tetrahedron10Rest<S>>,
 ) {
     if failure.0.is_some() {
@@ -171,6 +172,7 @@ fn measure_compression<S: Scalar>(
         };
     }
     at_points!(hexahedra, Derivatives::hexahedron());
+    at_points!(at_corners, Derivatives::hexahedron_corners());
     at_points!(tens, Derivatives::tetrahedron10());
 }
 

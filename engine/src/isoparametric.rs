@@ -258,6 +258,11 @@ impl<S: Scalar> Derivatives<S, 8, 3, 8> {
     pub fn hexahedron() -> Self {
         Self::of(|q| hexahedron_derivatives(gauss_point(q)))
     }
+
+    /// Of hexahedra at their corners ([`CornerPoints`]).
+    pub fn hexahedron_corners() -> Self {
+        Self::of(|q| hexahedron_derivatives(CORNERS[q]))
+    }
 }
 
 impl<S: Scalar> Derivatives<S, 10, 3, 4> {
@@ -362,7 +367,13 @@ pub struct PointsRest<S: Scalar, const Q: usize> {
     pub volume: [S; Q],
 }
 
-/// Rest shape of a hexahedron at its Gauss points.
+/// Marks hexahedra whose [`PointsRest`] stands for their corners in place of Gauss points. Their energy does not see single
+/// points, so a corner can fold while the deformation in the middle is sound: whoever counts inverted elements looks there.
+#[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[component(clone_behavior = Ignore)]
+pub struct CornerPoints;
+
+/// Rest shape of a hexahedron at its Gauss points, or at its corners ([`CornerPoints`]).
 pub type HexahedronRest<S> = PointsRest<S, 8>;
 /// Rest shape of a ten-node tetrahedron at its Gauss points.
 pub type Tetrahedron10Rest<S> = PointsRest<S, 4>;
@@ -504,6 +515,18 @@ impl RestHexahedron {
             }
         }
         Ok(rest)
+    }
+
+    /// Gradients at the corners (m) in place of the Gauss points, with volumes in the ratio of the Jacobians there that add up to
+    /// the same as those of the Gauss points.
+    pub fn at_corners(&self, points: &[[f64; 3]; 8]) -> Self {
+        let mut rest = Self::NOTHING;
+        for q in 0..8 {
+            rest.put(q, edges_of(hexahedron_derivatives(CORNERS[q]), points), 1.0);
+        }
+        let factor = self.total_volume() / rest.total_volume();
+        rest.volume = rest.volume.map(|volume| factor * volume);
+        rest
     }
 
     /// Volume (m^3) of every vertex, `int N_a dV` (row sums of the mass matrix over the density).

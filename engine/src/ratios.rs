@@ -8,8 +8,8 @@ use crate::element::{
 };
 use crate::element_kind::ElementKind;
 use crate::isoparametric::{
-    Derivatives, HexahedronIndex, HexahedronRest, HexahedronVertices, PointsRest, QuadIndex,
-    QuadRest, QuadVertices, Tetrahedron10Rest, Tetrahedron10Vertices, load_points,
+    CornerPoints, Derivatives, HexahedronIndex, HexahedronRest, HexahedronVertices, PointsRest,
+    QuadIndex, QuadRest, QuadVertices, Tetrahedron10Rest, Tetrahedron10Vertices, load_points,
     point_differences, rows_of,
 };
 use crate::lanes::{Batch, Batches, Kernel, Lanes, MAX_LANES, padded};
@@ -26,6 +26,10 @@ use bytemuck::TransparentWrapper;
 use std::ops::Range;
 use std::time::Instant;
 
+/// Query data of hexahedra.
+type HexahedraAtPoints<S> =
+    (&'static HexahedronVertices, &'static HexahedronRest<S>, &'static BodyId);
+
 /// What [`measure_volume_ratios`] reads and writes.
 #[derive(SystemParam)]
 pub struct VolumeMeasure<'w, 's, S: Scalar> {
@@ -36,8 +40,8 @@ pub struct VolumeMeasure<'w, 's, S: Scalar> {
     times: ResMut<'w, SystemTimes>,
     vertices: Query<'w, 's, &'static Displacement<S>>,
     tetrahedra: Query<'w, 's, (&'static TetrahedronVertices, ShapeGradients<S>, &'static BodyId)>,
-    hexahedra:
-        Query<'w, 's, (&'static HexahedronVertices, &'static HexahedronRest<S>, &'static BodyId)>,
+    hexahedra: Query<'w, 's, HexahedraAtPoints<S>, Without<CornerPoints>>,
+    hexahedra_at_corners: Query<'w, 's, HexahedraAtPoints<S>, With<CornerPoints>>,
     tens: Query<
         'w,
         's,
@@ -101,11 +105,12 @@ pub fn measure_volume_ratios<S: Scalar>(
         };
     }
     at_points!(measure.hexahedra, Derivatives::hexahedron());
+    at_points!(measure.hexahedra_at_corners, Derivatives::hexahedron_corners());
     at_points!(measure.tens, Derivatives::tetrahedron10());
     times.add("volume ratios", start.elapsed());
 }
 
-/// Ratio `J` of deformed to rest volume at the Gauss points of a solid element; 1 for a removed one.
+/// Ratio `J` of deformed to rest volume at the points of a solid element; 1 for a removed one.
 pub fn point_ratios<S: Scalar, const N: usize, const Q: usize>(
     derivatives: &Derivatives<S, N, 3, Q>,
     displacement: &[Displacement<S>],
@@ -299,8 +304,8 @@ pub fn each_element<S: Scalar>(world: &mut World, body: usize, mut with: impl Fn
             }
         };
     }
-    let (brick, ten, quad) =
-        (Derivatives::hexahedron(), Derivatives::tetrahedron10(), Derivatives::quad());
+    let bricks = [Derivatives::hexahedron(), Derivatives::hexahedron_corners()];
+    let (ten, quad) = (Derivatives::tetrahedron10(), Derivatives::quad());
     each!(
         Tetrahedron: (&TetrahedronIndex, &TetrahedronVertices, ShapeGradients<S>, &RestVolume<S>),
         |u, (nodes, gradients, volume)| {
@@ -313,8 +318,11 @@ pub fn each_element<S: Scalar>(world: &mut World, body: usize, mut with: impl Fn
         }
     );
     each!(
-        Hexahedron: (&HexahedronIndex, &HexahedronVertices, &HexahedronRest<S>),
-        |u, (nodes, rest)| (point_ratios(&brick, u, &nodes.0, rest), rest.volume.map(S::to_f64))
+        Hexahedron: (&HexahedronIndex, &HexahedronVertices, &HexahedronRest<S>, Has<CornerPoints>),
+        |u, (nodes, rest, at_corners)| {
+            let derivatives = &bricks[usize::from(at_corners)];
+            (point_ratios(derivatives, u, &nodes.0, rest), rest.volume.map(S::to_f64))
+        }
     );
     each!(
         Tetrahedron: (&TetrahedronIndex, &Tetrahedron10Vertices, &Tetrahedron10Rest<S>),

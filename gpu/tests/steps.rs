@@ -6,7 +6,7 @@ use glam::DVec3;
 use sinew::engine::mesh::Mesh;
 use sinew::engine::mesh::generate::box_hexahedra;
 use sinew::engine::report::StepReport;
-use sinew::models::body::{Evaluation, VolumeRule};
+use sinew::models::body::{Evaluation, Integration, VolumeRule};
 use sinew::models::resection::Region;
 use sinew::prelude::*;
 use sinew::solvers::settings::Preconditioner;
@@ -386,14 +386,16 @@ fn what_has_no_twin_is_refused_by_name() {
     let volume = VolumeRule::Clusters;
     let (bricks, curved) =
         (box_hexahedra(DVec3::splat(0.1), [2, 2, 2]).unwrap(), mesh.with_second_order());
-    for (mesh, volume, words) in [
-        (&mesh, volume, "`tissue`: the law \"volume kept by clusters\""),
-        (&bricks, volume, "`tissue`: the law \"volume kept by clusters\""),
-        (&curved, VolumeRule::Elements, "ten-node"),
+    let (each, full, reduced) = (VolumeRule::Elements, Integration::Full, Integration::Reduced);
+    for (mesh, volume, integration, words) in [
+        (&mesh, volume, full, "`tissue`: the law \"volume kept by clusters\""),
+        (&bricks, volume, full, "`tissue`: the law \"volume kept by clusters\""),
+        (&bricks, each, reduced, "neo-Hookean hexahedra, reduced integration"),
+        (&curved, each, full, "ten-node"),
     ] {
         let Some(mut simulation) = on_device(&GpuOptions::default()) else { return };
         let of = BodyDescription::new("tissue", mesh, MATERIAL);
-        let of = BodyDescription { model: Model::NeoHookean, volume, ..of };
+        let of = BodyDescription { model: Model::NeoHookean, volume, integration, ..of };
         simulation.add_body(&of).unwrap();
         simulation.set_solver(settings());
         let error = simulation.step().unwrap_err().to_string();

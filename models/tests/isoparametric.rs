@@ -16,7 +16,9 @@ use sinew_engine::scalar::Scalar;
 use sinew_engine::workers::Workers;
 use sinew_models::axes::description::{AxesDescription, AxisAngle, AxisFamily, FibreForm};
 use sinew_models::body::sheet::{MembraneDescription, MembraneError, MembraneModel, PlaneState};
-use sinew_models::body::{BodyDescription, BodyError, Evaluation, Model, VolumeRule, spawn_body};
+use sinew_models::body::{
+    BodyDescription, BodyError, Evaluation, Integration, Model, VolumeRule, spawn_body,
+};
 use sinew_models::element::face;
 use sinew_models::material::{LameParameters, YoungPoisson};
 
@@ -135,18 +137,23 @@ fn is_definite(matrix: &[Vec<f64>], shift: f64) -> bool {
 /// Calls `check` with every body of this file and a name.
 fn for_bodies(mut check: impl FnMut(&BodyDescription, &str, bool)) {
     let (points, hexahedra) = bricks();
-    for model in solids() {
-        let body = BodyDescription { model, ..of_bricks(&points, &hexahedra, 0.4) };
-        check(&body, model.name(), model == Model::Linear);
-    }
-    for model in solids().filter(|model| model.keeps_mean_volume()) {
-        for nu in [0.4, 0.49] {
-            let body = BodyDescription {
-                model,
-                volume: VolumeRule::Clusters,
-                ..of_bricks(&points, &hexahedra, nu)
-            };
-            check(&body, &format!("{}, mean volume, {nu}", model.name()), model == Model::Linear);
+    for integration in [Integration::Full, Integration::Reduced] {
+        for model in solids() {
+            let body = of_bricks(&points, &hexahedra, 0.4);
+            let body = BodyDescription { model, integration, ..body };
+            check(&body, &format!("{}, {integration:?}", model.name()), model == Model::Linear);
+        }
+        for model in solids().filter(|model| model.keeps_mean_volume()) {
+            for nu in [0.4, 0.49] {
+                let body = BodyDescription {
+                    model,
+                    integration,
+                    volume: VolumeRule::Clusters,
+                    ..of_bricks(&points, &hexahedra, nu)
+                };
+                let name = format!("{}, {integration:?}, mean volume, {nu}", model.name());
+                check(&body, &name, model == Model::Linear);
+            }
         }
     }
     let mesh = tens();

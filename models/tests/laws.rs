@@ -79,7 +79,7 @@ fn walk<S: Scalar>(body: &BodyDescription, pressed: bool, reached: &mut BTreeSet
         Elements::Tetrahedra | Elements::PooledTetrahedra | Elements::Tetrahedra10 => {
             Some(body.tetrahedra.len())
         }
-        Elements::Hexahedra => Some(body.hexahedra.len()),
+        Elements::Hexahedra | Elements::ReducedHexahedra => Some(body.hexahedra.len()),
         Elements::Triangles => Some(body.membrane.unwrap().triangles.len()),
         Elements::Quads => Some(body.membrane.unwrap().quads.len()),
         Elements::Faces => Some(usize::from(pressed)),
@@ -102,6 +102,7 @@ fn walk<S: Scalar>(body: &BodyDescription, pressed: bool, reached: &mut BTreeSet
                 Elements::Tetrahedra
                     | Elements::Tetrahedra10
                     | Elements::Hexahedra
+                    | Elements::ReducedHexahedra
                     | Elements::Triangles
                     | Elements::Quads
             );

@@ -14,5 +14,6 @@ mod material;
 mod membrane;
 mod membrane_systems;
 mod properties;
+mod reduced;
 mod reference;
 mod systems;

@@ -5,7 +5,7 @@ use sinew_engine::mesh::Mesh;
 use sinew_engine::mesh::generate::{box_hexahedra, box_tets, quad_grid, triangle_grid};
 use sinew_models::axes::description::{AxesDescription, AxisFamily, FibreForm};
 use sinew_models::body::sheet::{Bending, MembraneDescription, MembraneModel};
-use sinew_models::body::{BodyDescription, Evaluation, Model, VolumeRule};
+use sinew_models::body::{BodyDescription, Evaluation, Integration, Model, VolumeRule};
 use sinew_models::material::YoungPoisson;
 
 /// What they are made of.
@@ -64,6 +64,11 @@ impl Meshes {
                     continue;
                 }
                 bodies.push(BodyDescription { model, ..body.clone() });
+                let integration = Integration::Reduced;
+                let reduced = BodyDescription { model, integration, ..body.clone() };
+                if !mesh.hexahedra.is_empty() && model.law().is_some() {
+                    bodies.push(reduced.clone());
+                }
                 if model.supports(Evaluation::Pooled)
                     && body.middles.is_empty()
                     && body.hexahedra.is_empty()
@@ -74,6 +79,9 @@ impl Meshes {
                 if model.keeps_mean_volume() {
                     let volume = VolumeRule::Clusters;
                     bodies.push(BodyDescription { model, volume, ..body.clone() });
+                    if !mesh.hexahedra.is_empty() {
+                        bodies.push(BodyDescription { volume, ..reduced });
+                    }
                 }
             }
             for kind in 0..4 {

@@ -1,6 +1,6 @@
 //! Speed against error of kinds of elements: a clamped body under its own weight, from compressible to nearly
-//! incompressible, by linear tetrahedra, clusters of them, hexahedra and ten-node tetrahedra, beside the rivals that
-//! can run it. The bodies are a beam and a liver that is held at its top ([`ElementBody`]).
+//! incompressible, by linear tetrahedra, clusters of them, ten-node tetrahedra and hexahedra, fully integrated and reduced, beside
+//! the rivals that can run it. The bodies are a beam and a liver that is held at its top ([`ElementBody`]).
 //!
 //! * **Static error**: the equilibrium of the method on its mesh (rivals: the settled state) against the converged
 //!   continuum, largest distance of a vertex over the largest displacement.
@@ -26,7 +26,7 @@ use crate::toolbox::prelude::*;
 use crate::toolbox::stats::{Rounds, Spread, interleave};
 use sinew::engine::mesh::Group;
 use sinew::engine::mesh::generate::{box_hexahedra, box_tets};
-use sinew::models::body::VolumeRule;
+use sinew::models::body::{Integration, VolumeRule};
 use sinew_tune::measures::displacement_error;
 use sinew_tune::table::three_digits;
 use std::collections::{HashMap, HashSet};
@@ -93,7 +93,7 @@ impl ElementBody {
     /// When it cannot be made or read.
     pub fn mesh(self, kind: Discretisation, level: usize) -> Result<(Mesh, Vec<u32>)> {
         let linear = match self {
-            Self::Beam if kind == Discretisation::Hexahedra => box_hexahedra(SIZE, LEVELS[level])?,
+            Self::Beam if kind.of_hexahedra() => box_hexahedra(SIZE, LEVELS[level])?,
             Self::Beam => box_tets(SIZE, LEVELS[level])?,
             Self::Liver => {
                 let mut first = demo_mesh("liver_coarse.msh")?;
@@ -127,7 +127,7 @@ impl ElementBody {
         // levels of the liver count from that of the beam with as many tetrahedra
         let level = if self == Self::Liver { level + 1 } else { level };
         let here = |kind: &Discretisation| match (level, kind) {
-            (_, Discretisation::Hexahedra) if self == Self::Liver => false,
+            (_, kind) if self == Self::Liver && kind.of_hexahedra() => false,
             (4, Discretisation::Linear) => poisson_ratio == 0.3,
             (4, Discretisation::Clusters) => poisson_ratio == 0.4999,
             (4, _) => false,
@@ -258,15 +258,30 @@ pub enum Discretisation {
     Hexahedra,
     /// Ten-node tetrahedra that do.
     TenNode,
+    /// Hexahedra with reduced integration.
+    ReducedHexahedra,
 }
 
 impl Discretisation {
     /// All, in the order of [`KINDS`].
-    pub const ALL: [Self; 4] = [Self::Linear, Self::Clusters, Self::Hexahedra, Self::TenNode];
+    pub const ALL: [Self; 5] =
+        [Self::Linear, Self::Clusters, Self::Hexahedra, Self::TenNode, Self::ReducedHexahedra];
 
     /// Name in tables.
     pub fn name(self) -> &'static str {
         KINDS[self as usize]
+    }
+
+    fn of_hexahedra(self) -> bool {
+        matches!(self, Self::Hexahedra | Self::ReducedHexahedra)
+    }
+
+    /// How its hexahedra are integrated.
+    fn integration(self) -> Integration {
+        match self {
+            Self::ReducedHexahedra => Integration::Reduced,
+            _ => Integration::Full,
+        }
     }
 
     /// What keeps its volume.
@@ -287,7 +302,8 @@ impl Discretisation {
         let name =
             format!("{} of {} {}, nu {poisson_ratio}", body.name(), body.grid(level), self.name());
         let (mesh, fixed) = body.mesh(self, level)?;
-        Ok(Beam { name, mesh, fixed, material, gravity })
+        let integration = self.integration();
+        Ok(Beam { name, mesh, fixed, material, gravity, integration })
     }
 
     /// Steps by an integrator.
@@ -309,11 +325,12 @@ impl Discretisation {
 }
 
 /// Names in the order of the chart: ours, then the rivals with as many iterations as they need.
-pub const KINDS: [&str; 8] = [
+pub const KINDS: [&str; 9] = [
     "linear tetrahedra",
     "clusters of tetrahedra",
     "hexahedra",
     "ten-node tetrahedra",
+    "hexahedra, reduced integration",
     "MuJoCo tetrahedra",
     "MuJoCo trilinear cells",
     "MuJoCo quadratic cells",
@@ -724,12 +741,12 @@ impl ElementLevel {
         let capped = self.level < 3 && !self.quick;
         if let Some(mujoco) = mujoco {
             let mut bodies = vec![
-                (4, Freedom::Full, tetrahedra.clone()),
-                (5, Freedom::Trilinear(cells), free(self.level)?),
+                (5, Freedom::Full, tetrahedra.clone()),
+                (6, Freedom::Trilinear(cells), free(self.level)?),
             ];
             if self.level < if self.quick { 1 } else { 3 } {
                 // nodes in the middle of edges: the vertices of the next level
-                bodies.push((6, Freedom::Quadratic(cells), free(self.level + 1)?));
+                bodies.push((7, Freedom::Quadratic(cells), free(self.level + 1)?));
             }
             for (name, freedom, case) in bodies {
                 let found = match mujoco.rivals(&case, &[H], freedom) {
@@ -759,8 +776,8 @@ impl ElementLevel {
         for (i, rival) in rapier::rivals(&tetrahedra, H).into_iter().enumerate() {
             let kind = match i {
                 0 if capped => "Rapier constraints".to_owned(),
-                1 if capped => format!("{}{CAPPED}", KINDS[7]),
-                2 => KINDS[7].to_owned(),
+                1 if capped => format!("{}{CAPPED}", KINDS[8]),
+                2 => KINDS[8].to_owned(),
                 _ => continue,
             };
             entries.push(ElementEntry::new(&kind, None, self, &tetrahedra, rival));

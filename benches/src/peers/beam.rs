@@ -2,6 +2,7 @@
 
 use crate::toolbox::prelude::*;
 use sinew::engine::mesh::generate::box_tets;
+use sinew::models::body::Integration;
 
 /// A clamped body under its own weight: a beam, or one of another shape.
 #[derive(Clone, Debug)]
@@ -16,6 +17,8 @@ pub struct Beam {
     pub material: YoungPoisson,
     /// Gravity (m/s^2) against z.
     pub gravity: f64,
+    /// How its hexahedra are integrated.
+    pub integration: Integration,
 }
 
 /// What rivals in other processes read.
@@ -70,7 +73,8 @@ impl Beam {
             mesh.tetrahedra.len(),
             material.poisson_ratio
         );
-        Self { name, fixed: at_zero(&mesh), mesh, material, gravity }
+        let (fixed, integration) = (at_zero(&mesh), Integration::default());
+        Self { name, fixed, mesh, material, gravity, integration }
     }
 
     /// Lumped masses (kg): a quarter of each tetrahedron to each of its vertices.

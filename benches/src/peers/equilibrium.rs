@@ -19,7 +19,7 @@ pub fn simulation(
         ..Default::default()
     })?;
     let body = BodyDescription::new("beam", &beam.mesh, beam.material);
-    let description = BodyDescription { model, volume, ..body };
+    let description = BodyDescription { model, volume, integration: beam.integration, ..body };
     let body = simulation.add_body(&description)?;
     let rows = simulation.rows(body, "clamp", &beam.fixed)?;
     simulation.add_constraint(Constraint::hold("clamp", rows));

@@ -233,6 +233,7 @@ fn stack(setting: &CaseSetting, mesh: &Mesh) -> CaseOutcome {
         let upper = BodyDescription {
             model: setting.column.model,
             volume: setting.column.volume,
+            integration: setting.column.cells.integration(),
             ..BodyDescription::new(name, &upper, tissue(2e4, 0.45))
         };
         bodies.push(run.simulation.add_body(&upper)?);

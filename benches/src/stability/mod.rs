@@ -105,7 +105,7 @@ pub struct SuiteOptions {
     /// Volume by clusters, with energies that have it.
     #[arg(long)]
     pub clusters: bool,
-    /// What solids are cut into: tetrahedra, tetrahedra10 or hexahedra; the last where they are boxes.
+    /// What solids are cut into: tetrahedra, tetrahedra10, hexahedra or reduced-hexahedra; the last two where they are boxes.
     #[arg(long, value_parser = choice::<SolidCells>, default_value_t)]
     pub cells: SolidCells,
     /// Without recovery from inversion.

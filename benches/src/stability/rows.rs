@@ -1,7 +1,7 @@
 //! Cases, columns and checks of the pass table: what the groups of hard cases and their report speak of.
 
 use serde::{Deserialize, Serialize};
-use sinew::models::body::VolumeRule;
+use sinew::models::body::{Integration, VolumeRule};
 use sinew::prelude::*;
 
 /// What solids are cut into.
@@ -15,6 +15,19 @@ pub enum SolidCells {
     Tetrahedra10,
     /// Hexahedra: the cells that the tetrahedra of boxes are cut from.
     Hexahedra,
+    /// The same with reduced integration.
+    #[serde(rename = "reduced-hexahedra")]
+    ReducedHexahedra,
+}
+
+impl SolidCells {
+    /// How hexahedra are integrated.
+    pub fn integration(self) -> Integration {
+        match self {
+            Self::ReducedHexahedra => Integration::Reduced,
+            _ => Integration::Full,
+        }
+    }
 }
 
 impl std::fmt::Display for SolidCells {
@@ -23,6 +36,7 @@ impl std::fmt::Display for SolidCells {
             Self::Tetrahedra => "tetrahedra",
             Self::Tetrahedra10 => "tetrahedra10",
             Self::Hexahedra => "hexahedra",
+            Self::ReducedHexahedra => "reduced-hexahedra",
         })
     }
 }

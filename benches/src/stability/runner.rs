@@ -66,7 +66,9 @@ impl SolidCells {
             // a sheet is the same, whatever solids are cut into
             _ if !mesh.is_solid() => Err(OtherCells.into()),
             Self::Tetrahedra10 => Ok(Cow::Owned(mesh.with_second_order())),
-            Self::Hexahedra => Ok(Cow::Owned(cells_of(mesh).ok_or(OtherCells)?)),
+            Self::Hexahedra | Self::ReducedHexahedra => {
+                Ok(Cow::Owned(cells_of(mesh).ok_or(OtherCells)?))
+            }
         }
     }
 }
@@ -213,7 +215,9 @@ impl<'a> CaseRun<'a> {
         let options =
             SimulationOptions { precision, threads, exclusive: true, ..Default::default() };
         let mut simulation = Simulation::new(options)?;
-        let body = simulation.add_body(description)?;
+        let integration = setting.column.cells.integration();
+        let description = BodyDescription { integration, ..description.clone() };
+        let body = simulation.add_body(&description)?;
         simulation.set_gravity(DVec3::ZERO);
         let mut run = Self {
             simulation,

@@ -21,7 +21,7 @@ use sinew::engine::topology::Topology;
 use sinew::engine::vertex::{Mass, Velocity};
 use sinew::models::body::change::set_material;
 use sinew::models::body::sheet::MembraneSettings;
-use sinew::models::body::{BodyError, Evaluation, MassRule, VolumeRule};
+use sinew::models::body::{BodyError, Evaluation, Integration, MassRule, VolumeRule};
 use sinew::models::material::field::FieldError;
 use sinew::models::resection::{
     Region, Removal, RemovalError, RemovalLog, RemovalReport, RemovalRequest,
@@ -56,6 +56,8 @@ pub struct SinewBody {
     pub evaluation: Evaluation,
     /// What keeps its volume; it cannot be changed later.
     pub volume: VolumeRule,
+    /// How its hexahedra are integrated; it cannot be changed later.
+    pub integration: Integration,
     /// How its mass is shared out; it cannot be changed later.
     pub masses: MassRule,
     /// Makes all triangles and quadrilaterals of the mesh a membrane; it cannot be changed later.
@@ -71,6 +73,7 @@ impl SinewBody {
             model: Model::default(),
             evaluation: Evaluation::default(),
             volume: VolumeRule::default(),
+            integration: Integration::default(),
             masses: MassRule::default(),
             membrane: None,
         }
@@ -368,6 +371,7 @@ fn build_body(
         model: body.model,
         evaluation: body.evaluation,
         volume: body.volume,
+        integration: body.integration,
         masses: body.masses,
         membrane: body.membrane.as_ref().map(|m| m.of(&mesh.triangles, &mesh.quads)),
         ..BodyDescription::new(&name, mesh, body.material)

@@ -162,6 +162,7 @@ impl Embedding {
             model: description.model,
             evaluation: description.evaluation,
             volume: description.volume,
+            integration: description.integration,
             springs: description.springs,
             axes: description.axes.clone().map(|axes| axes.into_owned()),
         });

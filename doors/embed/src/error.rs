@@ -196,6 +196,7 @@ fn body(error: &BodyError) -> Code {
         | BodyError::Axes { .. }
         | BodyError::SpringConstant { .. }
         | BodyError::HexahedronModel { .. }
+        | BodyError::Integration { .. }
         | BodyError::Evaluation { .. }
         | BodyError::Law { .. }
         | BodyError::Springs { .. }

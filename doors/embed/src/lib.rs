@@ -68,7 +68,7 @@ pub use sinew::models::body::present::MassPolicy;
 pub use sinew::models::body::sheet::{
     Bending, MembraneDescription, MembraneModel, PlaneState, RestCurvature,
 };
-pub use sinew::models::body::{BodyDescription, Evaluation, MassRule, Model};
+pub use sinew::models::body::{BodyDescription, Evaluation, Integration, MassRule, Model};
 pub use sinew::models::material::YoungPoisson;
 pub use sinew::models::material::field::{MaterialArrays, MaterialField};
 pub use sinew::models::resection::{Region, RemovalReport};

@@ -196,6 +196,7 @@ pub struct BodyIn {
     pub model: String,
     pub evaluation: String,
     pub volume: String,
+    pub integration: Option<String>,
     pub masses: String,
     pub springs: SpringsIn,
     pub membrane: Option<MembraneIn>,

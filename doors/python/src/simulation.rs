@@ -163,6 +163,10 @@ fn add_body(
         model: choice("model", &spec.model)?,
         evaluation: choice("evaluation", &spec.evaluation)?,
         volume: choice("rule for the volume", &spec.volume)?,
+        integration: match &spec.integration {
+            Some(name) => choice("integration", name)?,
+            None => Integration::default(),
+        },
         masses: choice("rule of masses", &spec.masses)?,
         springs: springs(&spec.springs)?,
         membrane,

@@ -6,7 +6,7 @@ use glam::DVec3;
 use sinew_engine::compiled_here;
 use sinew_engine::connectivity::ElementKind;
 use sinew_engine::element::{EdgeVertices, RestVolume, TetrahedronIndex};
-use sinew_engine::isoparametric::HexahedronIndex;
+use sinew_engine::isoparametric::{HexahedronIndex, HexahedronVertices};
 use sinew_engine::layout::{Cells, UNUSED};
 use sinew_engine::scalar::Scalar;
 use sinew_engine::topology::{BodyRows, Topology};
@@ -23,6 +23,7 @@ use crate::body::present::Resection;
 use crate::body::spawn::volumetric_bundle;
 use crate::frame::moduli::moduli_bundle;
 use crate::frame::moduli::{CompressionModulus, FirstLameParameter, ShearModulus};
+use crate::frame::reduced::HourglassStiffness;
 use crate::laws::models::Model;
 use crate::laws::pooled::{
     AngularStiffness, TensileStiffness, TriangleVertices, VolumetricStiffness,
@@ -80,6 +81,7 @@ fn change<S: Scalar>(
     let shifts = matter.weight_shifts(Items::All(rest.len()), &left);
     before_edit::<S>(world);
     set_moduli::<S>(world, body, soft.model, (&lame, rows.order.tetrahedra.len()));
+    set_hourglass_stiffness::<S>(world, body, (soft.model, rows.vertices.start), &matter, &lame);
     if matter.is_pooled() || !springs.is_empty() {
         set_springs::<S>(world, body, (&matter, &springs), (&left, &lame));
     }
@@ -120,6 +122,31 @@ fn set_moduli<S: Scalar>(
             let index = t.map_or(first, |t| t.0 as usize) + h.map_or(0, |h| h.0 as usize);
             (*lambda, *mu, *compression) =
                 moduli_bundle::<S>(model.lame(lame[index]), model.has_compression());
+        }
+    }
+}
+
+/// Writes the stiffness of the hourglass modes of the elements that are left; `lame` as above, `first` is the first vertex row of
+/// the body.
+fn set_hourglass_stiffness<S: Scalar>(
+    world: &mut World,
+    body: usize,
+    (model, first): (Model, u32),
+    matter: &Matter,
+    lame: &[LameParameters],
+) {
+    type Element<S> = (
+        &'static BodyId,
+        &'static HexahedronVertices,
+        &'static HexahedronIndex,
+        &'static RestVolume<S>,
+    );
+    let mut query = world.query::<(Element<S>, &mut HourglassStiffness<S>)>();
+    for ((id, nodes, index, volume), mut stiffness) in query.iter_mut(world) {
+        if id.0 as usize == body && volume.0 != S::ZERO {
+            let place = matter.ordered.order.tetrahedra.len() + index.0 as usize;
+            let points = nodes.0.map(|row| (matter.rest_of)(row - first).to_array());
+            *stiffness = HourglassStiffness::new(&points, model.lame(lame[place]));
         }
     }
 }

@@ -15,7 +15,7 @@ use crate::body::lumped::{ElementSprings, GivenSprings, SpringRule};
 use crate::body::sheet::{MembraneDescription, MembraneError, MembraneSettings};
 use crate::element::precompute::RestTetrahedronError;
 use crate::frame::row::{LawError, LawRow};
-use crate::frame::rules::{Evaluation, VolumeRule};
+use crate::frame::rules::{Evaluation, Integration, VolumeRule};
 use crate::laws::models::Model;
 use crate::material::YoungPoisson;
 use crate::material::field::{FieldError, MaterialArrays, MaterialField, SpringsError};
@@ -35,7 +35,7 @@ pub struct BodyDescription<'a> {
     ///
     /// [TETRAHEDRON10_MASSES]: sinew_engine::isoparametric::TETRAHEDRON10_MASSES
     pub middles: &'a [[u32; 6]],
-    /// Hexahedra in the node order of Gmsh and VTK, positively oriented; integrated over 2x2x2 points.
+    /// Hexahedra in the node order of Gmsh and VTK, positively oriented.
     pub hexahedra: &'a [[u32; 8]],
     /// Material of the whole body.
     pub material: YoungPoisson,
@@ -52,6 +52,8 @@ pub struct BodyDescription<'a> {
     pub evaluation: Evaluation,
     /// What keeps its volume.
     pub volume: VolumeRule,
+    /// How its hexahedra are integrated.
+    pub integration: Integration,
     /// Cluster of every tetrahedron, any numbers, where its volume is kept by clusters; without it they are grown.
     pub clusters: Option<&'a [u32]>,
     /// Where the constants of [`Model::MassSpring`] come from; without, those of Delingette 2008 for
@@ -95,6 +97,7 @@ impl<'a> BodyDescription<'a> {
             model: Model::default(),
             evaluation: Evaluation::default(),
             volume: VolumeRule::default(),
+            integration: Integration::default(),
             clusters: None,
             springs: None,
             spring_constants: None,
@@ -240,6 +243,17 @@ pub enum BodyError {
         /// Its model.
         model: Model,
     },
+    /// An energy that hexahedra with reduced integration do not have.
+    #[error(
+        "body `{body}`: model \"{}\" has no hexahedra with integration = \"reduced\": take \"full\"",
+        .model.name()
+    )]
+    Integration {
+        /// Name of the body.
+        body: String,
+        /// Its model.
+        model: Model,
+    },
     /// A law of another crate that cannot be used.
     #[error("body `{body}`: {source}")]
     Law {
@@ -357,6 +371,8 @@ pub struct SoftBody {
     pub evaluation: Evaluation,
     /// What keeps its volume.
     pub volume: VolumeRule,
+    /// How its hexahedra are integrated.
+    pub integration: Integration,
     /// Where the constants of its springs come from, if it consists of springs.
     pub spring_rule: Option<SpringRule>,
     /// Constants of its springs, where they were given.

@@ -15,7 +15,7 @@ use std::sync::{Arc, OnceLock, Weak};
 
 use super::description::SoftBody;
 use super::present::{MassPolicy, Resection};
-use crate::frame::rules::VolumeRule;
+use crate::frame::rules::{Integration, VolumeRule};
 use crate::material::YoungPoisson;
 use crate::material::field::MaterialArrays;
 
@@ -160,13 +160,16 @@ pub fn scene_hash<S: Scalar>(world: &mut World) -> u64 {
         }
         for own in soft.iter(world) {
             let SoftBody { material, arrays, model, evaluation, spring_rule, .. } = own;
-            let SoftBody { given, masses, membrane, axes, volume, .. } = own;
+            let SoftBody { given, masses, membrane, axes, volume, integration, .. } = own;
             let law = own.law.map(|law| law.info.name);
             // none of these holds anything but names and numbers
             let what = (material, arrays, model, law, evaluation, spring_rule);
             sums[own.index].text(&format!("{what:?} {:?}", (given, masses, membrane, axes)));
             if *volume != VolumeRule::default() {
                 sums[own.index].text(&format!("{volume:?}"));
+            }
+            if *integration != Integration::default() {
+                sums[own.index].text(&format!("{integration:?}"));
             }
         }
         let hashes = sums[known..].iter().map(|sum| sum.0.0);

@@ -14,5 +14,5 @@ mod surface;
 
 pub use self::description::{BodyDescription, BodyError, MassRule, SoftBody};
 pub use self::spawn::spawn_body;
-pub use crate::frame::rules::{Evaluation, VolumeRule};
+pub use crate::frame::rules::{Evaluation, Integration, VolumeRule};
 pub use crate::laws::models::Model;

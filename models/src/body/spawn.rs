@@ -41,7 +41,7 @@ use crate::frame::part::{
     spawn_tetrahedra, spawn_tetrahedra10,
 };
 use crate::frame::row::{self, Elements, LawError, LawRow, LawTable};
-use crate::frame::rules::{Evaluation, VolumeRule};
+use crate::frame::rules::{Evaluation, Integration, VolumeRule};
 use crate::laws::bending;
 use crate::laws::models::Model;
 use crate::laws::pooled::{
@@ -164,7 +164,8 @@ fn spawn<S: Scalar>(world: &mut World, body: &BodyDescription) -> Result<Entity,
         world.resource_mut::<BodiesWithoutRecovery>().insert(at.body.0 as usize);
     }
     let springs_of = (&edge_rows[..], &pooled.volumetric[..]);
-    part.spawn::<S>(world, model, law, (evaluation, body.volume), springs_of);
+    let rules = (evaluation, body.volume, body.integration);
+    part.spawn::<S>(world, model, law, rules, springs_of);
     if let Some(sheet) = &sheet {
         let first = body.axes.as_ref().map_or(0, |axes| axes.families.len());
         sheet.spawn_fibres::<S>(world, layout, at, (membrane_fibres, first));
@@ -189,6 +190,7 @@ fn spawn<S: Scalar>(world: &mut World, body: &BodyDescription) -> Result<Entity,
         law,
         evaluation,
         volume: body.volume,
+        integration: body.integration,
         spring_rule,
         given: body.spring_constants.clone(),
         masses: body.masses,
@@ -246,6 +248,9 @@ fn check<'a>(
     }
     if !body.hexahedra.is_empty() && !body.model.serves_hexahedra() {
         return Err(BodyError::HexahedronModel { body: name(), model: body.model });
+    }
+    if !body.hexahedra.is_empty() && !body.model.serves_hexahedra_by(body.integration) {
+        return Err(BodyError::Integration { body: name(), model: body.model });
     }
     if body.volume == VolumeRule::Clusters {
         check_clusters(body, &lame)?;
@@ -463,7 +468,7 @@ impl SolidPart<'_> {
         world: &mut World,
         model: Model,
         law: Option<&'static LawRow>,
-        (evaluation, volume): (Evaluation, VolumeRule),
+        (evaluation, volume, integration): (Evaluation, VolumeRule, Integration),
         springs: (&[u32], &[[f64; 3]]),
     ) {
         type Alone = fn(&mut World, &SolidPart);
@@ -480,7 +485,7 @@ impl SolidPart<'_> {
                 [spawn_tetrahedra10::<AxesOnly, S>; 2],
             ),
             (
-                Elements::Hexahedra,
+                integration.hexahedra(),
                 self.rest.hexahedra.is_empty(),
                 [spawn_hexahedra::<MassSpring, S>, spawn_hexahedra::<AxesOnly, S>],
             ),

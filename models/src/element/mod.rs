@@ -3,6 +3,7 @@
 pub mod corotational;
 pub mod face;
 pub mod hinge;
+pub mod hourglass;
 pub mod matrix;
 pub mod membrane;
 pub mod plate;

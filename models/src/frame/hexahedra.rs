@@ -220,12 +220,12 @@ impl LawRow {
 
 /// Columns of elements, as slices.
 pub(crate) struct Columns<'a, S: Scalar, const V: usize, const P: usize, const Q: usize> {
-    elements: GaussElements<'a, S, V, 3, P, Q>,
-    rest: &'a [PointsRest<S, Q>],
+    pub elements: GaussElements<'a, S, V, 3, P, Q>,
+    pub rest: &'a [PointsRest<S, Q>],
     /// lambda, mu and that of the compression term (Pa).
-    moduli: [&'a [S]; 3],
+    pub moduli: [&'a [S]; 3],
     /// Pressures (Pa) for forces and for tangents, where elements keep means of their volumes; otherwise empty.
-    pressures: [&'a [S]; 2],
+    pub pressures: [&'a [S]; 2],
 }
 
 impl<S: Scalar, const V: usize, const P: usize, const Q: usize> Columns<'_, S, V, P, Q> {
@@ -583,7 +583,7 @@ impl<S: Scalar, const V: usize, const P: usize, const Q: usize> Kernel<S>
     }
 }
 
-fn evaluate_law<
+pub(super) fn evaluate_law<
     L: TetrahedronLaw,
     E: Shape<V, P, Q>,
     S: Scalar,

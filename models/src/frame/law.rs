@@ -46,6 +46,8 @@ pub trait TetrahedronLaw: Send + Sync + 'static {
     /// What its volume term is a function of, if it reads [`Element::pressure`]: the volume part of such a law can be that of
     /// several elements or points.
     const VOLUME: Option<VolumeMeasure> = None;
+    /// Whether its energy stays the same when an element turns.
+    const IS_OBJECTIVE: bool = true;
     /// Whether its energy grows faster than the volume of an element that is blown up, that is faster than the third power of
     /// displacements: then it holds any follower pressure, and otherwise the sum of both has no bound.
     const HOLDS_PRESSURE: bool = true;

@@ -10,6 +10,7 @@ pub mod means;
 pub mod moduli;
 pub mod part;
 pub mod quads;
+pub mod reduced;
 pub mod row;
 pub mod rules;
 pub mod stand_in;

@@ -7,14 +7,16 @@ use sinew_engine::element::{
     RestVolume, TetrahedronBlocks, TetrahedronIndex, TetrahedronVertices, shape_gradient_bundle,
 };
 use sinew_engine::isoparametric::{
-    HexahedronBlocks, HexahedronIndex, HexahedronVertices, PointsRest, RestHexahedron, RestPoints,
-    RestTetrahedron10, Tetrahedron10Blocks, Tetrahedron10Vertices,
+    CornerPoints, HexahedronBlocks, HexahedronIndex, HexahedronVertices, PointsRest,
+    RestHexahedron, RestPoints, RestTetrahedron10, Tetrahedron10Blocks, Tetrahedron10Vertices,
 };
 use sinew_engine::layout::BodyLayout;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::vertex::BodyId;
 
 use super::moduli::{ClusterIndex, Moduli, Pressures, moduli_bundle};
+use super::reduced::{HexahedronShape, HourglassStiffness};
+use crate::element::hourglass::RestShape;
 use crate::element::precompute::RestTetrahedron;
 use crate::material::LameParameters;
 
@@ -137,6 +139,29 @@ impl SolidPart<'_> {
         )
     }
 
+    fn reduced_hexahedra<S: Scalar>(
+        &self,
+    ) -> impl Iterator<Item = impl Bundle<Effect: NoBundleEffect>> {
+        let Self { layout, rest, lame, .. } = self;
+        let elements = self.elements::<S, _, _, 8, 28>(
+            (layout.hexahedra(), layout.cells.edges_of.hexahedra.each::<28>()),
+            &layout.order.hexahedra,
+            (&rest.hexahedra, &lame[1]),
+            |nodes, edges, original, _| {
+                let own = (HexahedronVertices(nodes), HexahedronBlocks(edges));
+                (own, HexahedronIndex(original))
+            },
+        );
+        let shapes = layout.hexahedra().iter().zip(&rest.hexahedra).zip(&lame[1]);
+        elements.zip(shapes).map(|(own, ((nodes, rest), &lame))| {
+            let points = nodes.map(|row| (self.rest_of)(row).to_array());
+            let shape = HexahedronShape::<S>::new(&RestShape::new(rest, &points));
+            let stiffness = HourglassStiffness::<S>::new(&points, lame);
+            let corners = points_bundle::<S, 8>(&rest.at_corners(&points));
+            (own, shape, stiffness, corners, CornerPoints)
+        })
+    }
+
     fn tetrahedra10<S: Scalar>(&self) -> impl Iterator<Item = impl Bundle<Effect: NoBundleEffect>> {
         let Self { layout, rest, lame, .. } = self;
         self.elements::<S, _, _, 10, 45>(
@@ -188,6 +213,16 @@ where
     S: Scalar,
 {
     let marked = part.hexahedra::<S>().map(|h| (h, M::default()));
+    world.spawn_batch(marked.collect::<Vec<_>>());
+}
+
+/// Spawns the hexahedra of a body for reduced integration, likewise.
+pub(crate) fn spawn_reduced<M, S>(world: &mut World, part: &SolidPart)
+where
+    M: Bundle<Effect: NoBundleEffect> + Default,
+    S: Scalar,
+{
+    let marked = part.reduced_hexahedra::<S>().map(|h| (h, M::default()));
     world.spawn_batch(marked.collect::<Vec<_>>());
 }
 

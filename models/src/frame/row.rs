@@ -25,6 +25,7 @@ use sinew_engine::topology::Topology;
 use super::law::TetrahedronLaw;
 use super::part::SolidPart;
 use super::rules::{VolumeMeasure, VolumeRule};
+use crate::element::hourglass::{Modes, Stiffness};
 use crate::element::tetrahedron::Element;
 
 /// What the elements of a law are.
@@ -40,6 +41,8 @@ pub enum Elements {
     PooledEdges,
     /// Hexahedra, at their Gauss points.
     Hexahedra,
+    /// Hexahedra with reduced integration.
+    ReducedHexahedra,
     /// Ten-node tetrahedra, at their Gauss points.
     Tetrahedra10,
     /// Membrane triangles.
@@ -81,6 +84,9 @@ pub type Activate = fn(&mut World, PlacedLaw);
 /// Energy (J) of a tetrahedron at the displacements (m) of its vertices.
 pub type TetrahedronEnergy = fn(&Element<f64>, &[[f64; 3]; 4]) -> f64;
 
+/// Energy (J) of the hourglass modes of a hexahedron.
+pub(crate) type HourglassEnergy = fn(&Stiffness<f64>, &Modes<f64>) -> f64;
+
 /// The measuring of means of volumes ([`super::means`]).
 #[derive(Clone, Copy, Debug)]
 pub struct Measure {
@@ -121,6 +127,8 @@ pub struct LawRow {
     pub softens: bool,
     /// Energy of one of its tetrahedra.
     pub energy: Option<TetrahedronEnergy>,
+    /// Energy of the hourglass modes of one of its elements, where integration is reduced.
+    pub(crate) hourglass: Option<HourglassEnergy>,
     /// Rows of the same law in other elements, and with its volume term by means.
     pub family: &'static [&'static LawRow],
     /// What runs before the law, if anything does.
@@ -179,6 +187,7 @@ impl LawRow {
             holds_pressure: true,
             softens: false,
             energy: None,
+            hourglass: None,
             family: &[],
             measure: None,
             removal: None,

@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 use sinew_engine::element::volume_change;
 use sinew_engine::scalar::Real;
 
+use super::row::Elements;
 use crate::element::corotational::{Polar, rotation};
 use crate::element::matrix::add_identity;
 use crate::element::tetrahedron::{Element, cofactor};
@@ -18,6 +19,28 @@ pub enum VolumeRule {
     /// Means: those of clusters of linear tetrahedra ([`super::clusters`]), and those of the points of single hexahedra and
     /// ten-node tetrahedra ([`super::hexahedra`]).
     Clusters,
+}
+
+/// How the energy of hexahedra is integrated; other elements have one rule.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Integration {
+    /// Over 2x2x2 Gauss points (default): stiff in bending on coarse meshes.
+    #[default]
+    Full,
+    /// One evaluation for the mean deformation, and an energy that holds the hourglass modes ([`super::reduced`]): right in bending
+    /// from two elements across a body on, and cheaper. One element across is up to a fifth too soft.
+    Reduced,
+}
+
+impl Integration {
+    /// What hexahedra integrated so are in rows of laws.
+    pub fn hexahedra(self) -> Elements {
+        match self {
+            Self::Full => Elements::Hexahedra,
+            Self::Reduced => Elements::ReducedHexahedra,
+        }
+    }
 }
 
 /// How the energy is summed; the result is the same to rounding.

@@ -31,6 +31,11 @@ family! {
         "corotational hexahedra, mean volume",
         "means of corotational hexahedra"
     );
+    HEXAHEDRA_REDUCED = hexahedra_reduced("corotational hexahedra, reduced integration");
+    HEXAHEDRA_REDUCED_BY_MEAN = hexahedra_reduced_by_mean(
+        "corotational hexahedra, reduced integration, mean volume",
+        "means of corotational hexahedra, reduced integration"
+    );
     TETRAHEDRA10 = tetrahedra10("corotational ten-node tetrahedra");
     TETRAHEDRA10_BY_MEAN = tetrahedra10_by_mean(
         "corotational ten-node tetrahedra, mean volume",

@@ -53,11 +53,17 @@ family! {
         "linear hexahedra, mean volume",
         "means of linear hexahedra"
     );
+    HEXAHEDRA_REDUCED = hexahedra_reduced("linear hexahedra, reduced integration");
+    HEXAHEDRA_REDUCED_BY_MEAN = hexahedra_reduced_by_mean(
+        "linear hexahedra, reduced integration, mean volume",
+        "means of linear hexahedra, reduced integration"
+    );
 }
 
 impl TetrahedronLaw for Linear {
     const WIDE: bool = false;
     const NAME: &'static str = "linear elasticity";
+    const IS_OBJECTIVE: bool = false;
     const HOLDS_PRESSURE: bool = false;
     type Mark = Self;
     const STRESS_PROJECTION: bool = false;

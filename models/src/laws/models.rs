@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{corotational, linear, neo_hookean, quadratic, stvk_fem, svk, svk_volume};
 use crate::frame::row::{Elements, LawRow};
-use crate::frame::rules::{Evaluation, VolumeRule};
+use crate::frame::rules::{Evaluation, Integration, VolumeRule};
 use crate::material::LameParameters;
 
 /// What a model is made of.
@@ -119,8 +119,13 @@ impl Model {
 
     /// Whether hexahedra have it; the textbook form is that of [`StVK`](Self::StVK) there.
     pub fn serves_hexahedra(self) -> bool {
+        self.serves_hexahedra_by(Integration::Full)
+    }
+
+    /// Whether hexahedra with this integration have it.
+    pub fn serves_hexahedra_by(self, integration: Integration) -> bool {
         // springs, axes
-        self.law().is_none() || self.has(Elements::Hexahedra, VolumeRule::Elements)
+        self.law().is_none() || self.has(integration.hexahedra(), VolumeRule::Elements)
     }
 
     /// Whether ten-node tetrahedra have it.

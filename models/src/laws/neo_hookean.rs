@@ -174,6 +174,11 @@ family! {
         "neo-Hookean hexahedra, mean volume",
         "means of neo-Hookean hexahedra"
     );
+    HEXAHEDRA_REDUCED = hexahedra_reduced("neo-Hookean hexahedra, reduced integration");
+    HEXAHEDRA_REDUCED_BY_MEAN = hexahedra_reduced_by_mean(
+        "neo-Hookean hexahedra, reduced integration, mean volume",
+        "means of neo-Hookean hexahedra, reduced integration"
+    );
     TETRAHEDRA10 = tetrahedra10("neo-Hookean ten-node tetrahedra");
     TETRAHEDRA10_BY_MEAN = tetrahedra10_by_mean(
         "neo-Hookean ten-node tetrahedra, mean volume",

@@ -60,8 +60,11 @@ fn stress<R: Real>(e: &Element<R>, strain: &[R; 9]) -> [R; 9] {
 pub struct StVKFem;
 
 /// Row of its tetrahedra in the table of laws.
-pub static TETRAHEDRA: LawRow =
-    LawRow::tetrahedra::<StVKFem>().with_family(&[&svk::HEXAHEDRA, &svk::TETRAHEDRA10]);
+pub static TETRAHEDRA: LawRow = LawRow::tetrahedra::<StVKFem>().with_family(&[
+    &svk::HEXAHEDRA,
+    &svk::HEXAHEDRA_REDUCED,
+    &svk::TETRAHEDRA10,
+]);
 
 impl TetrahedronLaw for StVKFem {
     const WIDE: bool = false;

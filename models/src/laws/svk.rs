@@ -104,6 +104,7 @@ impl TetrahedronLaw for PooledProjection {
 family! {
     FusedStVK;
     HEXAHEDRA = hexahedra("St Venant-Kirchhoff hexahedra");
+    HEXAHEDRA_REDUCED = hexahedra_reduced("St Venant-Kirchhoff hexahedra, reduced integration");
     TETRAHEDRA10 = tetrahedra10("St Venant-Kirchhoff ten-node tetrahedra");
 }
 /// As [`TETRAHEDRA`].

@@ -109,6 +109,11 @@ family! {
         "St Venant-Kirchhoff hexahedra, mean volume",
         "means of St Venant-Kirchhoff hexahedra"
     );
+    HEXAHEDRA_REDUCED = hexahedra_reduced("St Venant-Kirchhoff hexahedra, reduced integration, volume in J");
+    HEXAHEDRA_REDUCED_BY_MEAN = hexahedra_reduced_by_mean(
+        "St Venant-Kirchhoff hexahedra, reduced integration, mean volume",
+        "means of St Venant-Kirchhoff hexahedra, reduced integration"
+    );
     TETRAHEDRA10 = tetrahedra10("St Venant-Kirchhoff ten-node tetrahedra, volume in J");
     TETRAHEDRA10_BY_MEAN = tetrahedra10_by_mean(
         "St Venant-Kirchhoff ten-node tetrahedra, mean volume",

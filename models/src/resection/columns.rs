@@ -10,6 +10,7 @@ use sinew_engine::scalar::Scalar;
 
 use crate::axes::columns::*;
 use crate::frame::moduli::{CompressionModulus, FirstLameParameter, ShearModulus};
+use crate::frame::reduced::{HexahedronShape, HourglassStiffness};
 use crate::frame::triangles::{
     MembraneCompressionModulus, MembraneFirstModulus, MembraneShearModulus,
 };
@@ -86,6 +87,8 @@ quantities! {
     Cleared "moduli" Fixed: [FirstLameParameter<S>, ShearModulus<S>, CompressionModulus<S>] 0;
     Cleared "gradients of hexahedra" Fixed: [HexahedronRest<S>] gradients;
     Cleared "volumes of Gauss points" Fixed: [HexahedronRest<S>] volume;
+    Cleared "shape of hexahedra with reduced integration" Fixed: [HexahedronShape<S>] 0;
+    Cleared "stiffness of hourglass modes" Fixed: [HourglassStiffness<S>] 0;
     Cleared "gradients of ten-node tetrahedra" Fixed: [Tetrahedron10Rest<S>] gradients;
     Cleared "volumes of their Gauss points" Fixed: [Tetrahedron10Rest<S>] volume;
     Kept "membrane edges" Edges: [

@@ -21,7 +21,8 @@ use crate::element::tetrahedron::Element;
 use crate::frame::hexahedra::{Brick, TenNodes};
 use crate::frame::means::Sums;
 use crate::frame::moduli::{CompressionModulus, FirstLameParameter, ShearModulus};
-use crate::frame::row::Elements;
+use crate::frame::reduced::InF64;
+use crate::frame::row::{Elements, HourglassEnergy};
 use crate::frame::rules::{VolumeMeasure, shared_part};
 use crate::frame::{hexahedra, quads};
 use crate::material::LameParameters;
@@ -178,6 +179,9 @@ impl<'a, S: Scalar> State<'a, S> {
                 let (rest, moduli) = self.hexahedra.get_manual(self.world, entity).expect(has_row);
                 let u = self.vertices.displacements(elements.hexahedra()[e]);
                 let (derivatives, moduli) = (Derivatives::hexahedron(), numbers(moduli));
+                if let Some(own) = InF64::new::<S>(self.world.entity(entity), &u, moduli, mean) {
+                    return with(Point::Solid(&own.point.0, &own.point.1));
+                }
                 let points = &mut hexahedra::tetrahedra(&derivatives, &rest.in_f64(), moduli, &u);
                 at_points(points, &mut with);
             }
@@ -206,11 +210,13 @@ impl<'a, S: Scalar> State<'a, S> {
         let Self { own, soft, .. } = self;
         for kind in IN_SUMS {
             let elements = match kind {
-                ElementKind::Hexahedron => Elements::Hexahedra,
+                ElementKind::Hexahedron => soft.integration.hexahedra(),
                 _ if !own.connectivity.ordered.tetrahedra10().is_empty() => Elements::Tetrahedra10,
                 _ => Elements::Tetrahedra,
             };
-            let law = soft.law.and_then(|law| law.in_elements(elements, soft.volume)?.energy);
+            let law = soft.law.and_then(|law| law.in_elements(elements, soft.volume));
+            let hourglass = law.and_then(|law| law.hourglass);
+            let law = law.and_then(|law| law.energy);
             for &e in &chosen[kind] {
                 let (mut energy, mut volume) = (0.0, 0.0);
                 self.visit_shares(kind, e, |point| match point {
@@ -222,6 +228,9 @@ impl<'a, S: Scalar> State<'a, S> {
                         energy += soft.membrane.map_or(0.0, |m| membrane_energy(m.model, e, u));
                     }
                 });
+                if let Some(of_modes) = hourglass {
+                    energy += self.hourglass_energy(e, of_modes);
+                }
                 report.elastic_energy += energy;
                 report.volume += volume;
                 for axes in own.rows.axes(kind, e) {
@@ -229,6 +238,15 @@ impl<'a, S: Scalar> State<'a, S> {
                 }
             }
         }
+    }
+
+    /// Energy (J) of the hourglass modes of a hexahedron.
+    fn hourglass_energy(&self, element: u32, of_modes: HourglassEnergy) -> f64 {
+        let entity = self.own.rows.elements[ElementKind::Hexahedron][element as usize];
+        let nodes = self.own.connectivity.ordered.hexahedra()[element as usize];
+        let u = self.vertices.displacements(nodes);
+        let own = InF64::new::<S>(self.world.entity(entity), &u, [0.0; 3], None);
+        own.map_or(0.0, |own| of_modes(&own.stiffness, &own.modes))
     }
 
     /// Adds a tetrahedron to what is summed over its cluster.

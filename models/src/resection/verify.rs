@@ -178,6 +178,7 @@ fn spawn_again(
         model: soft.model,
         evaluation: soft.evaluation,
         volume: soft.volume,
+        integration: soft.integration,
         clusters,
         membrane: soft
             .membrane

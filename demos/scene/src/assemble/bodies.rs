@@ -87,6 +87,7 @@ pub(super) fn body(
         model: body.model,
         evaluation: body.evaluation,
         volume: body.volume,
+        integration: body.integration,
         springs: rule,
         spring_constants: springs.map(|s| Arc::new(s.constants)),
         masses: body.masses.or(of_file).unwrap_or_default(),
@@ -119,6 +120,7 @@ pub(super) fn body(
         model: body.model,
         evaluation: body.evaluation,
         volume: body.volume,
+        integration: body.integration,
         springs: rule,
         axes,
     })

@@ -6,7 +6,7 @@ use sinew::engine::mesh::{CheckReport, Mesh};
 use sinew::models::axes::description::{AxesDescription, AxisFamily};
 use sinew::models::body::lumped::SpringRule;
 use sinew::models::body::sheet::MembraneSettings;
-use sinew::models::body::{Evaluation, Model, VolumeRule};
+use sinew::models::body::{Evaluation, Integration, Model, VolumeRule};
 use sinew::models::material::YoungPoisson;
 use sinew::simulation::{BodyHandle, Simulation};
 
@@ -36,6 +36,8 @@ pub struct BuiltBody {
     pub evaluation: Evaluation,
     /// What keeps its volume.
     pub volume: VolumeRule,
+    /// How its hexahedra are integrated.
+    pub integration: Integration,
     /// Where constants of lumped springs come from, where the scene says so.
     pub springs: Option<SpringRule>,
     /// Axes.

@@ -186,6 +186,7 @@ impl RunFacts<'_> {
             model: body.model,
             evaluation: body.evaluation,
             volume_rule: body.volume,
+            integration: body.integration,
             element_method: body.springs,
             membrane: body.membrane.as_ref().map(|m| MembraneSummary {
                 triangles: m.triangles.len(),

@@ -7,7 +7,7 @@ use serde::ser::Serializer;
 use serde::{Deserialize, Serialize};
 use sinew::identify::ElementMethod;
 use sinew::models::body::sheet::{MembraneModel, PlaneState, RestCurvature};
-use sinew::models::body::{Evaluation, MassRule, Model, VolumeRule};
+use sinew::models::body::{Evaluation, Integration, MassRule, Model, VolumeRule};
 use std::path::PathBuf;
 
 /// A body.
@@ -42,6 +42,10 @@ pub struct BodyEntry {
     /// `"neo_hookean"`.
     #[serde(default)]
     pub volume: VolumeRule,
+    /// How the energy of hexahedra is integrated: `"full"` (default) over 2x2x2 points, or `"reduced"`, right in bending from two
+    /// hexahedra across the body on.
+    #[serde(default)]
+    pub integration: Integration,
     /// How spring constants of `"mass_spring"` are found: `"frobenius"`, `"block"`, `"two-norm"`,
     /// `"nonnegative"`, `"two-norm-nonnegative"`, `"van-gelder"`, `"lloyd"`, `"baudet"`, `"delingette"` or `"uniform"`;
     /// without, `"delingette"` for tetrahedra and `"frobenius"` for hexahedra.

@@ -17,7 +17,7 @@ use sinew::engine::report::StepTotals;
 use sinew::models::axes::description::{AxesDescription, AxisFamily, FibreForm};
 use sinew::models::body::lumped::SpringRule;
 use sinew::models::body::sheet::MembraneModel;
-use sinew::models::body::{Evaluation, Model, VolumeRule};
+use sinew::models::body::{Evaluation, Integration, Model, VolumeRule};
 use sinew::models::material::YoungPoisson;
 use sinew::solvers::settings::SolverSettings;
 use std::collections::BTreeMap;
@@ -239,6 +239,8 @@ pub struct BodySummary {
     pub evaluation: Evaluation,
     /// What keeps its volume.
     pub volume_rule: VolumeRule,
+    /// How its hexahedra are integrated.
+    pub integration: Integration,
     /// Where constants of lumped springs come from, where the scene says so.
     pub element_method: Option<SpringRule>,
     /// Membrane.

@@ -9,7 +9,7 @@ use crate::text::{TextBlock, counted, line, pressure, seconds, short, write_bloc
 use sinew::models::axes::description::FibreForm;
 use sinew::models::body::lumped::SpringRule;
 use sinew::models::body::sheet::MembraneModel;
-use sinew::models::body::{Evaluation, Model, VolumeRule};
+use sinew::models::body::{Evaluation, Integration, Model, VolumeRule};
 use std::fmt;
 
 impl fmt::Display for RunSummary {
@@ -481,10 +481,15 @@ impl BodySummary {
                 VolumeRule::Elements => "",
                 VolumeRule::Clusters => ", volume by clusters",
             };
+            let integration = match self.integration {
+                _ if self.hexahedra == 0 => "",
+                Integration::Full => "",
+                Integration::Reduced => ", reduced integration",
+            };
             line!(
                 block,
                 "",
-                "{}{preset}; model {}, {}{clusters}",
+                "{}{preset}; model {}, {}{clusters}{integration}",
                 self.material_ranges.words(&self.material),
                 self.model.name(),
                 evaluated(self.evaluation, springs)

@@ -559,18 +559,20 @@ class Simulation:
         model: str = "svk_comp",
         evaluation: str = "fused",
         volume: str = "elements",
+        integration: str | None = None,
         masses: str = "volume",
         springs: str | float | None = None,
         membrane: Membrane | None = None,
         axes: Axes | None = None,
     ) -> Body:
-        """Adds a body; its mesh is checked and repaired first, see ``warnings``. Words are those of scene files. ``springs``: of
-        mass-spring models a method of fitting, or one constant (N/m) for all."""
+        """Adds a body; its mesh is checked and repaired first, see ``warnings``. Words are those of scene files. ``integration``: of
+        hexahedra, "full" or "reduced". ``springs``: of mass-spring models a method of fitting, or one constant (N/m) for all."""
         spec = _Spec(
             material=_material(material),
             model=model,
             evaluation=evaluation,
             volume=volume,
+            integration=integration,
             masses=masses,
             springs=_springs(springs),
             membrane=None if membrane is None else _membrane(membrane),
