@@ -354,7 +354,7 @@ const MOVED: [f64; 4] = [0.05, 0.1, 0.2, 0.3];
 /// beside the ends of the rows are the same in all meshes.
 fn off_equilateral(mesh: &Mesh) -> f64 {
     let rim = |x: &DVec3| {
-        let on = |x: f64| x < 1e-9 || x > SIDE - 1e-9;
+        let on = |x: f64| !(1e-9..=SIDE - 1e-9).contains(&x);
         on(x.x) || on(x.y)
     };
     let inner = mesh.triangles.iter().map(|t| t.map(|v| mesh.points[v as usize]));
