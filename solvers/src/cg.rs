@@ -240,7 +240,7 @@ impl<T: Scalar> ConjugateGradients<T> {
         })
     }
 
-    /// Whether the factor alone took more than [`SLOW`] iterations for three powers of ten when it was new, or the coarse
+    /// Whether the factor alone took more than twelve iterations for three powers of ten when it was new, or the coarse
     /// space was added for that.
     pub fn is_slow(&self) -> bool {
         let slow = |k: &KeptFor| match k.kind {
