@@ -13,7 +13,6 @@ mod determinism;
 mod documents;
 mod elements;
 mod explicit;
-mod free_motion;
 mod host;
 mod linear;
 mod material_field;

@@ -1,5 +1,6 @@
 //! All tests of the laboratory, one binary.
 
+mod bar;
 mod bench;
 mod command;
 mod elements;

@@ -151,12 +151,23 @@ fn errors_are_relative_to_the_truth() {
 fn own_rows_settle_to_the_truth() {
     let case = BeamCase::new(Beam::mujoco([8, 2, 2], 0.3).unwrap()).unwrap();
     let rows = compete(&case, &mut sinew_rows::rivals(&[1e-2, 1.0 / 30.0], true), true);
-    assert_eq!(rows.len(), 6);
+    assert_eq!(rows.len(), 8);
     for row in &rows {
         let error = row.error_percent.unwrap_or_else(|| panic!("{row:?}"));
         assert!(error < 1.0, "{row:?}");
         assert!(row.ms_per_step.unwrap() > 0.0 && row.force_ns_per_element.unwrap() > 0.0);
+        let euler = row.setting.starts_with("safe");
+        assert_eq!(row.step_percent.is_some(), euler, "{row:?}");
+        assert_eq!(row.swing_percent.is_some(), row.cost_per_simulated_second.is_some(), "{row:?}");
+        // what linearisation and loose solves leave is little beside what the length of the step does
+        if let (Some(step), Some(swing)) = (row.step_percent, row.swing_percent) {
+            assert!(step < 0.5 * swing, "{row:?}");
+        }
     }
+    // steps of second order, by default, are the more exact
+    let swing =
+        |name: &str| rows.iter().find(|r| r.setting.starts_with(name)).unwrap().swing_percent;
+    assert!(swing("auto, StVK") < swing("safe, StVK"), "{rows:?}");
 }
 
 #[test]
@@ -167,6 +178,7 @@ fn aims_compare_at_no_larger_error() {
         cost_per_simulated_second: Some(cost),
         force_ns_per_element: Some(force),
         error_percent: Some(error),
+        swing_percent: Some(error),
         ..case.row(engine, "1", setting.into())
     };
     let mut rows = vec![
@@ -179,8 +191,16 @@ fn aims_compare_at_no_larger_error() {
     let [yes, no, open] = [Judgement::Yes, Judgement::No, Judgement::Open];
     // the cheaper row of ours is too wrong to count
     assert_eq!(judged(&rows), [yes, no, yes]);
+    // what counts is the motion, not where it settles
     rows[0].error_percent = Some(1e-5);
+    assert_eq!(judged(&rows), [yes, no, yes]);
+    rows[0].swing_percent = Some(1e-5);
     assert_eq!(judged(&rows), [yes, yes, yes]);
+    // at the cap that is the other's default less is aimed at
+    rows[2].setting = "h = 10 ms, at most 100 iterations (its default)".into();
+    rows[0].ms_per_step = Some(1.9);
+    assert_eq!(judged(&rows), [yes, yes, yes]);
+    rows[2].setting = "h = 10 ms".into();
     rows[0].error_percent = Some(2.0);
     assert_eq!(judged(&rows)[2], no);
     // steps of another length and numbers of another precision count for nothing
@@ -204,7 +224,7 @@ fn the_largest_beams_and_the_ball_come_first() {
         scene: scene.into(),
         elements,
         cost_per_simulated_second: Some(0.1),
-        error_percent: Some(1.0),
+        swing_percent: Some(1.0),
         ..PeerRow::default()
     };
     let rows = vec![

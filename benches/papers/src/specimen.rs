@@ -389,8 +389,8 @@ pub(crate) fn figure(setup: &Setup) -> Result<Figure> {
     let title = "Table 5: errors in tension, against other methods";
     let table_5 =
         error_table("c-table-5", title, ["element", "method"], &rows, &How::all(&STRETCHES)).note(
-            "the first mesh of each element; Van Gelder's constants are 3/2 of the recalled ones; Baudet's formula needs rectangles, which the specimen of \
-             quadrilaterals does not have, so his quadrilaterals are measured on the square; the formulas of Van Gelder, \
+            "the first mesh of each element; Van Gelder's constants are 3/2 of the recalled ones; Baudet's formula needs rectangles, \
+             which the specimen of quadrilaterals does not have, so his quadrilaterals are measured on the square; the formulas of Van Gelder, \
              Lloyd and Baudet are recalled, their original texts were not read",
         );
     let shapes: Vec<_> = TABLE_4.iter().filter(|t| keep(t.0)).map(|t| (t.0, t.1)).collect();

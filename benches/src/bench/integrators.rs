@@ -1,4 +1,5 @@
-//! Integrators beside each other: work against error on a swinging beam, and what is left of a fast spin.
+//! Integrators beside each other: work against error on a swinging beam, what is left of a fast spin, and a bar whose motion
+//! is published.
 
 use crate::toolbox::prelude::*;
 use sinew::engine::mesh::generate::{box_tets, jitter_interior};
@@ -151,7 +152,7 @@ fn spin(mesh: &Mesh, integrator: Integrator, dt: f64) -> Result<[f64; 2]> {
     Ok([100.0 * report.angular_momentum[2] / angular, 100.0 * (now / energy - 1.0)])
 }
 
-/// Runs both.
+/// Runs all.
 ///
 /// # Errors
 /// When the beam cannot be set up or stepped.
@@ -219,5 +220,9 @@ pub fn run(quick: bool, tell: &mut impl FnMut(&str)) -> Result<Vec<Table>> {
         "A free cube of 162 tetrahedra (100 kPa, nu 0.3) spins at 100 rad/s for 0.1 s: angular \
          momentum kept and change of energy; elsewhere as above.",
     );
-    Ok(vec![swings, spins])
+    let implicit: Vec<Integrator> =
+        std::iter::once(Integrator::Auto).chain(compared().filter(|i| !i.is_explicit())).collect();
+    let mut tables = vec![swings, spins];
+    tables.extend(super::bar::run(&implicit, quick, tell)?);
+    Ok(tables)
 }

@@ -3,6 +3,7 @@
 pub mod accuracy;
 pub mod aims;
 pub mod arrays;
+pub mod bar;
 pub mod cases;
 pub mod contact;
 pub mod elements;

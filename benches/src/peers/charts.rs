@@ -7,7 +7,7 @@ use crate::toolbox::prelude::*;
 /// Places in the list of colours of Sinew, and of the first and second setting of a rival.
 const COLOURS: [(&str, usize); 8] = [
     ("Sinew safe", 0),
-    ("Sinew default", 5),
+    ("Sinew auto", 5),
     ("Sinew explicit", 7),
     ("MuJoCo, its cap", 4),
     ("MuJoCo, converged", 1),
@@ -21,7 +21,7 @@ fn name(row: &PeerRow) -> Option<&'static str> {
     let has = |word: &str| row.setting.contains(word);
     let capped = has("its default") || has("at most 20 CG");
     Some(match (row.engine.as_str(), capped) {
-        ("Sinew", _) if has("default") => "Sinew default",
+        ("Sinew", _) if has("default") || has("auto,") => "Sinew auto",
         ("Sinew", _) if has("safe") => "Sinew safe",
         ("Sinew", _) if has("explicit") => "Sinew explicit",
         ("MuJoCo", true) => "MuJoCo, its cap",
@@ -64,7 +64,7 @@ impl PeerReport {
         let points = self
             .rows
             .iter()
-            .filter(|r| name(r).and(r.cost_per_simulated_second).and(r.error_percent).is_some());
+            .filter(|r| name(r).and(r.cost_per_simulated_second).and(r.swing_percent).is_some());
         for row in points {
             if scenes.iter().all(|s| s.scene != row.scene) {
                 scenes.push(row);
@@ -86,7 +86,7 @@ impl PeerReport {
             .map(|(i, scene)| {
                 let rows = self.rows.iter().filter(|r| r.scene == scene.scene);
                 let point = |r: &'_ PeerRow| {
-                    name(r).map(|n| (n, r.cost_per_simulated_second, r.error_percent))
+                    name(r).map(|n| (n, r.cost_per_simulated_second, r.swing_percent))
                 };
                 let title = scene.scene.split_once(", ").map_or(&*scene.scene, |(_, rest)| rest);
                 ChartPanel {
@@ -111,16 +111,20 @@ impl PeerReport {
             title: "Ball on a block: error of the held force".into(),
             series: series(touched),
         };
-        let axes = ["s of computation per simulated s", "error (%), below 1e-4 at the floor"];
+        let cost = "s of computation per simulated s";
+        let axes = |error| [cost, error];
         let drawn = |panel: &ChartPanel| panel.series.iter().any(|s| !s.points.is_empty());
         let mut charts = match beams.is_empty() {
             true => Vec::new(),
-            false => panels("peers-beams", axes, &beams, false)?,
+            false => panels("peers-beams", axes("error of the motion (%)"), &beams, false)?,
         };
         if !drawn(&ball) {
             return Ok((charts, leading));
         }
-        charts.splice(leading..leading, panels("peers-ball", axes, &[ball], false)?);
+        charts.splice(
+            leading..leading,
+            panels("peers-ball", axes("error (%), below 1e-4 at the floor"), &[ball], false)?,
+        );
         Ok((charts, leading + 1))
     }
 }

@@ -160,6 +160,15 @@ impl Rival for RapierRun {
             .collect()
     }
 
+    fn energy(&self) -> Model {
+        Model::Corotational
+    }
+
+    fn is_euler(&self) -> bool {
+        // four shorter ones
+        false
+    }
+
     fn row(&self, case: &BeamCase) -> PeerRow {
         let setting = setting(self.solver, self.iterations, self.h);
         let mut row = case.row("Rapier", VERSION, setting);

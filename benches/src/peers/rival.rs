@@ -2,9 +2,11 @@
 
 use super::beam::Beam;
 use super::equilibrium::equilibrium;
+use super::sinew_rows::SinewRun;
 use crate::toolbox::prelude::*;
 use crate::toolbox::stats::median;
 use sinew::models::body::VolumeRule;
+use sinew_tune::measures::displacement_error;
 
 /// Mass-proportional damping (1/s) while a beam settles.
 pub const DAMPING: f64 = 20.0;
@@ -12,6 +14,12 @@ pub const DAMPING: f64 = 20.0;
 pub const SETTLE_SECONDS: f64 = 2.0;
 /// Most steps spent on settling a body of [`LARGE`] elements or more.
 pub const MAX_SETTLE_STEPS: usize = 60;
+/// Times (s) at which motions are compared: a multiple of every step, and as many of them as take the beams through a
+/// period or so.
+const SWING: (f64, usize) = (0.1, 3);
+/// Step (s) of the fine motion, of second order and converged: steps of 10 ms differ from it by less than a tenth of
+/// what any step of first order is off.
+const FINE_STEP: f64 = 0.005;
 /// Elements from which on a body counts as large.
 pub const LARGE: usize = 20_000;
 
@@ -46,6 +54,11 @@ pub struct PeerRow {
     pub force_ns_per_element: Option<f64>,
     /// Static error (%): root mean square of the displacement error over that of the truth.
     pub error_percent: Option<f64>,
+    /// Motion from the shape at rest against converged steps of implicit Euler, as long as these, on the same mesh and
+    /// with the same energy (%): what linearisation and loose solves cost. None where the step is of another kind.
+    pub step_percent: Option<f64>,
+    /// The same motion against a fine one (%).
+    pub swing_percent: Option<f64>,
     /// What else there is to know, in words.
     pub note: String,
 }
@@ -139,6 +152,14 @@ pub trait Rival {
     fn truth(&self, _: &BeamCase) -> Result<Option<Vec<DVec3>>> {
         Ok(None)
     }
+    /// Its energy.
+    fn energy(&self) -> Model {
+        Model::StVK
+    }
+    /// Whether its steps are meant to be those of implicit Euler.
+    fn is_euler(&self) -> bool {
+        true
+    }
     /// Row without figures.
     fn row(&self, case: &BeamCase) -> PeerRow;
     /// Step (s); none for an equilibrium in one go.
@@ -147,6 +168,49 @@ pub trait Rival {
     fn remark(&self) -> String {
         String::new()
     }
+}
+
+/// Converged motions of a beam, each made when it is first asked for.
+struct Motions<'a> {
+    case: &'a BeamCase,
+    known: Vec<(Integrator, Model, f64, Vec<Vec<DVec3>>)>,
+}
+
+impl Motions<'_> {
+    /// States (m) of [`SWING`] in converged steps (s).
+    fn of(&mut self, integrator: Integrator, energy: Model, h: f64) -> Result<&[Vec<DVec3>]> {
+        let found = self.known.iter().position(|k| (k.0, k.1, k.2) == (integrator, energy, h));
+        let at = match found {
+            Some(at) => at,
+            None => {
+                let mut run = SinewRun::converged("converged", energy, integrator, h);
+                self.known.push((integrator, energy, h, swing(&mut run, self.case, h)?));
+                self.known.len() - 1
+            }
+        };
+        Ok(&self.known[at].3)
+    }
+
+    /// Errors (%) of a rival's motion: of its step, and against the fine motion.
+    fn errors(&mut self, rival: &mut dyn Rival) -> Result<[Option<f64>; 2]> {
+        let Some(h) = rival.step() else { return Ok([None; 2]) };
+        let (energy, n) = (rival.energy(), self.case.beam.mesh.points.len());
+        let states = swing(rival, self.case, h)?;
+        let percent =
+            |truth: &[Vec<DVec3>]| displacement_error(&states, truth, n).map(|e| 100.0 * e);
+        let fine = percent(self.of(Integrator::TrBdf2, energy, FINE_STEP)?);
+        let own = match rival.is_euler() {
+            true => percent(self.of(Integrator::Newton, energy, h)?),
+            false => None,
+        };
+        Ok([own, fine])
+    }
+}
+
+/// States (m) of [`SWING`] in steps (s) of which a whole number leads from one to the next.
+fn swing(rival: &mut dyn Rival, case: &BeamCase, h: f64) -> Result<Vec<Vec<DVec3>>> {
+    let every = (SWING.0 / h).round() as usize;
+    rival.swing(case, every * SWING.1, every)
 }
 
 /// Runs the rivals in turns and gives their rows; a rival that fails keeps its row with the reason.
@@ -180,6 +244,7 @@ pub fn compete(case: &BeamCase, rivals: &mut [Box<dyn Rival + '_>], quick: bool)
             }
         }
     }
+    let mut motions = Motions { case, known: Vec::new() };
     for (i, rival) in rivals.iter_mut().enumerate() {
         let row = &mut rows[i];
         // a speed without an error is half a result: none is given for a run that failed
@@ -201,6 +266,10 @@ pub fn compete(case: &BeamCase, rivals: &mut [Box<dyn Rival + '_>], quick: bool)
                 }
             }
             Err(error) => say(&mut row.note, format!("failed to settle: {error}")),
+        }
+        match motions.errors(&mut **rival) {
+            Ok(errors) => [row.step_percent, row.swing_percent] = errors,
+            Err(error) => say(&mut row.note, format!("its motion failed: {error}")),
         }
         say(&mut row.note, rival.remark());
     }

@@ -26,19 +26,19 @@ pub struct SinewRun {
 
 /// The settings that run beside the rivals. `all` adds the equilibrium and the explicit ones.
 pub fn rivals(steps: &[f64], all: bool) -> Vec<Box<dyn Rival>> {
-    let safe = |name, model, precision, linear_tolerance, h| -> Box<dyn Rival> {
-        let settings =
-            SolverSettings { integrator: Integrator::Safe, linear_tolerance, ..Default::default() };
+    let run = |name, integrator, model, precision, h| -> Box<dyn Rival> {
+        let settings = SolverSettings { integrator, ..Default::default() };
         Box::new(SinewRun { precision, ..SinewRun::new(name, model, settings, Some(h)) })
     };
+    let (safe, auto) = (Integrator::Safe, Integrator::Auto);
     let mut runs = Vec::new();
-    let default = SolverSettings::default().linear_tolerance;
     for &h in steps {
-        runs.push(safe("safe, StVK", Model::StVK, Precision::F64, default, h));
+        runs.push(run("safe, StVK", safe, Model::StVK, Precision::F64, h));
+        runs.push(run("auto, StVK", auto, Model::StVK, Precision::F64, h));
     }
     let middle = steps[steps.len() / 2];
-    runs.push(safe("safe, StVK", Model::StVK, Precision::F32, default, middle));
-    runs.push(safe("default", Model::default(), Precision::default(), default, middle));
+    runs.push(run("safe, StVK", safe, Model::StVK, Precision::F32, middle));
+    runs.push(run("default", auto, Model::default(), Precision::default(), middle));
     if all {
         for (name, integrator, h) in [
             ("quasi-static Newton, StVK", Integrator::QuasiStatic, None),
@@ -56,6 +56,18 @@ impl SinewRun {
     pub fn new(name: &'static str, model: Model, settings: SolverSettings, h: Option<f64>) -> Self {
         let (volume, precision) = (VolumeRule::Elements, Precision::F64);
         Self { name, model, volume, precision, settings, h, world: None, counted: [0; 2] }
+    }
+
+    /// Steps (s) that are converged: the linear systems too.
+    pub fn converged(name: &'static str, energy: Model, integrator: Integrator, h: f64) -> Self {
+        let (linear_tolerance, max_linear_iterations) = (1e-6, 50_000);
+        let settings = SolverSettings {
+            integrator,
+            linear_tolerance,
+            max_linear_iterations,
+            ..Default::default()
+        };
+        Self::new(name, energy, settings, Some(h))
     }
 
     /// With another rule for what keeps its volume.
@@ -157,11 +169,19 @@ impl Rival for SinewRun {
         (self.model != Model::StVK).then(own).transpose()
     }
 
+    fn energy(&self) -> Model {
+        self.model
+    }
+
+    fn is_euler(&self) -> bool {
+        matches!(self.settings.integrator, Integrator::Safe | Integrator::Newton)
+    }
+
     fn row(&self, case: &BeamCase) -> PeerRow {
         let tolerance = self.settings.linear_tolerance;
         let setting = match (self.h, self.settings.integrator) {
             (None, _) => format!("{}, from rest, CG {tolerance:e}", self.name),
-            (Some(h), Integrator::Safe) => {
+            (Some(h), Integrator::Safe | Integrator::Auto) => {
                 format!("{}, h = {}, CG {tolerance:e}", self.name, milliseconds(h))
             }
             (Some(h), _) => {
@@ -184,7 +204,7 @@ impl Rival for SinewRun {
             Integrator::QuasiStatic => {
                 format!("{} Newton, {} CG iterations", r.newton_iterations, r.cg_iterations)
             }
-            Integrator::Safe | Integrator::Newton => String::new(),
+            i if !i.is_explicit() => String::new(),
             _ => format!("{} substeps", r.substeps),
         };
         if self.model != Model::StVK {
