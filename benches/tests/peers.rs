@@ -198,7 +198,7 @@ fn aims_compare_at_no_larger_error() {
     assert_eq!(judged(&rows), [yes, yes, yes]);
     // at the cap that is the other's default less is aimed at
     rows[2].setting = "h = 10 ms, at most 100 iterations (its default)".into();
-    rows[0].ms_per_step = Some(1.9);
+    (rows[0].ms_per_step, rows[0].cost_per_simulated_second) = (Some(1.9), Some(0.19));
     assert_eq!(judged(&rows), [yes, yes, yes]);
     rows[2].setting = "h = 10 ms".into();
     rows[0].error_percent = Some(2.0);

@@ -252,7 +252,7 @@ pub fn run(
     .note(
         "35 x 2 cells of ten-node tetrahedra, default tolerances, one thread. amplitude: of the first swing; off: from the \
          published 65.160 mm and 1.0995 Hz. lost: of the last swing over the first. safe steps: those that a \
-         scheme of second order left to the safe step.",
+         scheme of second order left to the safe step, a first one without history included.",
     );
     Ok(vec![still, motion])
 }
