@@ -151,7 +151,8 @@ fn run_rapier(options: &BenchOptions, report: &mut PeerReport) -> Result<()> {
             // a tenth of the weight: strains below 1 %, where the corotational energy and StVK meet
             for gravity in [9.81, 0.981] {
                 let case = BeamCase::new(Beam::rapier(cells, poisson_ratio, gravity)?)?;
-                let mut rivals = sinew_rows::rivals(&[1.0 / 60.0], gravity > 1.0);
+                let steps = [1.0 / 60.0, 1.0 / 60.0 / RAPIER_PARTS];
+                let mut rivals = sinew_rows::rivals(&steps, gravity > 1.0);
                 rivals.extend(rapier::rivals(&case, rapier::STEP));
                 report.rows.extend(compete(&case, &mut rivals, options.quick));
             }
@@ -159,6 +160,9 @@ fn run_rapier(options: &BenchOptions, report: &mut PeerReport) -> Result<()> {
     }
     Ok(())
 }
+
+/// Parts into which Rapier cuts a step by default.
+const RAPIER_PARTS: f64 = 4.0;
 
 /// Errors that differ by less than this share of themselves are the same: the fine motion is not known better.
 const SAME_ERROR: f64 = 0.01;
@@ -168,27 +172,27 @@ fn step(row: &PeerRow) -> Option<f64> {
     Some(1e-3 * row.ms_per_step? / row.cost_per_simulated_second?)
 }
 
-/// Whether two rows have steps of the same length and numbers of the same precision: what else is told of their speed
-/// would compare two things.
-fn alike(a: &PeerRow, b: &PeerRow) -> bool {
-    let same = |(a, b): (f64, f64)| (a / b - 1.0).abs() < 1e-3;
-    a.precision == b.precision && step(a).zip(step(b)).is_some_and(same)
+/// Whether one of our rows has steps as long as those of a rival, each of which is cut into `parts`, and numbers of the same
+/// precision: what else is told of their speed would compare two things.
+fn alike(ours: &PeerRow, rival: &PeerRow, parts: f64) -> bool {
+    let same = |(a, b): (f64, f64)| (a * parts / b - 1.0).abs() < 1e-3;
+    ours.precision == rival.precision && step(ours).zip(step(rival)).is_some_and(same)
 }
 
-/// The aim against a row of a rival, by rows of ours with the same step and precision whose motion is no farther from
-/// the fine one.
-fn faster_steps(ours: &[&PeerRow], rival: &PeerRow, factor: f64) -> Option<BenchAim> {
+/// The aim against a row of a rival that cuts its steps into `parts`, by rows of ours with such steps and the same precision
+/// whose motion is no farther from the fine one.
+fn faster_steps(ours: &[&PeerRow], rival: &PeerRow, parts: f64, factor: f64) -> Option<BenchAim> {
     let (theirs, error) = (rival.ms_per_step?, rival.swing_percent?);
     let setting = rival.setting.split(", ").find(|part| part.starts_with("at most"));
     let aim = format!(
         "steps of {} ms at least {factor} times as fast as {} ({}), {}, motion no less exact: {}",
-        three_digits(1e3 * step(rival)?),
+        three_digits(1e3 * step(rival)? / parts),
         rival.engine,
         setting.unwrap_or(&rival.setting),
         rival.precision,
         rival.scene
     );
-    let comparable: Vec<&&PeerRow> = ours.iter().filter(|r| alike(r, rival)).collect();
+    let comparable: Vec<&&PeerRow> = ours.iter().filter(|r| alike(r, rival, parts)).collect();
     if comparable.is_empty() {
         let aim = BenchAim::at_least(aim, factor, "times", 0.0);
         let why = "none of our rows has this step and precision";
@@ -198,7 +202,7 @@ fn faster_steps(ours: &[&PeerRow], rival: &PeerRow, factor: f64) -> Option<Bench
     let as_good = comparable.iter().filter(|r| r.swing_percent.is_some_and(|e| e <= limit));
     let best = as_good.filter_map(|r| r.ms_per_step).min_by(f64::total_cmp);
     Some(match best {
-        Some(ours) => at_least(&aim, ours, theirs, factor),
+        Some(ours) => at_least(&aim, ours, theirs / parts, factor),
         None => BenchAim::at_least(format!("{aim} (no setting as exact)"), factor, "times", 0.0),
     })
 }
@@ -231,8 +235,8 @@ pub fn aims(rows: &[PeerRow]) -> Vec<BenchAim> {
             }
         }
         let ours: Vec<&PeerRow> = of("Sinew").collect();
-        for (engine, factor, setting) in
-            [("MuJoCo", None, "h = 10 ms"), ("Rapier", Some(5.0), "300")]
+        for (engine, factor, setting, parts) in
+            [("MuJoCo", None, "h = 10 ms", 1.0), ("Rapier", Some(5.0), "300", RAPIER_PARTS)]
         {
             for rival in of(engine).filter(|r| r.setting.contains(setting)) {
                 let capped = rival.setting.contains("its default");
@@ -242,7 +246,7 @@ pub fn aims(rows: &[PeerRow]) -> Vec<BenchAim> {
                     4000.. => Some(20.0),
                     _ => None,
                 });
-                aims.extend(factor.and_then(|factor| faster_steps(&ours, rival, factor)));
+                aims.extend(factor.and_then(|factor| faster_steps(&ours, rival, parts, factor)));
             }
         }
     }

@@ -151,7 +151,7 @@ fn errors_are_relative_to_the_truth() {
 fn own_rows_settle_to_the_truth() {
     let case = BeamCase::new(Beam::mujoco([8, 2, 2], 0.3).unwrap()).unwrap();
     let rows = compete(&case, &mut sinew_rows::rivals(&[1e-2, 1.0 / 30.0], true), true);
-    assert_eq!(rows.len(), 8);
+    assert_eq!(rows.len(), 9);
     for row in &rows {
         let error = row.error_percent.unwrap_or_else(|| panic!("{row:?}"));
         assert!(error < 1.0, "{row:?}");
@@ -210,6 +210,11 @@ fn aims_compare_at_no_larger_error() {
     rows[0] = PeerRow { precision: "f32".into(), ..row("Sinew", "f32", 0.01, 1.0, 1e-6) };
     // forces: 70 ns against 12 in `f64`, not against the 1 in `f32`
     assert_eq!(judged(&rows), [no, no]);
+    // Rapier cuts its steps into four, ours are compared with these
+    let rapier = PeerRow { precision: "f32".into(), ..row("Rapier", "300", 0.4, 1.0, 1e-6) };
+    rows.push(PeerRow { ms_per_step: Some(16.0), ..rapier });
+    assert_eq!(judged(&rows), [no, no, yes]);
+    rows.pop();
     rows[1].precision = "f32".into();
     // nothing of ours is like theirs: no forces, no verdict on steps
     assert_eq!(judged(&rows)[0], open);

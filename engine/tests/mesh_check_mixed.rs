@@ -236,13 +236,30 @@ fn faces_and_edges_of_too_many_cells() {
     let shift = DVec3::new(1.0, 1.0, 0.0);
     mesh.points.extend([1, 2, 3, 5, 6, 7].map(|i: usize| brick(DVec3::ONE).points[i] + shift));
     mesh.hexahedra.push([2, 8, 9, 10, 6, 11, 12, 13]);
-    expect(&mesh, Code::NonManifoldEdge, Severity::Warning, 1, &[]);
+    expect(&mesh, Code::NonManifoldEdge, Severity::Warning, 1, &[Code::OneCellAcross]);
 
     let mut mesh = sheet();
     mesh.points.extend([DVec3::new(0.0, 0.5, 1.0), DVec3::new(0.3, 0.5, 1.0)]);
     let n = mesh.points.len() as u32;
     mesh.quads.push([5, 9, n - 1, n - 2]);
     expect(&mesh, Code::NonManifoldEdge, Severity::Warning, 1, &[]);
+}
+
+#[test]
+fn hexahedra_that_reach_from_side_to_side() {
+    let plate = box_hexahedra(DVec3::new(4.0, 3.0, 1.0), [4, 3, 1]).unwrap();
+    let text = expect(&plate, Code::OneCellAcross, Severity::Info, 12, &[]);
+    assert!(text.contains("12 of 12") && text.contains("two hexahedra across"), "{text}");
+    // one that juts out of a block is the step of a lattice
+    let mut block = box_hexahedra(DVec3::splat(3.0), [3; 3]).unwrap();
+    let corner = block.points.iter().position(|x| *x == DVec3::splat(3.0)).unwrap() as u32;
+    let last = *block.hexahedra.iter().find(|cell| cell.contains(&corner)).unwrap();
+    let top = [4, 5, 6, 7].map(|i| last[i]);
+    let first = block.points.len() as u32;
+    block.points.extend(top.map(|v| block.points[v as usize] + DVec3::Z));
+    let [a, b, c, d] = top;
+    block.hexahedra.push([a, b, c, d, first, first + 1, first + 2, first + 3]);
+    assert!(report(&block, &CheckOptions::default()).findings.is_empty());
 }
 
 #[test]

@@ -38,6 +38,7 @@ pub fn rivals(steps: &[f64], all: bool) -> Vec<Box<dyn Rival>> {
     }
     let middle = steps[steps.len() / 2];
     runs.push(run("safe, StVK", safe, Model::StVK, Precision::F32, middle));
+    runs.push(run("auto, StVK", auto, Model::StVK, Precision::F32, middle));
     runs.push(run("default", auto, Model::default(), Precision::default(), middle));
     if all {
         for (name, integrator, h) in [

@@ -27,7 +27,8 @@ use super::element::{AxisElement, BiquadraticFibre, Fibre, Triad, VolumeTerm};
 use super::site::AxisSite;
 use crate::frame::columns::{self, work};
 use crate::frame::gauss::{GaussColumns, GaussElements, GaussLaw};
-use crate::frame::hexahedra::{Brick, Shape, TenNodes, inner_blocks};
+use crate::frame::hexahedra::{Brick, Shape, TenNodes};
+use crate::frame::law::inner_blocks;
 use crate::frame::row::{Elements, LawRow, PlacedLaw, activate_elements, mark};
 
 /// A kind of elements in which axes lie at points.

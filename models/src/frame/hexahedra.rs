@@ -50,7 +50,7 @@ use super::columns::{evaluate_span, work};
 use super::gauss::{
     Assemble, AtPoints, GaussColumns, GaussElements, GaussLaw, PointTangents, total,
 };
-use super::law::TetrahedronLaw;
+use super::law::{TangentAtPoint, TetrahedronLaw, inner_blocks};
 use super::means::{self, KeptByMean, MeanLaw};
 use super::moduli::{
     ClusterIndex, ClusterPressure, CompressionModulus, FirstLameParameter, PredictedPressure,
@@ -64,7 +64,7 @@ use super::row::{
 use super::rules::VolumeMeasure;
 use super::stand_in::Corotational;
 use crate::element::projection;
-use crate::element::tetrahedron::{self, Element, TetrahedronTangent};
+use crate::element::tetrahedron::{self, Element};
 
 /// Law `L` with its volume term by the mean of an element.
 #[derive(Clone, Copy, Debug)]
@@ -265,18 +265,6 @@ fn held_by_mean<R: Real>(e: Element<R>, pressure: R) -> Element<R> {
     Element { lambda: R::ZERO, pressure, quartic, slack, ..e }
 }
 
-/// Blocks of the vertices 1, 2 and 3 of a tetrahedron.
-#[inline(always)]
-pub(crate) fn inner_blocks<R: Real>(t: &TetrahedronTangent<R>) -> [[[R; 9]; 3]; 3] {
-    let mut inner = [[[R::ZERO; 9]; 3]; 3];
-    for i in 0..3 {
-        for j in 0..3 {
-            inner[i][j] = t.block(i + 1, j + 1);
-        }
-    }
-    inner
-}
-
 /// Elements that follow law `Law`. Whether its volume term acts at the points or by their mean is told at run time, so that
 /// kernels are there once for both.
 struct OfLaw<'a, 'b, Law, E, S: Scalar, const V: usize, const P: usize, const Q: usize> {
@@ -347,7 +335,7 @@ where
     }
     #[inline(always)]
     fn tangent<L: Lanes<Scalar = S>>((e, u): &Point<L>, kind: TangentKind) -> [[[L; 9]; 3]; 3] {
-        inner_blocks(&Law::tangent(e, u, kind))
+        L::apart(TangentAtPoint::<Law, L>::new(e, u, kind))
     }
     #[inline(always)]
     fn is_clamped<L: Lanes<Scalar = S>>((e, u): &Point<L>) -> L::Mask {

@@ -3,7 +3,8 @@
 
 use bevy_ecs::prelude::Component;
 use sinew_engine::law::TangentKind;
-use sinew_engine::scalar::Real;
+use sinew_engine::scalar::{Calculation, Real};
+use std::marker::PhantomData;
 
 use super::rules::VolumeMeasure;
 use crate::element::membrane::{self, TriangleTangent};
@@ -61,6 +62,42 @@ pub trait TetrahedronLaw: Send + Sync + 'static {
     fn is_clamped<R: Real>(_: &Element<R>, _: &Nodes<R>) -> R::Mask {
         R::less(R::ONE, R::ZERO)
     }
+}
+
+/// The tangent (N/m) of a law by the vertices 1, 2 and 3 of what stands for a point, of every kind of elements: long, so compiled
+/// once for all of them ([`Real::apart`]).
+pub(crate) struct TangentAtPoint<'a, Law, R> {
+    element: &'a Element<R>,
+    u: &'a Nodes<R>,
+    kind: TangentKind,
+    law: PhantomData<fn() -> Law>,
+}
+
+impl<'a, Law, R> TangentAtPoint<'a, Law, R> {
+    #[inline(always)]
+    pub(crate) fn new(element: &'a Element<R>, u: &'a Nodes<R>, kind: TangentKind) -> Self {
+        Self { element, u, kind, law: PhantomData }
+    }
+}
+
+impl<Law: TetrahedronLaw, R: Real> Calculation<R> for TangentAtPoint<'_, Law, R> {
+    type Output = [[[R; 9]; 3]; 3];
+    #[inline(always)]
+    fn run(self) -> [[[R; 9]; 3]; 3] {
+        inner_blocks(&Law::tangent(self.element, self.u, self.kind))
+    }
+}
+
+/// Blocks of the vertices 1, 2 and 3 of a tetrahedron.
+#[inline(always)]
+pub(crate) fn inner_blocks<R: Real>(t: &TetrahedronTangent<R>) -> [[[R; 9]; 3]; 3] {
+    let mut inner = [[[R::ZERO; 9]; 3]; 3];
+    for i in 0..3 {
+        for j in 0..3 {
+            inner[i][j] = t.block(i + 1, j + 1);
+        }
+    }
+    inner
 }
 
 /// A law whose energy is a sum over membrane triangles of a function of their three displacements.

@@ -27,8 +27,8 @@ use std::marker::PhantomData;
 
 use super::columns::{LawColumns, TangentSum, add_vertices, evaluate_span, load_vertices, work};
 use super::gauss::{AtPoints, GaussElements};
-use super::hexahedra::{self, Brick, ByMean, inner_blocks};
-use super::law::TetrahedronLaw;
+use super::hexahedra::{self, Brick, ByMean};
+use super::law::{TangentAtPoint, TetrahedronLaw, inner_blocks};
 use super::means::{self, KeptByMean, MeanLaw};
 use super::moduli::{
     ClusterIndex, ClusterPressure, CompressionModulus, FirstLameParameter, PredictedPressure,
@@ -281,6 +281,34 @@ impl<L: Real> Loaded<L> {
     }
 }
 
+/// Elements of a register from `first` on, loaded: long, and the same for every law but for what is told here.
+struct Load<'a, 'b, S: Scalar> {
+    columns: &'a Columns<'b, S>,
+    first: usize,
+    /// The pressures for forces (0) or tangents (1), where the volume term is that of a mean.
+    pressures: Option<usize>,
+    folds_volume: bool,
+    is_objective: bool,
+}
+
+impl<L: Lanes> Calculation<L> for Load<'_, '_, L::Scalar> {
+    type Output = Loaded<L>;
+    #[inline(always)]
+    fn run(self) -> Loaded<L> {
+        let Self { columns, first, .. } = self;
+        let u = load_vertices::<L, 8>(columns.displacement, &columns.nodes[first..]);
+        let [lambda, mu, compression] = columns.moduli;
+        let moduli =
+            [L::load(&lambda[first..]), L::load(&mu[first..]), L::load(&compression[first..])];
+        let pressure = match self.pressures {
+            Some(which) => Some(L::load(&columns.pressures[which][first..])),
+            None => None,
+        };
+        let shape = load_shape(columns.shape, first);
+        Loaded::new(self.folds_volume, self.is_objective, &u, shape, moduli, pressure)
+    }
+}
+
 /// Elements that follow law `Law`. Whether its volume term is a mean is told at run time, so that kernels are there once for
 /// both.
 struct OfLaw<'a, 'b, Law, S: Scalar> {
@@ -293,18 +321,14 @@ impl<Law: TetrahedronLaw, S: Scalar> OfLaw<'_, '_, Law, S> {
     #[inline(always)]
     fn load<L: Lanes<Scalar = S>>(&self, first: usize, which: usize) -> Loaded<L> {
         let columns = self.columns;
-        let u = load_vertices::<L, 8>(columns.displacement, &columns.nodes[first..]);
-        let [lambda, mu, compression] = columns.moduli;
-        let moduli =
-            [L::load(&lambda[first..]), L::load(&mu[first..]), L::load(&compression[first..])];
-        let pressures = columns.pressures[which];
-        let pressure = if Law::VOLUME.is_some() && !pressures.is_empty() {
-            Some(L::load(&pressures[first..]))
-        } else {
-            None
-        };
-        let shape = load_shape(columns.shape, first);
-        Loaded::new(Law::FOLDS_VOLUME, Law::IS_OBJECTIVE, &u, shape, moduli, pressure)
+        let by_mean = Law::VOLUME.is_some() && !columns.pressures[which].is_empty();
+        L::apart(Load {
+            columns,
+            first,
+            pressures: by_mean.then_some(which),
+            folds_volume: Law::FOLDS_VOLUME,
+            is_objective: Law::IS_OBJECTIVE,
+        })
     }
 }
 
@@ -344,14 +368,14 @@ impl<Law: TetrahedronLaw, S: Scalar> LawColumns<S> for OfLaw<'_, '_, Law, S> {
             let acts = L::less(L::ZERO, own.element.volume * own.element.mu);
             to.count_clamped::<L>(L::both(acts, Law::is_clamped(&own.element, &own.u)));
         }
-        let inner = inner_blocks(&Law::tangent(&own.element, &own.u, to.kind));
+        let inner = L::apart(TangentAtPoint::<Law, L>::new(&own.element, &own.u, to.kind));
         // in a frame that stays the modes are not coupled with the mean deformation
         let modes = if Law::IS_OBJECTIVE { own.modes } else { Modes::NONE };
         L::apart(Assemble {
             inner: &inner,
             weights: &own.weights,
             modes: &modes,
-            stiffness: &load_stiffness(self.columns.stiffness, first),
+            stiffness: &self.columns.stiffness[first..],
             exact: Law::IS_OBJECTIVE && to.kind == TangentKind::Exact,
             span: &mut *to.span,
             nodes: &self.columns.nodes[first..first + L::COUNT],
@@ -399,12 +423,12 @@ impl<L: Lanes> Calculation<L> for Forces<'_, L> {
 
 /// Adds the tangents of a register of elements to a range: the larger part of the work and of the code, and the same for every
 /// law. The register may be of another precision than the range.
-struct Assemble<'a, L, S: Scalar> {
+struct Assemble<'a, L: Lanes, S: Scalar> {
     /// Second derivatives of the energy of the law by the columns of `F` (J).
     inner: &'a [[[L; 9]; 3]; 3],
     weights: &'a Weights<L>,
     modes: &'a Modes<L>,
-    stiffness: &'a Stiffness<L>,
+    stiffness: &'a [Numbers<L::Scalar, STIFFNESS>],
     exact: bool,
     span: &'a mut Span<S>,
     /// Of the elements; those of lanes beyond their number are left out.
@@ -417,7 +441,8 @@ impl<L: Lanes, S: Scalar> Calculation<L> for Assemble<'_, L, S> {
     #[inline(always)]
     fn run(self) {
         let Self { inner, weights, modes, stiffness, exact, span, nodes, blocks } = self;
-        let second = hourglass::second_derivatives(stiffness, modes, inner, exact);
+        let stiffness = load_stiffness(stiffness, 0);
+        let second = hourglass::second_derivatives(&stiffness, modes, inner, exact);
         let mut pair = 0;
         for a in 0..8 {
             // what moving vertex a does to the columns and modes
@@ -609,7 +634,7 @@ fn projected_batch<S: Scalar, L: Lanes<Scalar = f64>>(
         inner: &inner,
         weights: &own.weights,
         modes: &own.modes,
-        stiffness: &load_stiffness(&stiffness, 0),
+        stiffness: &stiffness,
         exact: false,
         span,
         nodes: &columns.nodes[first..end],

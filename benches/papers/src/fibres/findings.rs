@@ -46,7 +46,7 @@ const SAME: f64 = 0.03;
 const NEAR: f64 = 0.1;
 
 impl Measured {
-    fn of(&self, size: usize, mesh: usize, what: What) -> Option<&Swing> {
+    pub(super) fn of(&self, size: usize, mesh: usize, what: What) -> Option<&Swing> {
         self.runs.iter().find(|r| r.0 == Key::of(size, mesh, what)).map(|r| &r.1)
     }
 

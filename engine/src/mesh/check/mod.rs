@@ -109,6 +109,8 @@ codes! {
     ImplausibleSize = "implausible-size",
     /// Cells of kinds that the engine cannot use.
     SkippedCells = "skipped-cells",
+    /// Hexahedra that reach from one side of a body to the other.
+    OneCellAcross = "one-cell-across",
     /// Tetrahedra of four and of ten vertices in one mesh, or hexahedra beside the latter.
     MixedOrder = "mixed-order",
 }

@@ -1,11 +1,14 @@
 //! How cells hang together: repeated cells, faces and edges of too many cells, parts.
 
 use super::{
-    FindingCode, Findings, MeshStatistics, Severity, Sound, Tally, kind_name, vertex_list,
+    FindingCode, Findings, MeshStatistics, Severity, Sound, Tally, cell_name, kind_name,
+    vertex_list,
 };
 use crate::element_kind::ElementKind;
+use crate::mesh::cell::hexahedron_faces;
 use crate::mesh::{Mesh, Surface, for_equal_cells};
 use crate::sets::DisjointSets;
+use std::collections::HashSet;
 
 pub(super) fn duplicate_cells(mesh: &Mesh, cells: &Sound, found: &mut Findings) {
     fn repeats<'a, const N: usize>(
@@ -80,6 +83,9 @@ pub(super) fn manifold(mesh: &Mesh, cells: &Sound, found: &mut Findings) {
             "the two sides part a little between the vertices there; split the hexahedra into \
              tetrahedra where accuracy matters",
         );
+        if faces.crowded_quads.is_empty() {
+            one_across(mesh, cells, &faces.boundary.quads, found);
+        }
         faces.boundary
     } else {
         Surface {
@@ -102,6 +108,42 @@ pub(super) fn manifold(mesh: &Mesh, cells: &Sound, found: &mut Findings) {
         tally,
         |count| format!("{count} edges of the surface belong to more than two of its faces"),
         "parts that meet only along an edge turn about it like a hinge; join them by a face if they should not",
+    );
+}
+
+/// Places of opposite sides among the faces of a hexahedron.
+const OPPOSITE: [[usize; 2]; 3] = [[0, 1], [2, 4], [3, 5]];
+
+/// Hexahedra that reach from one side of a body to the other: no hexahedron of eight vertices bends as the continuum there.
+fn one_across(mesh: &Mesh, cells: &Sound, boundary: &[[u32; 4]], found: &mut Findings) {
+    let sorted = |mut face: [u32; 4]| {
+        face.sort_unstable();
+        face
+    };
+    let outside: HashSet<[u32; 4]> = boundary.iter().copied().map(sorted).collect();
+    let (mut tally, mut all) = (Tally::default(), 0);
+    for (i, cell) in cells.hexahedra(mesh) {
+        all += 1;
+        let faces = hexahedron_faces(*cell).map(|face| outside.contains(&sorted(face)));
+        if OPPOSITE.iter().any(|[a, b]| faces[*a] && faces[*b]) {
+            tally.add(|| cell_name(mesh, ElementKind::Hexahedron, i, cell));
+        }
+    }
+    // steps of a lattice jut out here and there
+    if all < 2 || 10 * tally.count < all {
+        return;
+    }
+    found.push(
+        FindingCode::OneCellAcross,
+        Severity::Info,
+        tally,
+        |count| {
+            format!(
+                "{count} of {all} hexahedra reach from one side of the body to the other, where it bends too little (full \
+                 integration) or by up to a fifth too much (reduced)"
+            )
+        },
+        "two hexahedra across are enough with reduced integration",
     );
 }
 
