@@ -1,7 +1,7 @@
 //! Bodies of hexahedra with reduced integration: bending beside the continuum, folded corners, removals, snapshots.
 
 use crate::common::{
-    Shortcuts, assert_fresh, disturb, hold_end, options, pick, random_field, region,
+    Shortcuts, assert_fresh, disturb, hold_end, max_length, options, pick, random_field, region,
 };
 use glam::DVec3;
 use sinew::engine::connectivity::ElementKind;
@@ -75,7 +75,11 @@ fn they_do_on_skewed_and_on_graded_cells() {
         let (mut skewed, size) = (cantilever([10, 2, 2]), DVec3::new(0.1, 0.02, 0.02));
         let shifts = random_field(skewed.points.len(), 5);
         for (x, shift) in skewed.points.iter_mut().zip(shifts) {
-            for k in (0..3).filter(|_| x.distance(END) > 1e-9) {
+            // the place that is compared stays
+            if x.distance(END) < 1e-9 {
+                continue;
+            }
+            for k in 0..3 {
                 if x[k] > 1e-9 && x[k] < size[k] - 1e-9 {
                     x[k] += 0.25 * 0.01 * shift[k];
                 }
@@ -92,8 +96,8 @@ fn they_do_on_skewed_and_on_graded_cells() {
     }
 }
 
-/// Cook's membrane, 48 x 44 to 16 x 10 mm, under a shear at its end that lifts it by about 22 mm: root mean square of the error over
-/// that of the displacement, against ten-node tetrahedra on cells of half the size.
+/// Cook's membrane, 48 x 44 to 16 x 10 mm, under a shear at its end that moves its tip by 21.6 mm: root mean square of the error over
+/// the largest displacement, the norm of the study that the bounds are from, against ten-node tetrahedra on cells of half the size.
 #[test]
 #[ignore = "slow"]
 fn cook_s_membrane_is_lifted_like_the_continuum() {
@@ -125,16 +129,15 @@ fn cook_s_membrane_is_lifted_like_the_continuum() {
             simulation.displacements(body)
         };
         let (u, truth) = (lifted(&coarse), lifted(&fine));
-        let (mut error, mut whole) = (0.0, 0.0);
+        let mut error = 0.0;
         for (x, u) in coarse.points.iter().zip(u) {
             let at = fine.points.iter().position(|y| x.distance(*y) < 1e-9).unwrap();
             error += u.distance_squared(truth[at]);
-            whole += truth[at].length_squared();
         }
-        let error = 100.0 * (error / whole).sqrt();
+        let largest = max_length(&truth);
+        let error = 100.0 * (error / coarse.points.len() as f64).sqrt() / largest;
         assert!(error < bound, "nu {poisson_ratio}: {error} %");
-        let tip = truth.iter().map(|u| u.y).fold(0.0, f64::max);
-        assert!(tip > 0.018 && tip < 0.026, "{tip}");
+        assert!(largest > 0.02 && largest < 0.023, "{largest}");
     }
 }
 

@@ -674,6 +674,7 @@ pub(crate) fn figure() -> Result<Figure> {
 
 #[cfg(test)]
 mod tests {
+    use super::findings::{scatter, statistics};
     use super::*;
     use crate::figure::Verdict;
 

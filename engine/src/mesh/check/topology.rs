@@ -83,7 +83,8 @@ pub(super) fn manifold(mesh: &Mesh, cells: &Sound, found: &mut Findings) {
             "the two sides part a little between the vertices there; split the hexahedra into \
              tetrahedra where accuracy matters",
         );
-        if faces.crowded_quads.is_empty() {
+        // what is left of a mesh with errors is no body
+        if found.0.iter().all(|f| f.severity != Severity::Error) {
             one_across(mesh, cells, &faces.boundary.quads, found);
         }
         faces.boundary
