@@ -218,7 +218,7 @@ pub fn run(
     }
     let mut moving = Vec::new();
     for &integrator in integrators {
-        for dt in if quick { &[0.0325][..] } else { &[1.0 / 60.0, 0.02, 0.0325][..] } {
+        for dt in if quick { &[0.0325][..] } else { &[1.0 / 60.0, 0.0325][..] } {
             tell(&format!("integrators: swinging bar, {}", integrator.name()));
             let mut bar = Bar::new(BarElements::TenNode, AT_REST[0].0, 2)?;
             let (found, failure) = match bar.swing(integrator, *dt) {
