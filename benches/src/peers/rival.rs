@@ -17,8 +17,8 @@ pub const MAX_SETTLE_STEPS: usize = 60;
 /// Times (s) at which motions are compared: a multiple of every step, and as many of them as take the beams through a
 /// period or so.
 const SWING: (f64, usize) = (0.1, 3);
-/// Step (s) of the fine motion, of second order and converged: steps of 10 ms differ from it by less than a tenth of
-/// what any step of first order is off.
+/// Step (s) of the fine motion, of second order and converged: explicit steps come within 0.5 % of it on the beam of 1 536
+/// tetrahedra, and within 1.4 % on that of 160.
 const FINE_STEP: f64 = 0.005;
 /// Elements from which on a body counts as large.
 pub const LARGE: usize = 20_000;
