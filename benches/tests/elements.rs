@@ -12,9 +12,9 @@ use sinew_benches::toolbox::stats::Spread;
 #[test]
 fn vertices_are_compared_at_their_places() {
     let field = |points: &[DVec3]| points.iter().map(|p| DVec3::Z * p.x * p.x).collect();
-    for (body, kind) in
-        ElementBody::ALL.into_iter().flat_map(|b| Discretisation::ALL.map(|k| (b, k)))
-    {
+    // no vertex of a lattice is one of another mesh
+    let kinds = Discretisation::ALL.into_iter().filter(|kind| *kind != Discretisation::Lattice);
+    for (body, kind) in kinds.flat_map(|k| ElementBody::ALL.map(|b| (b, k))) {
         let (fine, fixed) = body.mesh(Discretisation::Linear, 2).unwrap();
         let places = ElementPlaces::new(body, &fine.points);
         let truth: Vec<Vec<DVec3>> = vec![field(&fine.points)];
@@ -90,7 +90,7 @@ fn equal_errors_are_interpolated_in_logarithms() {
 
 #[test]
 fn verdicts_compare_what_they_say() {
-    let [linear, clusters, _, ten_node, _] = Discretisation::ALL.map(Discretisation::name);
+    let [linear, clusters, _, ten_node, ..] = Discretisation::ALL.map(Discretisation::name);
     let (a, b) = (1, 2);
     let mut report = ElementReport {
         rows: vec![

@@ -24,8 +24,8 @@ use crate::toolbox::meshes::refined;
 use crate::toolbox::options::BenchOptions;
 use crate::toolbox::prelude::*;
 use crate::toolbox::stats::{Rounds, Spread, interleave};
-use sinew::engine::mesh::Group;
 use sinew::engine::mesh::generate::{box_hexahedra, box_tets};
+use sinew::engine::mesh::{EmbeddedPoints, Group};
 use sinew::models::body::{Integration, VolumeRule};
 use sinew_tune::measures::displacement_error;
 use sinew_tune::table::three_digits;
@@ -92,6 +92,9 @@ impl ElementBody {
     /// # Errors
     /// When it cannot be made or read.
     pub fn mesh(self, kind: Discretisation, level: usize) -> Result<(Mesh, Vec<u32>)> {
+        if kind == Discretisation::Lattice {
+            return Self::lattice(level);
+        }
         let linear = match self {
             Self::Beam if kind.of_hexahedra() => box_hexahedra(SIZE, LEVELS[level])?,
             Self::Beam => box_tets(SIZE, LEVELS[level])?,
@@ -121,6 +124,20 @@ impl ElementBody {
         Ok((mesh, fixed))
     }
 
+    /// A lattice over the coarse liver, with about as many vertices as its mesh of that level. Held are the vertices in cells all
+    /// of whose corners are.
+    fn lattice(level: usize) -> Result<(Mesh, Vec<u32>)> {
+        let (first, fixed) = Self::Liver.mesh(Discretisation::Linear, 0)?;
+        let (mesh, _) = first.lattice(LATTICE_CELL / f64::from(1 << level))?;
+        let mut held = vec![0.0; first.points.len()];
+        fixed.iter().for_each(|&v| held[v as usize] = 1.0);
+        let within = EmbeddedPoints::new(&first, &mesh.points)
+            .map_or_else(Vec::new, |e| e.mean(|v| held[v as usize]));
+        let is_held = |v: &u32| within.get(*v as usize).is_some_and(|share| *share > 1.0 - 1e-6);
+        let fixed = (0..mesh.points.len() as u32).filter(is_held).collect();
+        Ok((mesh, fixed))
+    }
+
     /// Kinds that run on a level: ten-node tetrahedra have the vertices of the next one, and on the finest mesh only those
     /// run that the verdicts compare at equal error.
     fn kinds(self, level: usize, poisson_ratio: f64) -> Vec<Discretisation> {
@@ -128,6 +145,8 @@ impl ElementBody {
         let level = if self == Self::Liver { level + 1 } else { level };
         let here = |kind: &Discretisation| match (level, kind) {
             (_, kind) if self == Self::Liver && kind.of_hexahedra() => false,
+            // a box is filled by boxes
+            (_, Discretisation::Lattice) => self == Self::Liver,
             (4, Discretisation::Linear) => poisson_ratio == 0.3,
             (4, Discretisation::Clusters) => poisson_ratio == 0.4999,
             (4, _) => false,
@@ -156,6 +175,8 @@ const LIVER_YOUNG: f64 = 3e3;
 const LIVER_GRAVITY: f64 = 5.5;
 /// Height (m) above which vertices of the coarse liver are held; of finer ones, those between held ones.
 const LIVER_HELD: f64 = 0.02;
+/// Edge (m) of the coarsest lattice over the liver: about as many vertices as the coarse liver has.
+const LATTICE_CELL: f64 = 0.03;
 /// Group of these.
 const HELD: &str = "held";
 /// Step (s) of all methods.
@@ -260,12 +281,20 @@ pub enum Discretisation {
     TenNode,
     /// Hexahedra with reduced integration.
     ReducedHexahedra,
+    /// A lattice of these over the surface of the body, each filled by a share.
+    Lattice,
 }
 
 impl Discretisation {
     /// All, in the order of [`KINDS`].
-    pub const ALL: [Self; 5] =
-        [Self::Linear, Self::Clusters, Self::Hexahedra, Self::TenNode, Self::ReducedHexahedra];
+    pub const ALL: [Self; 6] = [
+        Self::Linear,
+        Self::Clusters,
+        Self::Hexahedra,
+        Self::TenNode,
+        Self::ReducedHexahedra,
+        Self::Lattice,
+    ];
 
     /// Name in tables.
     pub fn name(self) -> &'static str {
@@ -279,7 +308,7 @@ impl Discretisation {
     /// How its hexahedra are integrated.
     fn integration(self) -> Integration {
         match self {
-            Self::ReducedHexahedra => Integration::Reduced,
+            Self::ReducedHexahedra | Self::Lattice => Integration::Reduced,
             _ => Integration::Full,
         }
     }
@@ -322,12 +351,13 @@ impl Discretisation {
 }
 
 /// Names in the order of the chart: ours, then the rivals with as many iterations as they need.
-pub const KINDS: [&str; 9] = [
+pub const KINDS: [&str; 10] = [
     "linear tetrahedra",
     "clusters of tetrahedra",
     "hexahedra",
     "ten-node tetrahedra",
     "hexahedra, reduced integration",
+    "lattice of reduced hexahedra",
     "MuJoCo tetrahedra",
     "MuJoCo trilinear cells",
     "MuJoCo quadratic cells",
@@ -589,7 +619,17 @@ impl ElementEntry {
                 None => self.rival.settle(&self.case)?,
             },
         };
-        self.row.static_percent = truth.still.0.error(points, &[still], &truth.still.1);
+        self.row.static_percent = match self.kind {
+            // no vertex of a lattice is one of the continuum's: those of the coarse body are carried
+            Some(Discretisation::Lattice) => {
+                let (first, _) = ElementBody::Liver.mesh(Discretisation::Linear, 0)?;
+                let carried = EmbeddedPoints::new(&self.case.beam.mesh, &first.points);
+                let still =
+                    carried.map(|carried| carried.displacements(&still)).unwrap_or_default();
+                truth.still.0.error(&first.points, &[still], &truth.still.1)
+            }
+            _ => truth.still.0.error(points, &[still], &truth.still.1),
+        };
         // a speed without an error is half a result
         self.row.ms = self.row.static_percent.and(Some(ms));
         self.row.iterations = self.rival.linear_iterations();
@@ -738,12 +778,12 @@ impl ElementLevel {
         let capped = self.level < 3 && !self.quick;
         if let Some(mujoco) = mujoco {
             let mut bodies = vec![
-                (5, Freedom::Full, tetrahedra.clone()),
-                (6, Freedom::Trilinear(cells), free(self.level)?),
+                (6, Freedom::Full, tetrahedra.clone()),
+                (7, Freedom::Trilinear(cells), free(self.level)?),
             ];
             if self.level < if self.quick { 1 } else { 3 } {
                 // nodes in the middle of edges: the vertices of the next level
-                bodies.push((7, Freedom::Quadratic(cells), free(self.level + 1)?));
+                bodies.push((8, Freedom::Quadratic(cells), free(self.level + 1)?));
             }
             for (name, freedom, case) in bodies {
                 let found = match mujoco.rivals(&case, &[H], freedom) {
@@ -773,8 +813,8 @@ impl ElementLevel {
         for (i, rival) in rapier::rivals(&tetrahedra, H).into_iter().enumerate() {
             let kind = match i {
                 0 if capped => "Rapier constraints".to_owned(),
-                1 if capped => format!("{}{CAPPED}", KINDS[8]),
-                2 => KINDS[8].to_owned(),
+                1 if capped => format!("{}{CAPPED}", KINDS[9]),
+                2 => KINDS[9].to_owned(),
                 _ => continue,
             };
             entries.push(ElementEntry::new(&kind, None, self, &tetrahedra, rival));

@@ -2,6 +2,7 @@
 
 use super::beam::Beam;
 use crate::toolbox::prelude::*;
+use sinew::engine::mesh::FILLED;
 use sinew::models::body::VolumeRule;
 
 /// A clamped beam in a world of its own.
@@ -19,7 +20,9 @@ pub fn simulation(
         ..Default::default()
     })?;
     let body = BodyDescription::new("beam", &beam.mesh, beam.material);
-    let description = BodyDescription { model, volume, integration: beam.integration, ..body };
+    let filled = beam.mesh.data(FILLED).map(|data| &data.values.hexahedra[..]);
+    let integration = beam.integration;
+    let description = BodyDescription { model, volume, integration, filled, ..body };
     let body = simulation.add_body(&description)?;
     let rows = simulation.rows(body, "clamp", &beam.fixed)?;
     simulation.add_constraint(Constraint::hold("clamp", rows));

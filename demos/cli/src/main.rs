@@ -26,7 +26,7 @@ use sinew_cli::{Outcome, PrecisionArgument, choice, exit_code, print, quiet_driv
 use sinew_scene::assemble::{BuildOptions, generate};
 use sinew_scene::cell_springs::{CellFibres, SpringTable};
 use sinew_scene::check::check_file;
-use sinew_scene::mesh_tool::{MeshInfo, convert, merge, read, write};
+use sinew_scene::mesh_tool::{MeshInfo, convert, lattice, merge, read, write};
 use sinew_scene::picture::run_to_page;
 use sinew_scene::run::{LogOptions, Observer, RunOptions, Silent, replay, run};
 use sinew_scene::scene::{BackendName, ExecutorName, LoadedScene};
@@ -291,6 +291,19 @@ enum MeshCommand {
         #[arg(long, default_value_t = MERGE_TOLERANCE, allow_negative_numbers = true)]
         tolerance: f64,
     },
+    /// Cubes over what a closed surface encloses; the cell data `filled` says how much of each.
+    Lattice {
+        /// Surface file (.stl, .obj) or mesh.
+        from: PathBuf,
+        /// Mesh file to write (.msh, .vtk, .vtu).
+        to: PathBuf,
+        /// Edge of the cubes (m).
+        #[arg(long, allow_negative_numbers = true)]
+        cell: f64,
+        /// Factor on all coordinates (0.001 for a surface in millimetres).
+        #[arg(long, default_value_t = 1.0, allow_negative_numbers = true)]
+        scale: f64,
+    },
     /// The springs of tetrahedra or triangles that are St Venant-Kirchhoff elasticity: 21 of a tetrahedron, 6 of
     /// a triangle (Delingette 2008).
     Springs {
@@ -483,6 +496,10 @@ fn mesh(command: MeshCommand) -> Outcome {
         }
         MeshCommand::Merge { from, to, tolerance } => {
             say!("{}", merge(&from, &to, tolerance)?);
+            sayln!("written to {}", to.display());
+        }
+        MeshCommand::Lattice { from, to, cell, scale } => {
+            say!("{}", lattice(&from, &to, cell, scale)?);
             sayln!("written to {}", to.display());
         }
         MeshCommand::Springs {

@@ -7,7 +7,7 @@ use crate::summary::{LoadSummary, PressureSummary};
 use crate::text::{counted, pressure, short};
 use crate::warning::{Level, Warning};
 use serde::Serialize;
-use sinew::engine::mesh::{CheckOptions, CheckReport, Mesh, MeshError, check};
+use sinew::engine::mesh::{CheckOptions, CheckReport, EmbeddedPoints, Mesh, MeshError, check};
 use std::fmt;
 use std::path::Path;
 
@@ -110,6 +110,23 @@ fn about_body(body: &BuiltBody, entry: &BodyEntry) -> Vec<String> {
             ]),
             ranges.words(&body.material),
         ));
+        if let Some(report) = &body.lattice {
+            let [cell, held] = [1e3 * report.cell, 100.0 * report.held / report.volume];
+            lines.push(format!(
+                "lattice of `{}`: cubes of {} mm hold {held:.1} % of the volume inside the surface",
+                body.name,
+                short(cell),
+            ));
+        }
+        if let Some(carried) = &body.carried {
+            let EmbeddedPoints { outside, farthest, .. } = carried.embedding;
+            lines.push(format!(
+                "`{}` carries a surface of {} points, {outside} of them outside of its elements by up to {} m",
+                body.name,
+                carried.points.len(),
+                short(farthest),
+            ));
+        }
     } else {
         lines.push(format!("body `{}`: {vertices} vertices, a membrane alone", body.name));
     }
@@ -209,7 +226,7 @@ fn check_mesh(path: &Path, summary: &mut CheckSummary) -> Result<(), MeshError> 
             Level::Warning,
             "elements",
             "there are faces but no tetrahedra or hexahedra: it is no solid body, a membrane at most",
-            recipe(path),
+            recipe(path, &mesh),
         ));
     }
     Ok(())
@@ -219,11 +236,15 @@ fn check_mesh(path: &Path, summary: &mut CheckSummary) -> Result<(), MeshError> 
 const SURFACE_ONLY: &str = "check.surface-only";
 
 /// How to fill a surface, with the file's own name.
-fn recipe(path: &Path) -> String {
+fn recipe(path: &Path, mesh: &Mesh) -> String {
+    // a cube in fifteen along the body, to two digits
+    let extent = mesh.bounds().map_or(0.0, |(low, high)| (high - low).max_element());
+    let cell = format!("{:.1e}", extent / 15.0).parse().map_or_else(|_| "...".into(), short);
     let file = path.file_name().unwrap_or_default().to_string_lossy();
     let stem = path.file_stem().unwrap_or_default().to_string_lossy();
     format!(
-        "give it a thickness in a scene, membrane = {{ thickness = 0.001 }}, or fill it with tetrahedra:
+        "give it a thickness in a scene, membrane = {{ thickness = 0.001 }}, or fill it with cubes there, lattice = {cell}, \
+         or with tetrahedra:
     Gmsh: write {stem}.geo
         Merge \"{file}\";
         Surface Loop(1) = Surface{{:}};

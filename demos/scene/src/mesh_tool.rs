@@ -4,7 +4,7 @@ use glam::DVec3;
 use serde::Serialize;
 use sinew::engine::mesh::io::{VtuData, write_gmsh, write_vtk, write_vtu};
 use sinew::engine::mesh::merge::Merged;
-use sinew::engine::mesh::{CellData, Mesh, MeshError, PutOnSurface};
+use sinew::engine::mesh::{CellData, LatticeReport, Mesh, MeshError, PutOnSurface};
 use std::fmt;
 use std::path::{Path, PathBuf};
 
@@ -98,6 +98,9 @@ pub struct MeshInfo {
     /// What became of vertices that lie at one place, where they were merged.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub merged: Option<Merged>,
+    /// How a surface was filled, where the mesh is a lattice over it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub lattice: Option<LatticeReport>,
 }
 
 /// Cell data of a mesh.
@@ -205,6 +208,7 @@ impl MeshInfo {
             data: mesh.cell_data.iter().map(DataInfo::of).collect(),
             skipped: mesh.skipped.iter().map(|s| (s.kind.clone(), s.count)).collect(),
             merged: None,
+            lattice: None,
         }
     }
 }
@@ -290,6 +294,22 @@ impl fmt::Display for MeshInfo {
                 writeln!(f, "  left        {left} vertices: cells would become flat")?;
             }
         }
+        if let Some(LatticeReport { volume, held, nearly_empty, apart, odd_lines, .. }) =
+            self.lattice
+        {
+            writeln!(
+                f,
+                "  surface     encloses {volume:.6e} m^3, {:.2} % of it in the cells",
+                100.0 * held / volume
+            )?;
+            writeln!(f, "  left out    {nearly_empty} nearly empty cells, {apart} apart")?;
+            if odd_lines > 0 {
+                writeln!(
+                    f,
+                    "  doubtful    {odd_lines} lines cross the surface an odd number of times"
+                )?;
+            }
+        }
         for (kind, count) in &self.skipped {
             writeln!(f, "  skipped     {count} x {kind}")?;
         }
@@ -349,6 +369,29 @@ pub fn merge(from: &Path, to: &Path, tolerance: f64) -> Result<MeshInfo, Convert
     Ok(MeshInfo { merged: Some(merged), ..MeshInfo::of(&mesh) })
 }
 
+/// Reads a closed surface, with every coordinate multiplied by `scale`, and writes a lattice of cubes over what it encloses.
+///
+/// # Errors
+/// When one of the files, the edge `cell` (m) of the cubes or the scale cannot be used.
+pub fn lattice(from: &Path, to: &Path, cell: f64, scale: f64) -> Result<MeshInfo, ConvertError> {
+    let (mesh, report) = scaled(from, scale)?.lattice(cell)?;
+    write(to, &mesh)?;
+    Ok(MeshInfo { lattice: Some(report), ..MeshInfo::of(&mesh) })
+}
+
+/// Reads a mesh, with every coordinate multiplied by `scale`.
+fn scaled(from: &Path, scale: f64) -> Result<Mesh, ConvertError> {
+    if !(scale > 0.0 && scale.is_finite()) {
+        return Err(ConvertError::Scale(scale));
+    }
+    let mut mesh = read(from)?;
+    if scale != 1.0 {
+        mesh.points.iter_mut().for_each(|p| *p *= scale);
+        check_points(from, &mesh)?;
+    }
+    Ok(mesh)
+}
+
 /// Reads one file and writes another, with every coordinate multiplied by `scale` and, if asked for, a vertex in the middle of
 /// every edge of a tetrahedron.
 ///
@@ -361,14 +404,7 @@ pub fn convert(
     second_order: bool,
     onto: Option<&Path>,
 ) -> Result<MeshInfo, ConvertError> {
-    if !(scale > 0.0 && scale.is_finite()) {
-        return Err(ConvertError::Scale(scale));
-    }
-    let mut mesh = read(from)?;
-    if scale != 1.0 {
-        mesh.points.iter_mut().for_each(|p| *p *= scale);
-        check_points(from, &mesh)?;
-    }
+    let mut mesh = scaled(from, scale)?;
     if second_order {
         if mesh.tetrahedra.is_empty() {
             return Err(ConvertError::NoTetrahedra(from.into()));
@@ -380,11 +416,7 @@ pub fn convert(
             return Err(ConvertError::NotSecondOrder(path.into()));
         }
         Some(path) => {
-            let mut surface = read(path)?;
-            if scale != 1.0 {
-                surface.points.iter_mut().for_each(|p| *p *= scale);
-            }
-            check_points(path, &surface)?;
+            let surface = scaled(path, scale)?;
             if surface.surface_triangles().is_empty() {
                 return Err(ConvertError::NoSurface(path.into()));
             }

@@ -123,6 +123,9 @@ pub struct Writer {
     smallest: f64,
     /// First cell of every kind of each body, among those of its kind.
     start: Vec<ByKind<usize>>,
+    /// The surfaces that bodies carry along, at rest, and the body of each triangle; empty where none does.
+    surface: Mesh,
+    surface_body: Vec<f64>,
 }
 
 /// Checkpoints in a folder with their steps, ascending.
@@ -246,6 +249,14 @@ impl Writer {
             triangles.extend(b.membrane_triangles().iter().map(|t| t.map(|v| v + first)));
             quads.extend(b.membrane_quads().iter().map(|q| q.map(|v| v + first)));
         }
+        let (mut surface, mut surface_body) = (Mesh::default(), Vec::new());
+        for (i, b) in built.bodies.iter().enumerate() {
+            let Some(carried) = &b.carried else { continue };
+            let first = surface.points.len() as u32;
+            surface.points.extend_from_slice(&carried.points);
+            surface.triangles.extend(carried.triangles.iter().map(|t| t.map(|v| v + first)));
+            surface_body.resize(surface.triangles.len(), i as f64);
+        }
         let smallest = built.bodies.iter().map(|b| b.report.statistics.smallest_altitude);
         let smallest = smallest.fold(f64::INFINITY, f64::min);
         Self {
@@ -259,6 +270,8 @@ impl Writer {
             mesh,
             smallest,
             start,
+            surface,
+            surface_body,
         }
     }
 
@@ -334,14 +347,42 @@ impl Writer {
             ..VtuData::of_mesh(&mesh)
         };
         self.appear(&name, |path| write_vtu(path, &data))?;
+        if !self.surface.points.is_empty() {
+            self.surface_frame(built, &surface_name(&name))?;
+        }
         self.frames.push((time, name));
         // the index is written again and again, so that a run that is killed has one
         let often = self.frames.len() < 1000 || self.frames.len().is_multiple_of(100);
         if often { self.index().map(|_| ()) } else { Ok(()) }
     }
 
-    /// Writes the index of the frames.
+    /// Writes the surfaces that bodies carry.
+    fn surface_frame(&self, built: &mut BuiltScene, name: &str) -> Result<(), RunError> {
+        let (mut u, mut v) = (Vec::new(), Vec::new());
+        for body in &built.bodies {
+            let Some(carried) = &body.carried else { continue };
+            let of = |vectors: Vec<DVec3>| carried.embedding.displacements(&vectors);
+            u.extend(of(built.simulation.displacements(body.handle)));
+            v.extend(of(built.simulation.velocities(body.handle)));
+        }
+        let points: Vec<DVec3> = self.surface.points.iter().zip(&u).map(|(x, u)| x + u).collect();
+        let data = VtuData {
+            points: &points,
+            point_vectors: &[("displacement", &u), ("velocity", &v)],
+            cell_scalars: &[("body", &self.surface_body)],
+            single_precision: fit_in_f32(&points, self.smallest) && fit_in_f32(&v, f64::INFINITY),
+            ..VtuData::of_mesh(&self.surface)
+        };
+        self.appear(name, |path| write_vtu(path, &data)).map(drop)
+    }
+
+    /// Writes the index of the frames, and that of the frames of surfaces.
     fn index(&self) -> Result<PathBuf, RunError> {
+        if !self.surface.points.is_empty() {
+            let frames: Vec<_> =
+                self.frames.iter().map(|(t, name)| (*t, surface_name(name))).collect();
+            self.appear(&format!("{}-surface.pvd", self.stem), |path| write_pvd(path, &frames))?;
+        }
         self.appear(&format!("{}.pvd", self.stem), |path| write_pvd(path, &self.frames))
     }
 
@@ -363,11 +404,21 @@ impl Writer {
     /// When it cannot be written.
     pub fn finish(self) -> Result<Vec<String>, RunError> {
         let index = self.index()?;
-        Ok(vec![
-            format!("{} (open in ParaView; {} frames)", index.display(), self.frames.len()),
-            format!("{} (energies and probes)", self.csv_path.display()),
-        ])
+        let mut written =
+            vec![format!("{} (open in ParaView; {} frames)", index.display(), self.frames.len())];
+        if !self.surface.points.is_empty() {
+            let index = index.with_file_name(format!("{}-surface.pvd", self.stem));
+            written.push(format!("{} (the surfaces that bodies carry)", index.display()));
+        }
+        written.push(format!("{} (energies and probes)", self.csv_path.display()));
+        Ok(written)
     }
+}
+
+/// Name of the frame of surfaces beside a frame of bodies.
+fn surface_name(frame: &str) -> String {
+    let (stem, number) = frame.rsplit_once('_').unwrap_or((frame, ""));
+    format!("{stem}-surface_{number}")
 }
 
 /// Whether `f32` rounds vectors by at most a thousandth of a length and does not overflow.
@@ -379,19 +430,22 @@ fn fit_in_f32(vectors: &[DVec3], length: f64) -> bool {
 /// Takes away what an earlier run left under the same name, which this one would be mixed up with, and says so.
 fn remove_old(folder: &Path, stem: &str) -> Result<Option<Warning>, RunError> {
     let frames = folder.join("frames");
-    let [summary, index, rows, unfinished] = [
+    let [summary, index, surfaces, rows, unfinished] = [
         folder.join("summary.json"),
         folder.join(format!("{stem}.pvd")),
+        folder.join(format!("{stem}-surface.pvd")),
         folder.join(format!("{stem}.csv")),
         frames.join("unfinished"),
     ];
     // a run that was killed has rows but no summary
     let cut_short = rows.exists() && !summary.exists();
-    let mut old = vec![summary, index, rows, unfinished];
+    let mut old = vec![summary, index, surfaces, rows, unfinished];
     for entry in std::fs::read_dir(&frames).map_err(write_error(&frames))? {
         let path = entry.map_err(write_error(&frames))?.path();
         let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
-        let number = name.strip_prefix(stem).and_then(|rest| rest.strip_prefix('_'));
+        let rest =
+            name.strip_prefix(stem).map(|rest| rest.strip_prefix("-surface").unwrap_or(rest));
+        let number = rest.and_then(|rest| rest.strip_prefix('_'));
         let number = number.and_then(|rest| rest.strip_suffix(".vtu"));
         if number.is_some_and(|n| n.len() >= 5 && n.bytes().all(|b| b.is_ascii_digit())) {
             old.push(path);

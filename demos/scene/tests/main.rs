@@ -10,6 +10,7 @@ mod fuzz;
 #[cfg(feature = "gpu")]
 mod gpu_scenes;
 mod keys;
+mod lattice;
 mod material_fields;
 mod measure;
 mod modes;

@@ -65,7 +65,7 @@ fn run_whole(name: &str, steps: Option<u64>) -> (RunSummary, Table) {
 }
 
 /// Scenes that ship.
-pub const SHIPPED: &str = "axes_block cantilever crush drag elements fibre_bar fit_bar flap grasp incompressible liver liver_resection \
+pub const SHIPPED: &str = "axes_block cantilever crush drag elements fibre_bar fit_bar flap grasp incompressible lattice liver liver_resection \
     membrane_drum muscle_bar palpation press_flat probe_fast side_by_side slender_cylinder \
     static_beam two_organs ventricle ventricle_floor";
 

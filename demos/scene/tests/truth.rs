@@ -511,7 +511,10 @@ fn the_check_of_a_surface_says_how_to_fill_it() {
         &text,
         &["organ.stl (mesh): a surface only, no solid body", "gmsh -3 organ.geo -o organ.msh"],
     );
-    says(&text, &["Merge \"organ.stl\";", "tetgen -pq1.2 organ.stl", "docs/own-mesh.md"]);
+    says(
+        &text,
+        &["lattice = ", "Merge \"organ.stl\";", "tetgen -pq1.2 organ.stl", "docs/own-mesh.md"],
+    );
     std::fs::remove_dir_all(out).unwrap();
 }
 

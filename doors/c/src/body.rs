@@ -48,7 +48,7 @@ impl<'a> Matter<'a> {
 
     fn field(&self) -> MaterialField<'a> {
         let [young_modulus, poisson_ratio, density] = self.lists;
-        MaterialField { material: self.uniform, young_modulus, poisson_ratio, density }
+        MaterialField { young_modulus, poisson_ratio, density, ..self.uniform.into() }
     }
 }
 

@@ -165,6 +165,8 @@ impl Embedding {
             integration: description.integration,
             springs: description.springs,
             axes: description.axes.clone().map(|axes| axes.into_owned()),
+            carried: None,
+            lattice: None,
         });
         self.epoch += 1;
         Ok(self.handles.add(Kind::Body, name, Target::Body(handle.0)))

@@ -433,7 +433,7 @@ impl Engine {
         let change = self.0.with(|own| {
             let [young_modulus, poisson_ratio, density] = material.arrays();
             let material = material.uniform();
-            let field = MaterialField { material, young_modulus, poisson_ratio, density };
+            let field = MaterialField { young_modulus, poisson_ratio, density, ..material.into() };
             own.set_material(body, field)
         })?;
         Ok((change.elastic_energy, change.kinetic_energy))

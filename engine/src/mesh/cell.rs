@@ -45,7 +45,7 @@ pub(crate) const HEXAHEDRON_EDGES: [[[usize; 2]; 4]; 3] = [
 ];
 
 /// Corners of the cube that a hexahedron is mapped from.
-const CUBE: [[usize; 3]; 8] =
+pub(crate) const CUBE: [[usize; 3]; 8] =
     [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]];
 
 /// Faces of a hexahedron, outward when its signed volume is positive.

@@ -89,6 +89,29 @@ pub enum MeshError {
         /// Which values are valid.
         remedy: &'static str,
     },
+    /// A surface that should enclose a body has holes.
+    #[error(
+        "{file}: the surface is not closed: {count} edges belong to an odd number of triangles, the first from {:?} to {:?} m; \
+         close it where it was modelled, or join its seams with `sinew mesh merge`", .ends[0], .ends[1]
+    )]
+    Open {
+        /// Name of the file or generator.
+        file: String,
+        /// Such edges.
+        count: usize,
+        /// Ends (m) of the first.
+        ends: [[f64; 3]; 2],
+    },
+    /// No cell of a lattice is filled.
+    #[error(
+        "{file}: cells of {cell} m are not filled; give a closed surface, and smaller cells than it is thick"
+    )]
+    NothingInside {
+        /// Name of the file or generator.
+        file: String,
+        /// Edge of the cells (m).
+        cell: f64,
+    },
     /// Data handed to a writer do not fit the mesh.
     #[error("{what}: {found} values for {expected} {entities}; give one value for each")]
     LengthMismatch {

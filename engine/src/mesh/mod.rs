@@ -32,10 +32,14 @@
 
 pub(crate) mod cell;
 pub mod check;
+mod embed;
 pub mod error;
 pub mod generate;
 pub mod io;
+mod lattice;
 pub mod merge;
+pub use embed::EmbeddedPoints;
+pub use lattice::{FILLED, LEAST_FILLED, LatticeReport};
 mod second_order;
 mod select;
 pub use second_order::PutOnSurface;

@@ -61,12 +61,15 @@ fn change<S: Scalar>(
     field: &MaterialField,
 ) -> Result<(), FieldError> {
     let rows = world.resource::<Topology>().bodies[body].clone();
-    let lame = field.lame(rows.order.tetrahedra.len(), rows.hexahedra().len())?;
     let mut query = world.query::<(Entity, &SoftBody)>();
     let found = query.iter(world).find(|(_, soft)| soft.index == body);
     let Some((entity, mut soft)) = found.map(|(entity, soft)| (entity, soft.clone())) else {
         return Ok(());
     };
+    // what is filled is a matter of shape
+    let kept = soft.arrays.clone();
+    let field = &MaterialField { filled: kept.field(field.material).filled, ..*field };
+    let lame = field.lame(rows.order.tetrahedra.len(), rows.hexahedra().len())?;
     let rest = rest_positions(world, rows.vertices.clone());
     let rest_of = |row: u32| rest[row as usize];
     let matter = Matter { field: *field, ..soft.matter(&rows.ordered, &rest_of) };

@@ -46,6 +46,9 @@ pub struct BodyDescription<'a> {
     pub poisson_ratio: Option<&'a [f64]>,
     /// Density (kg/m^3) of every element, likewise.
     pub density: Option<&'a [f64]>,
+    /// Share of every element that is filled, above 0 and at most 1, where elements reach beyond the body: it multiplies
+    /// stiffness and density. [`Mesh::lattice`] gives it as cell data.
+    pub filled: Option<&'a [f64]>,
     /// Energy.
     pub model: Model,
     /// Evaluation.
@@ -94,6 +97,7 @@ impl<'a> BodyDescription<'a> {
             young_modulus: None,
             poisson_ratio: None,
             density: None,
+            filled: None,
             model: Model::default(),
             evaluation: Evaluation::default(),
             volume: VolumeRule::default(),
@@ -114,6 +118,7 @@ impl<'a> BodyDescription<'a> {
             young_modulus: self.young_modulus,
             poisson_ratio: self.poisson_ratio,
             density: self.density,
+            filled: self.filled,
         }
     }
 }

@@ -32,6 +32,9 @@ pub struct MaterialField<'a> {
     pub poisson_ratio: Option<&'a [f64]>,
     /// Densities, kg/m^3.
     pub density: Option<&'a [f64]>,
+    /// Share of every element that is filled with the material, above 0 and at most 1: it multiplies Young's modulus and
+    /// density. It belongs to the shape of a body, and stays when its material is changed.
+    pub filled: Option<&'a [f64]>,
 }
 
 /// The arrays of a [`MaterialField`], kept with the body.
@@ -40,6 +43,9 @@ pub struct MaterialArrays {
     young_modulus: Option<Arc<[f64]>>,
     poisson_ratio: Option<Arc<[f64]>>,
     density: Option<Arc<[f64]>>,
+    // belongs to the shape, which a log of edits has from elsewhere
+    #[serde(skip)]
+    filled: Option<Arc<[f64]>>,
 }
 
 impl MaterialArrays {
@@ -49,6 +55,7 @@ impl MaterialArrays {
             young_modulus: field.young_modulus.map(Arc::from),
             poisson_ratio: field.poisson_ratio.map(Arc::from),
             density: field.density.map(Arc::from),
+            filled: field.filled.map(Arc::from),
         }
     }
 
@@ -59,6 +66,7 @@ impl MaterialArrays {
             young_modulus: self.young_modulus.as_deref(),
             poisson_ratio: self.poisson_ratio.as_deref(),
             density: self.density.as_deref(),
+            filled: self.filled.as_deref(),
         }
     }
 }
@@ -116,11 +124,21 @@ pub enum FieldError {
         /// Number of tetrahedra and hexahedra.
         expected: usize,
     },
+    /// An element is filled by nothing, or by more than all of it.
+    #[error("{} {index} is filled by {share}: give a share above 0 and at most 1", .kind.name())]
+    Filled {
+        /// Kind of the element.
+        kind: ElementKind,
+        /// Index in the user's mesh.
+        index: usize,
+        /// The share.
+        share: f64,
+    },
 }
 
 impl From<YoungPoisson> for MaterialField<'_> {
     fn from(material: YoungPoisson) -> Self {
-        Self { material, young_modulus: None, poisson_ratio: None, density: None }
+        Self { material, young_modulus: None, poisson_ratio: None, density: None, filled: None }
     }
 }
 
@@ -128,10 +146,11 @@ impl MaterialField<'_> {
     /// Material of an element, hexahedra counted after tetrahedra.
     pub fn at(&self, element: usize) -> YoungPoisson {
         let pick = |field: Option<&[f64]>, base| field.map_or(base, |values| values[element]);
+        let share = pick(self.filled, 1.0);
         YoungPoisson {
-            young_modulus: pick(self.young_modulus, self.material.young_modulus),
+            young_modulus: share * pick(self.young_modulus, self.material.young_modulus),
             poisson_ratio: pick(self.poisson_ratio, self.material.poisson_ratio),
-            density: pick(self.density, self.material.density),
+            density: share * pick(self.density, self.material.density),
         }
     }
 
@@ -169,7 +188,7 @@ impl MaterialField<'_> {
 
     /// Whether elements have values of their own.
     pub fn varies(&self) -> bool {
-        self.young_modulus.or(self.poisson_ratio).or(self.density).is_some()
+        self.young_modulus.or(self.poisson_ratio).or(self.density).or(self.filled).is_some()
     }
 
     /// Checks the material of every element.
@@ -194,10 +213,22 @@ impl MaterialField<'_> {
             ("Young's modulus", self.young_modulus),
             ("Poisson's ratio", self.poisson_ratio),
             ("density", self.density),
+            ("the filled share", self.filled),
         ];
         for (quantity, field) in fields {
             if let Some(found) = field.map(<[f64]>::len).filter(|&n| n != count) {
                 return Err(FieldError::Length { quantity, found, expected: count });
+            }
+        }
+        let shares = self.filled.unwrap_or_default().iter().copied().enumerate();
+        for (element, share) in shares {
+            // sums of shares may round up
+            if !(share > 0.0 && share <= 1.0 + 1e-9) {
+                let (kind, index) = match element.checked_sub(tetrahedra) {
+                    None => (ElementKind::Tetrahedron, element),
+                    Some(hexahedron) => (ElementKind::Hexahedron, hexahedron),
+                };
+                return Err(FieldError::Filled { kind, index, share });
             }
         }
         if count == 0 {

@@ -1,7 +1,8 @@
 //! Bodies and their membranes.
 
-use super::body::{BuiltBody, BuiltMembrane};
+use super::body::{BuiltBody, BuiltMembrane, CarriedSurface};
 use super::materials::{MaterialUse, cell_data, field_error, material};
+use super::meshes::Placed;
 use super::scene::BuiltScene;
 use super::select::group_cells;
 use super::{axes, meshes};
@@ -9,7 +10,7 @@ use crate::error::SceneError;
 use crate::scene::{BodyEntry, Key, MembraneEntry, PreparedMesh, SpringMethod};
 use crate::springs::{Matter, Springs};
 use crate::warning::{Level, Warning};
-use sinew::engine::mesh::{CheckOptions, Mesh, check};
+use sinew::engine::mesh::{CheckOptions, FILLED, LatticeReport, Mesh, check};
 use sinew::models::body::lumped::{HexahedronSprings, SpringRule, UniformSprings};
 use sinew::models::body::sheet::{
     Bending, MembraneDescription, MembraneModel, MembraneSettings, PlaneState,
@@ -36,14 +37,19 @@ pub(super) fn body(
     };
     let mesh_key = meshes::source(key, body);
     let prepared = key.loaded.prepared_mesh(body, || {
-        let placed = meshes::placed(key, body)?;
+        let Placed { mesh: placed, surface, lattice } = meshes::placed(key, body)?;
         material(&placed)?;
         placed.fits_into_memory().map_err(|e| mesh_key.error(e))?;
         let checked = check(&placed, &CheckOptions::default()).map_err(|e| mesh_key.error(e))?;
-        Ok(PreparedMesh { placed, checked })
+        let carried = match &surface {
+            Some(surface) => Some(carried(key, surface, &checked.mesh)?),
+            None => None,
+        };
+        Ok(PreparedMesh { placed, checked, carried, lattice })
     })?;
     let material = material(&prepared.placed)?;
-    let mut checked = Arc::unwrap_or_clone(prepared).checked;
+    let PreparedMesh { mut checked, carried, lattice, .. } = Arc::unwrap_or_clone(prepared);
+    built.warnings.extend(lattice.and_then(|report| lattice_warning(key, &report)));
     let membrane = match &body.membrane {
         Some(entry) => {
             let key = key.at("membrane");
@@ -71,6 +77,7 @@ pub(super) fn body(
     let young_modulus = field("young_modulus", &entry.young_modulus_field)?;
     let poisson_ratio = field("poisson_ratio", &entry.poisson_ratio_field)?;
     let density = field("density", &entry.density_field)?;
+    let filled = filled(key, body, &checked.mesh)?;
     let axes = axes::axes(key, body, &checked.mesh, built.plan.mode, &mut built.warnings)?;
     let rule =
         spring_rule(key, (body.element_method, body.spring_constant), body.hexahedron_springs)?;
@@ -84,10 +91,11 @@ pub(super) fn body(
         young_modulus: young_modulus.as_deref(),
         poisson_ratio: poisson_ratio.as_deref(),
         density: density.as_deref(),
+        filled: filled.as_deref(),
         model: body.model,
         evaluation: body.evaluation,
         volume: body.volume,
-        integration: body.integration,
+        integration: body.integration(),
         springs: rule,
         spring_constants: springs.map(|s| Arc::new(s.constants)),
         masses: body.masses.or(of_file).unwrap_or_default(),
@@ -120,9 +128,71 @@ pub(super) fn body(
         model: body.model,
         evaluation: body.evaluation,
         volume: body.volume,
-        integration: body.integration,
+        integration: body.integration(),
         springs: rule,
         axes,
+        carried,
+        lattice,
+    })
+}
+
+/// A surface in a body that carries it.
+fn carried(key: &Key, surface: &Mesh, body: &Mesh) -> Result<CarriedSurface, SceneError> {
+    let own = if key.loaded.gives(key.at("lattice").path()) { "lattice" } else { "surface" };
+    let key = key.at(own);
+    let carried = CarriedSurface::new(surface, body).ok_or_else(|| {
+        let found = "the body has no tetrahedra or hexahedra that could carry it";
+        key.value(found, "leave it out: the faces of the body are its surface")
+    })?;
+    let (low, high) = body.bounds().unwrap_or_default();
+    let far = carried.embedding.farthest;
+    if far > 0.1 * (high - low).length() {
+        let found = format!("a point of it lies {} m from the body", crate::text::short(far));
+        return Err(key.value(found, "give both files in one frame and one unit"));
+    }
+    Ok(carried)
+}
+
+/// Share of every solid element that is filled, when a scene says so.
+fn filled(key: &Key, body: &BodyEntry, mesh: &Mesh) -> Result<Option<Vec<f64>>, SceneError> {
+    let own = FILLED.to_string();
+    let (key, name) = match (&body.material.filled_field, body.lattice) {
+        (Some(_), Some(_)) => {
+            let found = "a lattice knows what is filled";
+            return Err(key.at("material").at("filled_field").value(found, "leave it out"));
+        }
+        (Some(name), None) => (key.at("material").at("filled_field"), name),
+        (None, Some(_)) => (key.at("lattice"), &own),
+        (None, None) => return Ok(None),
+    };
+    cell_data(&key, Some(name), mesh)
+}
+
+/// What a lattice lost of the volume inside its surface, as a share of it from which on it is a warning.
+const LOST: f64 = 0.05;
+
+fn lattice_warning(key: &Key, report: &LatticeReport) -> Option<Warning> {
+    let LatticeReport { volume, held, nearly_empty, apart, odd_lines, .. } = *report;
+    let lost = 1.0 - held / volume;
+    let mut found = Vec::new();
+    if lost.abs() > LOST {
+        found.push(format!(
+            "its cells hold {:.1} % of the volume inside the surface ({nearly_empty} nearly empty ones and {apart} that hang \
+             together with the rest by no face were left out)",
+            100.0 * (1.0 - lost)
+        ));
+    }
+    if odd_lines > 0 {
+        found.push(format!("{odd_lines} lines cross the surface an odd number of times"));
+    }
+    (!found.is_empty()).then(|| {
+        Warning::new(
+            "scene.lattice.volume",
+            Level::Warning,
+            format!("`{}`", key.at("lattice").path()),
+            found.join("; "),
+            "give smaller cells, or a surface without holes that does not cut itself",
+        )
     })
 }
 
@@ -204,7 +274,10 @@ fn springs(
     }
     let density = membrane.filter(|_| !solid).map_or(material, |m| m.settings.material).density;
     let matter = Matter {
-        density: body.material.density_field.is_none().then_some(density),
+        density: (body.material.density_field.is_none()
+            && body.material.filled_field.is_none()
+            && body.lattice.is_none())
+        .then_some(density),
         thickness: membrane.map_or(1.0, |m| m.settings.thickness),
     };
     let springs = crate::springs::read(&key, path, mesh, &matter)?;

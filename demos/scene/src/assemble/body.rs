@@ -2,13 +2,43 @@
 
 use glam::DVec3;
 use sinew::engine::connectivity::{ByKind, ElementKind};
-use sinew::engine::mesh::{CheckReport, Mesh};
+use sinew::engine::mesh::{CheckReport, EmbeddedPoints, LatticeReport, Mesh};
 use sinew::models::axes::description::{AxesDescription, AxisFamily};
 use sinew::models::body::lumped::SpringRule;
 use sinew::models::body::sheet::MembraneSettings;
 use sinew::models::body::{Evaluation, Integration, Model, VolumeRule};
 use sinew::models::material::YoungPoisson;
 use sinew::simulation::{BodyHandle, Simulation};
+
+/// A surface that a body carries along.
+#[derive(Clone, Debug)]
+pub struct CarriedSurface {
+    /// Points at rest (m).
+    pub points: Vec<DVec3>,
+    /// Triangles.
+    pub triangles: Vec<[u32; 3]>,
+    /// Where the points lie in the body.
+    pub embedding: EmbeddedPoints,
+}
+
+impl CarriedSurface {
+    /// The outside of `surface`, in a body; `None` where the body has no solid elements.
+    pub fn new(surface: &Mesh, body: &Mesh) -> Option<Self> {
+        let mut triangles = surface.outside();
+        let mut number = vec![u32::MAX; surface.points.len()];
+        let mut points = Vec::new();
+        for v in triangles.as_flattened_mut() {
+            let own = &mut number[*v as usize];
+            if *own == u32::MAX {
+                *own = points.len() as u32;
+                points.push(surface.points[*v as usize]);
+            }
+            *v = *own;
+        }
+        let embedding = EmbeddedPoints::new(body, &points)?;
+        Some(Self { points, triangles, embedding })
+    }
+}
 
 /// A body in the simulation.
 pub struct BuiltBody {
@@ -42,6 +72,10 @@ pub struct BuiltBody {
     pub springs: Option<SpringRule>,
     /// Axes.
     pub axes: Option<AxesDescription<'static>>,
+    /// The surface that it carries along.
+    pub carried: Option<CarriedSurface>,
+    /// Where it is a lattice: how the surface was filled.
+    pub lattice: Option<LatticeReport>,
 }
 
 /// The membrane of a body.

@@ -215,11 +215,13 @@ pub(super) fn field_error(
         FieldError::Tetrahedron { source, .. } | FieldError::Hexahedron { source, .. } => {
             material_key(source)
         }
+        FieldError::Filled { .. } => "filled",
         _ => "",
     };
     let array = match quantity {
         "young_modulus" => &entry.young_modulus_field,
         "poisson_ratio" => &entry.poisson_ratio_field,
+        "filled" => &entry.filled_field,
         _ => &entry.density_field,
     };
     key.at(format!("{quantity}_field")).error(SceneProblem::Field {

@@ -9,7 +9,7 @@ use sinew::engine::mesh::generate::{
     irregular_box_tets, jitter_interior, quad_grid, specimen_hexahedra, specimen_quads,
     specimen_tets, specimen_triangles, sphere_tets, sphere_triangles, triangle_grid,
 };
-use sinew::engine::mesh::{Mesh, MeshError};
+use sinew::engine::mesh::{LatticeReport, Mesh, MeshError};
 
 /// The mesh of a generated shape.
 ///
@@ -80,8 +80,15 @@ pub(super) fn source<'a>(key: &Key<'a>, body: &BodyEntry) -> Key<'a> {
     key.at(if body.mesh.is_some() { "mesh" } else { "generate" })
 }
 
+/// The mesh of a body in place, and the surface that it carries.
+pub(super) struct Placed {
+    pub mesh: Mesh,
+    pub surface: Option<Mesh>,
+    pub lattice: Option<LatticeReport>,
+}
+
 /// Reads or generates the mesh of a body and puts it in place.
-pub(super) fn placed(key: &Key, body: &BodyEntry) -> Result<Mesh, SceneError> {
+pub(super) fn placed(key: &Key, body: &BodyEntry) -> Result<Placed, SceneError> {
     let own = source(key, body);
     let error = |source: MeshError| own.error(source);
     let mesh = match (&body.mesh, &body.generate) {
@@ -111,12 +118,37 @@ pub(super) fn placed(key: &Key, body: &BodyEntry) -> Result<Mesh, SceneError> {
     };
     let translation = key.at("translate").finite(body.translate.unwrap_or_default())?;
     let mesh = mesh.transformed(scale, rotation, translation);
+    let mut surface = None;
+    if let Some(path) = &body.surface {
+        let key = key.at("surface");
+        if body.lattice.is_some() {
+            let remedy = "leave it out";
+            return Err(key.value("a lattice carries the surface that it is made of", remedy));
+        }
+        let own = key.loaded.read_mesh(path).map_err(|source| key.error(source))?;
+        let own = own.transformed(scale, rotation, translation);
+        if own.outside().is_empty() {
+            return Err(key.value("there are no faces in it", "give a file with triangles"));
+        }
+        surface = Some(own);
+    }
+    if let Some(cell) = body.lattice {
+        let key = key.at("lattice");
+        if body.membrane.is_some() {
+            let found = "a membrane would lie on the steps of the cells";
+            return Err(
+                key.value(found, "leave the membrane out, or fill the surface with tetrahedra")
+            );
+        }
+        let (lattice, report) = mesh.lattice(cell).map_err(|source| key.error(source))?;
+        return Ok(Placed { mesh: lattice, surface: Some(mesh), lattice: Some(report) });
+    }
     if !body.second_order {
-        return Ok(mesh);
+        return Ok(Placed { mesh, surface, lattice: None });
     }
     if mesh.tetrahedra.is_empty() {
         let remedy = "leave it out, or give a mesh of tetrahedra";
         return Err(key.at("second_order").value("there are no tetrahedra", remedy));
     }
-    Ok(mesh.with_second_order())
+    Ok(Placed { mesh: mesh.with_second_order(), surface, lattice: None })
 }

@@ -25,7 +25,7 @@ mod tools;
 mod touch;
 mod without_effect;
 
-pub use body::{BuiltBody, BuiltMembrane};
+pub use body::{BuiltBody, BuiltMembrane, CarriedSurface};
 pub use conditions::{BuiltConstraint, BuiltLoad, BuiltPressure};
 pub use materials::MaterialRanges;
 pub use memory::SceneSnapshot;

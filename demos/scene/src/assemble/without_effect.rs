@@ -75,7 +75,7 @@ fn of_solver(idle: &mut Idle, built: &BuiltScene) {
     }
 }
 
-const MATERIAL: [&str; 7] = [
+const MATERIAL: [&str; 8] = [
     "preset",
     "young_modulus",
     "poisson_ratio",
@@ -83,6 +83,7 @@ const MATERIAL: [&str; 7] = [
     "young_modulus_field",
     "poisson_ratio_field",
     "density_field",
+    "filled_field",
 ];
 
 fn of_body(idle: &mut Idle, path: &str, body: &BodyEntry, index: usize, built: &BuiltScene) {

@@ -58,9 +58,11 @@ impl Default for CaptureOptions {
     }
 }
 
-/// A body and where its points are among all.
+/// A body and where its points are among all: those of its mesh, then those of the surface that it carries.
 struct BodyPart {
     first: usize,
+    /// Whether that surface is drawn in place of its own.
+    carries: bool,
     measured: Option<MeasuredBody>,
     faces: Vec<Face>,
     /// Count of changes of the body at the last look.
@@ -195,8 +197,13 @@ impl<'a> Recorder<'a> {
             let fibres = body.axes.as_ref().is_some_and(|axes| !axes.families.is_empty());
             let measured = (needs_measures || fibres).then(|| MeasuredBody::new(body, &moduli));
             let (first, faces, changes) = (points.len(), Vec::new(), None);
-            self.parts.push(BodyPart { first, measured, faces, changes });
+            // cuts open the body, of which the surface knows nothing
+            let carries = body.carried.is_some() && !cutting;
+            self.parts.push(BodyPart { first, carries, measured, faces, changes });
             points.extend(body.mesh.points.iter().map(|p| p.as_vec3().to_array()));
+            if let Some(carried) = body.carried.as_ref().filter(|_| carries) {
+                points.extend(carried.points.iter().map(|p| p.as_vec3().to_array()));
+            }
             r.bodies.push(body.name.clone());
         }
         self.faces(built);
@@ -248,6 +255,17 @@ impl<'a> Recorder<'a> {
                 continue;
             }
             part.changes = changes;
+            if let Some(carried) = body.carried.as_ref().filter(|_| part.carries) {
+                let first = body.mesh.points.len() as u32;
+                let face = |t: &[u32; 3]| Face {
+                    vertices: t.map(|v| first + v),
+                    element: None,
+                    second: false,
+                };
+                part.faces = carried.triangles.iter().map(face).collect();
+                changed = true;
+                continue;
+            }
             // there is such a body
             let solid = simulation.surface(body.handle).unwrap_or_default();
             let left = |kind| simulation.remaining(body.handle, kind).into_iter();
@@ -308,18 +326,29 @@ impl<'a> Recorder<'a> {
                     }
                 })
             });
+            let quantities: Vec<Quantity> =
+                self.options.quantities.iter().filter(|q| q.field().is_some()).copied().collect();
+            let value = |v: usize, quantity: Quantity| match (quantity.index(), &measures) {
+                (Some(k), Some(measures)) => measures[v][k],
+                _ if quantity == Quantity::Pressure => pressures[v],
+                _ => u[v].length(),
+            };
             for (v, (x, u)) in body.mesh.points.iter().zip(&u).enumerate() {
                 if self.place[part.first + v] == u32::MAX {
                     continue;
                 }
                 points.push((*x + *u).as_vec3().to_array());
-                let quantities = self.options.quantities.iter().filter(|q| q.field().is_some());
-                for (values, quantity) in fields.iter_mut().zip(quantities) {
-                    values.push(match (quantity.index(), &measures) {
-                        (Some(k), Some(measures)) => measures[v][k] as f32,
-                        _ if *quantity == Quantity::Pressure => pressures[v] as f32,
-                        _ => u.length() as f32,
-                    });
+                for (values, &quantity) in fields.iter_mut().zip(&quantities) {
+                    values.push(value(v, quantity) as f32);
+                }
+            }
+            if let Some(carried) = body.carried.as_ref().filter(|_| part.carries) {
+                let moved = carried.embedding.displacements(&u);
+                let moved = carried.points.iter().zip(moved).map(|(x, u)| *x + u);
+                points.extend(moved.map(|x| x.as_vec3().to_array()));
+                for (values, &quantity) in fields.iter_mut().zip(&quantities) {
+                    let of_points = carried.embedding.mean(|v| value(v as usize, quantity));
+                    values.extend(of_points.into_iter().map(|x: f64| x as f32));
                 }
             }
             let dark = self.recording.fields.first().is_none_or(|f| f.map != ColourMap::Viridis);
@@ -350,9 +379,22 @@ impl<'a> Recorder<'a> {
                 continue;
             }
             let colour = if entry.motion.is_some() { MOVED } else { HELD };
-            let first = self.parts[c.body].first;
-            for &v in &c.vertices {
-                let place = self.place[first + v as usize];
+            let part = &self.parts[c.body];
+            let body = &built.bodies[c.body];
+            let carried = body.carried.as_ref().filter(|_| part.carries);
+            let held: Vec<u32> = match carried {
+                None => c.vertices.clone(),
+                // points that hang on held vertices for the most part
+                Some(carried) => {
+                    let mut held = vec![0.0; body.mesh.points.len()];
+                    c.vertices.iter().for_each(|&v| held[v as usize] = 1.0);
+                    let share = carried.embedding.mean(|v| held[v as usize]);
+                    let first = body.mesh.points.len() as u32;
+                    (first..).zip(share).filter(|(_, share)| *share > 0.5).map(|x| x.0).collect()
+                }
+            };
+            for v in held {
+                let place = self.place[part.first + v as usize];
                 if place != u32::MAX {
                     let centre = points[place as usize];
                     balls.push(Ball { centre, radius: self.radius, colour });

@@ -187,6 +187,8 @@ impl RunFacts<'_> {
             evaluation: body.evaluation,
             volume_rule: body.volume,
             integration: body.integration,
+            lattice: body.lattice,
+            carried: body.carried.as_ref().map(|own| own.points.len()),
             element_method: body.springs,
             membrane: body.membrane.as_ref().map(|m| MembraneSummary {
                 triangles: m.triangles.len(),

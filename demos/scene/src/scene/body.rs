@@ -30,6 +30,12 @@ pub struct BodyEntry {
     /// incompressibility (with `volume = "clusters"`).
     #[serde(default)]
     pub second_order: bool,
+    /// Edge (m) of the cubes of a lattice that stands in for the mesh, a closed surface: hexahedra, each with the share of
+    /// stiffness and density that the surface fills, with reduced integration where `integration` does not say otherwise. The
+    /// body carries the surface along.
+    pub lattice: Option<f64>,
+    /// Surface file, in the frame and unit of `mesh`, that the body carries along: it is in the frames and in pictures.
+    pub surface: Option<PathBuf>,
     /// Material.
     pub material: MaterialEntry,
     /// Energy; names are those of [`Model`].
@@ -42,10 +48,9 @@ pub struct BodyEntry {
     /// `"neo_hookean"`.
     #[serde(default)]
     pub volume: VolumeRule,
-    /// How the energy of hexahedra is integrated: `"full"` (default) over 2x2x2 points, or `"reduced"`, right in bending from two
-    /// hexahedra across the body on.
-    #[serde(default)]
-    pub integration: Integration,
+    /// How the energy of hexahedra is integrated: `"full"` over 2x2x2 points, or `"reduced"`, right in bending from two
+    /// hexahedra across the body on. Without, `"reduced"` in a lattice whose model has it, `"full"` otherwise.
+    pub integration: Option<Integration>,
     /// How spring constants of `"mass_spring"` are found: `"frobenius"`, `"block"`, `"two-norm"`,
     /// `"nonnegative"`, `"two-norm-nonnegative"`, `"van-gelder"`, `"lloyd"`, `"baudet"`, `"delingette"` or `"uniform"`;
     /// without, `"delingette"` for tetrahedra and `"frobenius"` for hexahedra.
@@ -77,9 +82,18 @@ pub(super) struct MeshSource {
     rotate: Option<Rotation>,
     translate: Option<[f64; 3]>,
     second_order: bool,
+    lattice: Option<f64>,
+    surface: Option<PathBuf>,
 }
 
 impl BodyEntry {
+    /// How its hexahedra are integrated.
+    pub(crate) fn integration(&self) -> Integration {
+        let lattice =
+            self.lattice.is_some() && self.model.serves_hexahedra_by(Integration::Reduced);
+        self.integration.unwrap_or(if lattice { Integration::Reduced } else { Integration::Full })
+    }
+
     /// What its mesh is made of.
     pub(super) fn mesh_source(&self) -> MeshSource {
         MeshSource {
@@ -89,6 +103,8 @@ impl BodyEntry {
             rotate: self.rotate.clone(),
             translate: self.translate,
             second_order: self.second_order,
+            lattice: self.lattice,
+            surface: self.surface.clone(),
         }
     }
 }
@@ -197,4 +213,7 @@ pub struct MaterialEntry {
     pub poisson_ratio_field: Option<String>,
     /// Cell data with a density (kg/m^3) for every solid element.
     pub density_field: Option<String>,
+    /// Cell data with the share of every solid element that is filled, above 0 and at most 1: it multiplies stiffness and
+    /// density. `sinew mesh lattice` writes it as `filled`.
+    pub filled_field: Option<String>,
 }

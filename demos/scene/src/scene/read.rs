@@ -2,11 +2,12 @@
 
 use super::body::{BodyEntry, MeshSource};
 use super::document::Scene;
+use crate::assemble::CarriedSurface;
 use crate::error::{Place, SceneError, SceneProblem, hint};
 use crate::text::short;
 use glam::DVec3;
 use sinew::engine::memory::read_file;
-use sinew::engine::mesh::{CheckedMesh, Mesh, MeshError};
+use sinew::engine::mesh::{CheckedMesh, LatticeReport, Mesh, MeshError};
 use std::borrow::Cow;
 use std::cmp::Reverse;
 use std::collections::HashMap;
@@ -242,6 +243,8 @@ const KEPT: usize = 16;
 pub(crate) struct PreparedMesh {
     pub placed: Mesh,
     pub checked: CheckedMesh,
+    pub carried: Option<CarriedSurface>,
+    pub lattice: Option<LatticeReport>,
 }
 
 /// How files that a scene names are read.

@@ -13,6 +13,7 @@ pub use touch::{ForceSummary, PairSummary, PullSummary, ToolSummary, TouchSummar
 
 use crate::assemble::{MaterialRanges, ResectionSummary};
 use serde::{Deserialize, Serialize};
+use sinew::engine::mesh::LatticeReport;
 use sinew::engine::report::StepTotals;
 use sinew::models::axes::description::{AxesDescription, AxisFamily, FibreForm};
 use sinew::models::body::lumped::SpringRule;
@@ -241,6 +242,12 @@ pub struct BodySummary {
     pub volume_rule: VolumeRule,
     /// How its hexahedra are integrated.
     pub integration: Integration,
+    /// Where it is a lattice: how the surface was filled.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub lattice: Option<LatticeReport>,
+    /// Points of the surface that it carries along.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub carried: Option<usize>,
     /// Where constants of lumped springs come from, where the scene says so.
     pub element_method: Option<SpringRule>,
     /// Membrane.

@@ -6,6 +6,7 @@ use super::{
 };
 use crate::assemble::ResectionSummary;
 use crate::text::{TextBlock, counted, line, pressure, seconds, short, write_blocks};
+use sinew::engine::mesh::LatticeReport;
 use sinew::models::axes::description::FibreForm;
 use sinew::models::body::lumped::SpringRule;
 use sinew::models::body::sheet::MembraneModel;
@@ -494,6 +495,18 @@ impl BodySummary {
                 self.model.name(),
                 evaluated(self.evaluation, springs)
             );
+        }
+        if let Some(LatticeReport { cell, volume, held, .. }) = self.lattice {
+            line!(
+                block,
+                "",
+                "cubes of {} mm hold {:.1} % of the volume inside the surface",
+                short(1e3 * cell),
+                100.0 * held / volume
+            );
+        }
+        if let Some(points) = self.carried {
+            line!(block, "", "carries a surface of {points} points");
         }
         if let Some(axes) = &self.axes {
             axes.describe(block);

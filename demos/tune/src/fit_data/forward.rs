@@ -104,6 +104,7 @@ impl Forward {
                 young_modulus: Some(&material.young),
                 poisson_ratio: Some(&material.poisson),
                 density: Some(&material.density),
+                filled: None,
             };
             let handle = self.scene.bodies[i].handle;
             if parameters.iter().any(|p| p.body == i && p.constant != Constant::Axis) {

@@ -18,7 +18,11 @@ use crate::element_kind::{ByKind, ElementKind};
 use crate::memory;
 use glam::DVec3;
 
-fn length(generator: &'static str, parameter: &'static str, value: f64) -> Result<(), MeshError> {
+pub(super) fn length(
+    generator: &'static str,
+    parameter: &'static str,
+    value: f64,
+) -> Result<(), MeshError> {
     if value.is_finite() && value > 0.0 {
         return Ok(());
     }
@@ -35,7 +39,11 @@ fn cells(generator: &'static str, parameter: &'static str, value: usize) -> Resu
 }
 
 /// Refuses meshes whose vertices or cells 32-bit indices cannot count.
-fn fits(generator: &str, what: &'static str, count: Option<usize>) -> Result<usize, MeshError> {
+pub(super) fn fits(
+    generator: &str,
+    what: &'static str,
+    count: Option<usize>,
+) -> Result<usize, MeshError> {
     match count.filter(|&count| count < u32::MAX as usize) {
         Some(count) => {
             // with its edges and faces while it is made
@@ -51,7 +59,7 @@ fn fits(generator: &str, what: &'static str, count: Option<usize>) -> Result<usi
     }
 }
 
-fn product(factors: &[usize]) -> Option<usize> {
+pub(super) fn product(factors: &[usize]) -> Option<usize> {
     factors.iter().try_fold(1usize, |product, &factor| product.checked_mul(factor))
 }
 
