@@ -635,9 +635,10 @@ fn converged_integrators_report_no_false_forces_between_bodies() {
                 let force = simulation.body_contact_report(pair).unwrap().force;
                 peak = peak.max(force.length());
             }
-            // the weight is 0.33 N, the ball falls by 0.2 mm; 13 to 20 N where steps did not converge
+            // the weight is 0.33 N, the ball falls by 0.2 mm; 13 to 20 N where steps did not converge. The bound was 0.8 for
+            // contact 2.5 times as stiff
             let name = integrator.name();
-            assert!((0.4..0.8).contains(&peak), "{name}, friction {friction}: {peak} N");
+            assert!((0.4..1.0).contains(&peak), "{name}, friction {friction}: {peak} N");
         }
     }
 }

@@ -26,6 +26,7 @@ pub struct SurfaceReader(pub fn(&mut World, usize) -> BodySurface);
 
 /// Closest point of a triangle to `p` as barycentric coordinates (Ericson, Real-Time Collision Detection, 2005,
 /// section 5.1.5).
+#[inline]
 pub fn closest_point(p: DVec3, [a, b, c]: [DVec3; 3]) -> [f64; 3] {
     let (ab, ac, ap) = (b - a, c - a, p - a);
     let (d1, d2) = (ab.dot(ap), ac.dot(ap));

@@ -216,17 +216,15 @@ fn what_cannot_be_is_refused_by_name() {
 #[test]
 fn a_coarse_lattice_is_told() {
     let folder = folder("coarse");
-    for (cell, warned) in [(0.01, false), (0.09, true)] {
-        let text = scene(
-            &format!(
-                "generate.balloon = {{ radius = 0.05, cuts = 4 }}\nlattice = {cell}\n{MATERIAL} }}"
-            ),
-            0.03,
-        );
+    // a ball, and a cup whose wall is a third of a cube
+    let ball = "generate.balloon = { radius = 0.05, cuts = 4 }";
+    let cup = "generate.cup = { radius = 0.03, depth = 0.05, wall = 0.003, core = 4, rings = 6, layers = 1 }";
+    for (shape, held_above, warned) in [(ball, 0.03, false), (cup, -0.006, true)] {
+        let text = scene(&format!("{shape}\nlattice = 0.01\n{MATERIAL} }}"), held_above);
         let file = folder.join("organ.toml");
         std::fs::write(&file, text).unwrap();
         let told = check_file(&file).to_string();
-        assert_eq!(told.contains("of the volume inside the surface"), warned, "{told}");
+        assert_eq!(told.contains("nearly empty ones"), warned, "{told}");
         says(&told, &["lattice", "hold"]);
     }
     std::fs::remove_dir_all(folder).unwrap();

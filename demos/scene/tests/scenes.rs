@@ -182,6 +182,35 @@ fn liver_sags_follows_the_tool_and_swings_back() {
     );
 }
 
+/// Cubes weigh what the organ weighs, and their surface goes where they go.
+#[test]
+fn a_liver_of_cubes_carries_its_surface() {
+    let (summary, table) = run_whole("lattice", None);
+    let [body] = &summary.bodies[..] else { panic!("{summary}") };
+    let report = body.lattice.unwrap();
+    assert!((body.mass / 1060.0 / report.held - 1.0).abs() < 1e-9, "{report:?}");
+    // 1.177 l of tetrahedra
+    assert!((report.volume / 1.177e-3 - 1.0).abs() < 2e-3 && report.held > 0.98 * report.volume);
+    assert_eq!((body.tetrahedra, body.carried), (0, Some(505)));
+    assert_eq!(summary.volume.inverted_max, 0, "{summary}");
+    let frames = folder("lattice").join("frames");
+    let surface =
+        |n: usize| Mesh::read(&frames.join(format!("lattice-surface_{n:05}.vtu"))).unwrap();
+    let (rest, end) = (surface(0), surface(50));
+    assert_eq!(rest.triangles.len(), 1006);
+    // the rim goes with the tool, the top stays
+    let moved = |select: &dyn Fn(DVec3) -> bool| -> Vec<f64> {
+        let pairs = rest.points.iter().zip(&end.points).filter(|(a, _)| select(**a));
+        pairs.map(|(a, b)| a.distance(*b)).collect()
+    };
+    let (rim, top) = (moved(&|p| p.x > 0.09 && p.y < -0.02), moved(&|p| p.z > 0.05));
+    // points in cells that are held in part go along in part
+    let with_it = rim.iter().filter(|way| (**way - 0.034641).abs() < 1e-4).count();
+    assert!(2 * with_it > rim.len() && rim.iter().all(|way| *way > 0.028), "{rim:?}");
+    assert!(!top.is_empty() && top.iter().all(|way| *way < 1e-3), "{top:?}");
+    assert!(table.vector("tool.reaction", "N").last().unwrap().x > 1.0);
+}
+
 #[test]
 fn liver_loses_its_lobe() {
     // no frames of an earlier run

@@ -9,7 +9,8 @@ use super::reports::*;
 use super::simulation::add;
 use super::types::*;
 use sinew_embed::{
-    DVec3, Hinge, Part, Points, PullSpec, Result, Shape, Stiffness, Tool, ToolPose, distance_field,
+    BodyContact, DVec3, Hinge, Part, Points, PullSpec, Result, Shape, Stiffness, Tool, ToolPose,
+    distance_field,
 };
 use std::ffi::c_char;
 
@@ -150,7 +151,7 @@ pub unsafe extern "C" fn sinew_contact_add(
 ) -> sinew_status {
     add(simulation, out, |sim| {
         let name = text("name", name)?;
-        sim.add_contact(name, [first, second], friction, Stiffness::default())
+        sim.add_contact(name, [first, second], friction, BodyContact::STIFFNESS)
     })
 }
 

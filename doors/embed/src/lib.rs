@@ -75,7 +75,7 @@ pub use sinew::models::resection::{Region, RemovalReport};
 pub use sinew::simulation::{Backend, MaterialChange, Simulation};
 pub use sinew::solvers::settings::{Integrator, SolverSettings};
 pub use sinew::touch::field::DistanceField;
-pub use sinew::touch::pair::BodyContactReport;
+pub use sinew::touch::pair::{BodyContact, BodyContactReport};
 pub use sinew::touch::pull::PullReport;
 pub use sinew::touch::shape::Shape;
 pub use sinew::touch::tool::{

@@ -217,7 +217,7 @@ fn bodies_touch_each_other() {
         sim.add_constraint(body, &ConstraintSpec::hold(name, &vertices)).unwrap();
     }
     let hand = sim.find(Kind::Constraint, "hand").unwrap();
-    let contact = sim.add_contact("pair", [below, above], 0.0, Stiffness::default()).unwrap();
+    let contact = sim.add_contact("pair", [below, above], 0.0, BodyContact::STIFFNESS).unwrap();
     sim.set_solver(solver_settings("mass_damping = 50.0").unwrap()).unwrap();
     for step in 1..=40 {
         sim.set_target(hand, DVec3::Z * -0.0001 * f64::from(step)).unwrap();

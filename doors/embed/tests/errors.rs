@@ -102,7 +102,7 @@ fn numbers_that_cannot_be_used_are_told() {
     argument(sim.add_pull(body, &pull).map(drop), "its stiffness is -1 N/m");
     let pull = PullSpec { weights: &[1.0, 1.0], stiffness: 1.0, ..pull };
     argument(sim.add_pull(body, &pull).map(drop), "2 weights for 1 rows");
-    let contact = sim.add_contact("c", [body, body], -0.5, Stiffness::default());
+    let contact = sim.add_contact("c", [body, body], -0.5, BodyContact::STIFFNESS);
     argument(contact.map(drop), "its friction is -0.5");
     let region = Region::Tetrahedra(vec![999_999]);
     argument(sim.remove_elements(body, region, MassPolicy::Recompute).map(drop), "999999");

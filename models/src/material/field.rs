@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 use sinew_engine::connectivity::ElementKind;
 use sinew_identify::{ElementMethod, IdentifyError};
+use std::fmt;
 use std::sync::Arc;
 use thiserror::Error;
 
@@ -38,7 +39,7 @@ pub struct MaterialField<'a> {
 }
 
 /// The arrays of a [`MaterialField`], kept with the body.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct MaterialArrays {
     young_modulus: Option<Arc<[f64]>>,
     poisson_ratio: Option<Arc<[f64]>>,
@@ -46,6 +47,20 @@ pub struct MaterialArrays {
     // belongs to the shape, which a log of edits has from elsewhere
     #[serde(skip)]
     filled: Option<Arc<[f64]>>,
+}
+
+/// Snapshots know a scene by a sum over this text: without shares it is that of versions that knew none.
+impl fmt::Debug for MaterialArrays {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { young_modulus, poisson_ratio, density, filled } = self;
+        let mut own = f.debug_struct("MaterialArrays");
+        own.field("young_modulus", young_modulus).field("poisson_ratio", poisson_ratio);
+        own.field("density", density);
+        if let Some(filled) = filled {
+            own.field("filled", filled);
+        }
+        own.finish()
+    }
 }
 
 impl MaterialArrays {

@@ -1,6 +1,7 @@
 //! Distance of a point from deformed faces.
 
-use glam::DVec3;
+use crate::point::outer;
+use glam::{DMat3, DVec3};
 use sinew_engine::row::VertexRow;
 use sinew_engine::surface::closest_point;
 
@@ -11,6 +12,8 @@ pub(crate) struct Beside {
     pub distance: f64,
     /// Gradient of the distance by the point; by the vertices of the face it is this times minus their `weights`.
     pub normal: DVec3,
+    /// Second derivatives by the point of half of the squared distance: across a face, an edge or a vertex.
+    pub across: DMat3,
     /// Vertex rows of the closest face.
     pub face: Facet,
     /// Their shares in the closest point.
@@ -37,11 +40,19 @@ pub(crate) struct NearFaces<'a> {
     pub moved: f64,
 }
 
+/// Difference of unit normals up to which faces that meet count as one plane: an edge between them is then no place where the
+/// force turns by more than contact is found to.
+const FLAT: f64 = 1e-2;
+
 /// Rounding of distances, by the mean edge of a surface.
 pub(crate) const ROUNDING: f64 = 1e-9;
 
 /// Corners (m) of a facet.
-pub(crate) fn facet_corners(facet: &Facet, x: &dyn Fn(VertexRow) -> DVec3) -> [DVec3; 3] {
+#[inline]
+pub(crate) fn facet_corners(
+    facet: &Facet,
+    x: &(impl Fn(VertexRow) -> DVec3 + ?Sized),
+) -> [DVec3; 3] {
     let [a, b, c, d] = *facet;
     let (own, third) = ([x(a), x(b)], x(c));
     let third = if c == d { third } else { 0.25 * (own[0] + own[1] + third + x(d)) };
@@ -63,7 +74,11 @@ pub(crate) fn point_in([a, b, c]: [DVec3; 3], [u, v, w]: [f64; 3]) -> DVec3 {
 }
 
 /// Closest point of a facet: distance (m) of `p` from it, its barycentric coordinates, its place (m).
-fn closest(p: DVec3, facet: &Facet, x: &dyn Fn(VertexRow) -> DVec3) -> (f64, [f64; 3], DVec3) {
+fn closest(
+    p: DVec3,
+    facet: &Facet,
+    x: &(impl Fn(VertexRow) -> DVec3 + ?Sized),
+) -> (f64, [f64; 3], DVec3) {
     let corners = facet_corners(facet, x);
     let weights = closest_point(p, corners);
     let at = point_in(corners, weights);
@@ -71,7 +86,7 @@ fn closest(p: DVec3, facet: &Facet, x: &dyn Fn(VertexRow) -> DVec3) -> (f64, [f6
 }
 
 /// Distance (m) of `p` from a facet.
-pub(crate) fn distance(p: DVec3, facet: &Facet, x: &dyn Fn(VertexRow) -> DVec3) -> f64 {
+pub(crate) fn distance(p: DVec3, facet: &Facet, x: &(impl Fn(VertexRow) -> DVec3 + ?Sized)) -> f64 {
     closest(p, facet, x).0
 }
 
@@ -85,7 +100,7 @@ pub(crate) fn beside(
     p: DVec3,
     faces: &[NearFacet],
     moved: f64,
-    x: &dyn Fn(VertexRow) -> DVec3,
+    x: &(impl Fn(VertexRow) -> DVec3 + ?Sized),
     open: bool,
 ) -> Option<Beside> {
     let from = |face: &NearFacet| closest(p, &face.rows, x);
@@ -107,6 +122,7 @@ pub(crate) fn beside(
     let face = faces[own].rows;
     // mean normal of all faces that have this point: one alone where it is inside of a face
     let mut normal = DVec3::ZERO;
+    let (mut first, mut bend) = (None, 0.0_f64);
     let mut round: Vec<Facet> = Vec::new();
     let [a, b, c] = facet_corners(&face, x);
     let size = a.distance(b).max(a.distance(c));
@@ -132,18 +148,35 @@ pub(crate) fn beside(
             libm::atan2(u.cross(v).length(), u.dot(v))
         });
         normal += angle * unit;
+        bend = bend.max(first.get_or_insert(unit).distance(unit));
     }
     if open && !interior && is_rim(&round, &face, weights) {
         return beside_plane(p, &face, [a, b, c]);
     }
     let normal = normal.try_normalize()?;
-    let (arm, weights) = (p - at, shares(&face, weights));
+    let (arm, on_face, weights) = (p - at, weights, shares(&face, weights));
     // the direction to the closest point is lost in rounding where the two meet
     if interior || distance < 1e-6 * size {
-        return Some(Beside { distance: arm.dot(normal), normal, face, weights });
+        let across = outer(normal, normal);
+        return Some(Beside { distance: arm.dot(normal), normal, across, face, weights });
     }
     let sign = if arm.dot(normal) < 0.0 { -1.0 } else { 1.0 };
-    Some(Beside { distance: sign * distance, normal: sign * arm / distance, face, weights })
+    let normal = sign * arm / distance;
+    let across = match bend > FLAT {
+        true => across_edge(on_face, [a, b, c]),
+        false => outer(normal, normal),
+    };
+    Some(Beside { distance: sign * distance, normal, across, face, weights })
+}
+
+/// Projection on what is across the edge on which a point with these barycentric coordinates is; all directions at a vertex.
+fn across_edge(weights: [f64; 3], corners: [DVec3; 3]) -> DMat3 {
+    let ends = || (0..3).filter(|&k| weights[k] > 1e-9).map(|k| corners[k]);
+    let along = match ends().count() {
+        2 => ends().fold(DVec3::ZERO, |along, end| end - along).normalize_or_zero(),
+        _ => DVec3::ZERO,
+    };
+    DMat3::IDENTITY - outer(along, along)
 }
 
 /// Whether the closest point, on an edge or vertex of `face`, is on the rim of the faces that have it.
@@ -180,7 +213,7 @@ fn beside_plane(p: DVec3, face: &Facet, [a, b, c]: [DVec3; 3]) -> Option<Beside>
     let foot = p - distance * normal;
     let share = |u: DVec3, v: DVec3| (u - foot).cross(v - foot).dot(cross) / cross.length_squared();
     let weights = shares(face, [share(b, c), share(c, a), share(a, b)]);
-    Some(Beside { distance, normal, face: *face, weights })
+    Some(Beside { distance, normal, across: outer(normal, normal), face: *face, weights })
 }
 
 #[cfg(test)]
@@ -268,9 +301,19 @@ mod tests {
             };
             if exact.abs() > 1e-4 && !jumps {
                 for axis in [DVec3::X, DVec3::Y, DVec3::Z] {
-                    let at = |p| beside(p, &near(p), 0.0, &x, false).unwrap().distance;
-                    let difference = (at(p + h * axis) - at(p - h * axis)) / (2.0 * h);
+                    let [more, less] = [1.0, -1.0].map(|sign| {
+                        let p = p + sign * h * axis;
+                        beside(p, &near(p), 0.0, &x, false).unwrap()
+                    });
+                    let difference = (more.distance - less.distance) / (2.0 * h);
                     prop_assert!((difference - found.normal.dot(axis)).abs() < 1e-4);
+                    // the second derivative, within what is closest to a face, an edge or a vertex of the cube
+                    let zone = |p: DVec3| p.to_array().map(|x| (x > 0.0, x < 1.0));
+                    if zone(p + h * axis) == zone(p - h * axis) {
+                        let arm = |near: &Beside| near.distance * near.normal;
+                        let difference = (arm(&more) - arm(&less)) / (2.0 * h);
+                        prop_assert!((difference - found.across * axis).length() < 1e-4, "{p} {difference} {found:?}");
+                    }
                 }
             }
         }

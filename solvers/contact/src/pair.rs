@@ -19,15 +19,19 @@ pub struct BodyContact {
     pub bodies: [usize; 2],
     /// Coefficient of friction (Coulomb), 0 for none.
     pub friction: f64,
-    /// Stiffness of contact; a relative one counts by the softer of the two.
+    /// Stiffness of contact; a relative one counts by the softer of the two ([`BodyContact::STIFFNESS`] by default).
     pub stiffness: Stiffness,
 }
 
 impl BodyContact {
+    /// Stiffness of contact where nothing else is said, softer than that of tools: surfaces that meet both give way, and go into
+    /// each other by a hundredth of an edge.
+    pub const STIFFNESS: Stiffness = Stiffness::Relative(20.0);
+
     /// Contact without friction of two bodies, or of one with itself if it comes twice.
     pub fn new(name: impl Into<String>, bodies: [BodyHandle; 2]) -> Self {
-        let (name, stiffness) = (name.into(), Stiffness::default());
-        Self { name, bodies: bodies.map(|body| body.0), friction: 0.0, stiffness }
+        let bodies = bodies.map(|body| body.0);
+        Self { name: name.into(), bodies, friction: 0.0, stiffness: Self::STIFFNESS }
     }
 
     /// With a coefficient of friction.

@@ -5,9 +5,11 @@
 //! step, so that line search and energy cap stay valid (Simo & Laursen 1992 integrate friction alike):
 //!
 //! * normal: `A k <-g>^2 / 2`, force `A p n`, tangent `A k n n^T`. What the curvature of the tool adds is left out: it
-//!   is small beside and negative.
+//!   is small beside and negative. Behind an edge or vertex of another body the tangent is exact: `A k (1 - t t^T)`, `t` along
+//!   the edge, and `A k 1`.
 //! * friction: slip `t = P (e + x - x_tool)` since the point began to stick, `P` the projection on the tangent plane,
-//!   `l = |t|`, `A k l^2 / 2` while `k l` is below the limit `f p` (`f`: friction), else `A (f p l - (f p)^2 / (2 k))`.
+//!   `l = |t|`, `A s l^2 / 2` while `s l` is below the limit `f p` (`f`: friction), else `A (f p l - (f p)^2 / (2 s))`. `s` is
+//!   `k`, and a tenth of it between bodies: points then need not stick harder than the tissue under them.
 
 use crate::beside::{NearFaces, beside};
 use crate::limits::Limits;
@@ -229,6 +231,11 @@ const GRAZING: f64 = 0.05;
 /// surface bit by bit.
 const AGAINST: f64 = -0.5;
 
+/// Stiffness of friction over that of contact between bodies.
+const SOFT_STICK: f64 = 0.1;
+/// Share of the tangent along the slip that is taken off between bodies: with all of it rounds overshoot from slip to slip.
+const ALONG_SLIP: f64 = 0.9;
+
 /// `a b^T`.
 pub(crate) fn outer(a: DVec3, b: DVec3) -> DMat3 {
     DMat3::from_cols(a * b.x, a * b.y, a * b.z)
@@ -264,7 +271,7 @@ impl ContactPoint {
     }
 
     /// Place (m) among positions.
-    pub fn at(&self, x: &dyn Fn(VertexRow) -> DVec3) -> DVec3 {
+    pub fn at(&self, x: &(impl Fn(VertexRow) -> DVec3 + ?Sized)) -> DVec3 {
         let mut at = x(self.rows[0]) * self.weights[0];
         for i in 1..4 {
             if self.weights[i] != 0.0 {
@@ -280,7 +287,7 @@ impl ContactPoint {
         &mut self,
         parts: &[PartNow],
         faces: NearFaces,
-        x: &dyn Fn(VertexRow) -> DVec3,
+        x: &(impl Fn(VertexRow) -> DVec3 + ?Sized),
         start: &dyn Fn(VertexRow) -> DVec3,
         limits: Limits,
     ) -> Active {
@@ -291,6 +298,7 @@ impl ContactPoint {
             Active { rows: [a, b, c, d, a], weights: [s, t, u, v, 0.0], at, ..Active::default() };
         // signed distance and its gradient
         let gradient;
+        let mut across = None;
         match &self.against {
             Against::Hand(hand) => {
                 let (stretch, way) = (at - self.carried, (at - self.start) - hand.silent);
@@ -313,6 +321,7 @@ impl ContactPoint {
                     return active;
                 };
                 (active.gap, gradient) = (near.distance, near.normal);
+                across = Some(near.across);
                 let [d, e, f, g] = near.face;
                 let [p, q, r, s] = near.weights;
                 (active.rows, active.weights) = ([a, d, e, f, g], [1.0, -p, -q, -r, -s]);
@@ -352,7 +361,7 @@ impl ContactPoint {
             active.on = true;
             let stiffness = self.area * self.k;
             active.push = self.area * active.pressure * gradient;
-            active.block = stiffness * outer(gradient, gradient);
+            active.block = stiffness * across.unwrap_or_else(|| outer(gradient, gradient));
         }
         // friction: a spring up to the limit
         if self.limit > 0.0 {
@@ -362,7 +371,7 @@ impl ContactPoint {
             let tangent =
                 if self.memory.gripped { DMat3::IDENTITY } else { DMat3::IDENTITY - outer(n, n) };
             let t = tangent * way;
-            let (l, k, limit) = (t.length(), self.k, self.limit);
+            let (l, k, limit) = (t.length(), self.stick(), self.limit);
             active.slip = t;
             if k * l <= limit {
                 active.rub = -self.area * k * t;
@@ -371,10 +380,19 @@ impl ContactPoint {
             } else {
                 active.rub = -self.area * limit / l * t;
                 active.energy += self.area * (limit * l - 0.5 * limit * limit / k);
-                active.block += self.area * limit / l * (tangent - outer(t, t) / (l * l));
+                let along = if across.is_some() { ALONG_SLIP } else { 1.0 };
+                active.block += self.area * limit / l * (tangent - along * outer(t, t) / (l * l));
             }
         }
         active
+    }
+
+    /// Stiffness of friction (Pa/m) while it sticks.
+    pub fn stick(&self) -> f64 {
+        match self.against {
+            Against::Faces(_) => SOFT_STICK * self.k,
+            Against::Part(_) | Against::Hand(_) => self.k,
+        }
     }
 
     /// Chooses how depth is measured in the step to come, from where the point is at its start.
@@ -408,10 +426,10 @@ impl ContactPoint {
         let l = active.slip.length();
         if self.limit <= 0.0 || (active.pressure <= 0.0 && !self.is_held()) {
             DVec3::ZERO
-        } else if self.k * l <= self.limit {
+        } else if self.stick() * l <= self.limit {
             active.slip
         } else {
-            active.slip * (self.limit / (self.k * l))
+            active.slip * (self.limit / (self.stick() * l))
         }
     }
 

@@ -167,6 +167,8 @@ pub struct ContactSet {
     /// Points of the last round of an inner loop, and their places (m).
     rounds: Vec<(Active, DVec3)>,
     faces: Vec<NearFacet>,
+    /// Places (m) of the rows of surfaces that may meet faces, at the last evaluation.
+    places: Vec<DVec3>,
     figures: ContactFigures,
     /// Local stiffnesses (N/m) found in this step, by tool.
     local: Vec<(usize, DMat3)>,
@@ -369,15 +371,29 @@ impl ContactSet {
         !self.range(bodies).is_empty()
     }
 
+    /// Whether surfaces of bodies may touch each other among some bodies.
+    pub fn joins(&self, bodies: &Range<usize>) -> bool {
+        let faces = |point: &ContactPoint| matches!(point.against, Against::Faces(_));
+        self.points[self.range(bodies)].iter().any(faces)
+    }
+
     /// Energy (J) of the contacts of some bodies at positions `x`; forces and tangents are kept until the next call.
     /// The forces of friction are those with the limits of the last call that did not keep them.
     pub fn evaluate(&mut self, bodies: &Range<usize>, x: &RowPlaces, limits: Limits) -> f64 {
         let range = self.range(bodies);
         let moved = self.moved(bodies, x.now);
         let (parts, faces) = (&self.parts, NearFaces { all: &self.faces, moved });
+        // a point looks at tens of faces, whose corners others look at too
+        let places = &self.places;
+        let near = |row: VertexRow| places[row.index()];
         let mut sum = 0.0;
         for (point, active) in self.points[range.clone()].iter_mut().zip(&mut self.active[range]) {
-            *active = point.evaluate(parts, faces, x.now, x.start, limits);
+            *active = match point.against {
+                Against::Faces(_) if !faces.all.is_empty() => {
+                    point.evaluate(parts, faces, &near, x.start, limits)
+                }
+                _ => point.evaluate(parts, faces, x.now, x.start, limits),
+            };
             sum += active.energy;
         }
         sum
@@ -390,8 +406,15 @@ impl ContactSet {
             return 0.0;
         }
         let (mut most, mut edges) = (0.0_f64, [f64::INFINITY, 0.0]);
+        let places = &mut self.places;
         for KnownSkin { skin, .. } in &self.skins[bodies.clone()] {
-            let ways = skin.rows.iter().zip(&skin.seen).map(|(row, at)| x(*row).distance(*at));
+            let last = skin.rows.iter().map(|row| row.index() + 1).max().unwrap_or(0);
+            places.resize(places.len().max(last), DVec3::ZERO);
+            let ways = skin.rows.iter().zip(&skin.seen).map(|(row, seen)| {
+                let at = x(*row);
+                places[row.index()] = at;
+                at.distance(*seen)
+            });
             // positions that are not finite tell nothing
             most = ways
                 .fold(most, |most, way| if way.is_nan() { f64::INFINITY } else { most.max(way) });
@@ -406,14 +429,15 @@ impl ContactSet {
         let range = self.range(bodies);
         for point in &self.points[range] {
             let Against::Faces(near) = &point.against else { continue };
-            let at = point.at(x);
+            let place = |row: VertexRow| self.places[row.index()];
+            let at = point.at(&place);
             for face in &mut self.faces[near.clone()] {
-                face.distance = distance(at, &face.rows, x);
+                face.distance = distance(at, &face.rows, &place);
             }
         }
         for KnownSkin { skin, .. } in &mut self.skins[bodies.clone()] {
             for (row, at) in skin.rows.iter().zip(&mut skin.seen) {
-                *at = x(*row);
+                *at = self.places[row.index()];
             }
         }
         rounding
@@ -753,14 +777,14 @@ fn stored(point: &ContactPoint, active: &Active) -> f64 {
         return 0.5 * point.area * point.k * active.gap * active.gap;
     }
     let slip = point.kept_slip(active).length_squared();
-    0.5 * point.area * (active.pressure * active.pressure / point.k + point.k * slip)
+    0.5 * point.area * (active.pressure * active.pressure / point.k + point.stick() * slip)
 }
 
 /// Energy (J) that friction took in the step.
 fn lost(point: &ContactPoint, active: &Active) -> f64 {
-    let l = active.slip.length();
-    if point.limit > 0.0 && point.k * l > point.limit {
-        point.area * point.limit * (l - point.limit / point.k)
+    let (l, stick) = (active.slip.length(), point.stick());
+    if point.limit > 0.0 && stick * l > point.limit {
+        point.area * point.limit * (l - point.limit / stick)
     } else {
         0.0
     }
@@ -768,5 +792,5 @@ fn lost(point: &ContactPoint, active: &Active) -> f64 {
 
 /// Whether a point in contact sticks.
 fn sticks(point: &ContactPoint, active: &Active) -> bool {
-    point.limit > 0.0 && point.k * active.slip.length() <= point.limit
+    point.limit > 0.0 && point.stick() * active.slip.length() <= point.limit
 }

@@ -31,9 +31,15 @@ const MOST_ROUNDS: [usize; 2] = [24, 8];
 /// Largest relative difference of contact forces from their linearisation with which contact counts as found, and over the
 /// tolerance of linear solves that with which the loop ends where its rounds allow: whoever asks for more gets more.
 const ENOUGH: f64 = 1e-3;
+/// The same where bodies touch each other. What is left does not add up from step to step: at rest each begins with the forces
+/// of the last.
+const ENOUGH_BETWEEN: f64 = 1e-2;
 const OF_LINEAR: f64 = 10.0;
 /// Reduction of a residual that is enough for a round: the next one has other contacts.
 const LOOSE: f64 = 0.03;
+/// Times what is enough, below which the round to come is expected to find contact. Its solve goes to the end at once: one that
+/// begins anew has to find again what the last one knew of the matrix.
+const NEARLY: f64 = 10.0;
 /// Newton iterations after which the limits of friction are approached, not taken.
 const APPROACH: u32 = 4;
 /// Most corrections of the momentum of a piece.
@@ -239,8 +245,9 @@ impl<S: Scalar> Step<'_, S> {
         let (mut before, mut converged, mut rounds) = (f64::INFINITY, false, 0);
         let of_linear = OF_LINEAR * self.settings.linear_tolerance;
         // converged steps linearise anew; the tangents leave out how normals turn, so contact of bodies is found digit by digit
-        let enough = if iterated { ENOUGH } else { ENOUGH.min(of_linear) };
-        let digits = (ENOUGH / enough).log10();
+        let found = if contact.joins(&bodies) && !iterated { ENOUGH_BETWEEN } else { ENOUGH };
+        let enough = if iterated { found } else { found.min(of_linear) };
+        let digits = (found / enough).log10();
         let most = MOST_ROUNDS[usize::from(iterated)] * (1 + digits.ceil() as usize);
         for round in 0..most {
             // contact at the last iterate: is it settled?
@@ -259,14 +266,15 @@ impl<S: Scalar> Step<'_, S> {
             let settled = off <= enough * force || force == 0.0 && before == 0.0;
             if round > 0 && (whole || iterated) && solved {
                 // rounds that follow lower the energy further, found or not
-                converged |= settled || off <= ENOUGH * force;
+                converged |= settled || off <= found * force;
                 if settled {
                     break;
                 }
             }
             before = force;
             rounds += 1;
-            options.own_tolerance = if settled || round + 1 == most { 0.0 } else { LOOSE };
+            let last = off <= NEARLY * enough * force || settled || round + 1 == most;
+            options.own_tolerance = if last { 0.0 } else { LOOSE };
             // converged steps linearise anew, and end sooner with the tangents alone
             if !iterated {
                 let now = position(&self.scratch.rest, &self.scratch.trial);

@@ -97,7 +97,8 @@ pub(super) fn contact(
     };
     let friction = friction(key, [entry.friction, entry.mu], &mut built.warnings)?;
     let mut contact = BodyContact::new(&entry.name, bodies.map(BodyHandle)).with_friction(friction);
-    contact.stiffness = stiffness(key, entry.stiffness, entry.stiffness_absolute)?;
+    contact.stiffness =
+        stiffness(key, entry.stiffness, entry.stiffness_absolute, contact.stiffness)?;
     let entity = built.simulation.add_body_contact(contact);
     Ok(BuiltContact { name: entry.name.clone(), bodies, friction, entity })
 }
@@ -134,9 +135,10 @@ pub(super) fn stiffness(
     key: &Key,
     relative: Option<f64>,
     absolute: Option<f64>,
+    otherwise: Stiffness,
 ) -> Result<Stiffness, SceneError> {
     match (relative, absolute) {
-        (None, None) => Ok(Stiffness::default()),
+        (None, None) => Ok(otherwise),
         (Some(times), None) => {
             Ok(Stiffness::Relative(key.at("stiffness").positive(times, "the stiffness", "")?))
         }

@@ -42,7 +42,7 @@ pub(super) fn tool(
     tool.motion = motion;
     tool.hinge = hinge(key, entry, &tool.parts)?;
     tool.friction = friction(key, [entry.friction, entry.mu], &mut built.warnings)?;
-    tool.stiffness = stiffness(key, entry.stiffness, entry.stiffness_absolute)?;
+    tool.stiffness = stiffness(key, entry.stiffness, entry.stiffness_absolute, tool.stiffness)?;
     tool.exact = entry.exact;
     tool.points = points(&key.at("points"), entry)?;
     tool.keeps_side = entry.keeps_side.unwrap_or(true);

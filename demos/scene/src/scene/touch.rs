@@ -193,7 +193,7 @@ pub struct ContactEntry {
     pub friction: Option<f64>,
     /// Old name of `friction`.
     pub mu: Option<f64>,
-    /// Pressure over penetration, in Young's modulus over the mean edge of the softer one; default 50.
+    /// Pressure over penetration, in Young's modulus over the mean edge of the softer one; default 20.
     pub stiffness: Option<f64>,
     /// The same in Pa/m.
     pub stiffness_absolute: Option<f64>,

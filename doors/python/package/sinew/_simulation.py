@@ -809,7 +809,7 @@ class Simulation:
         return Tool(self, self._own.add_tool(spec), name)
 
     def add_contact(
-        self, a: Body, b: Body, *, friction: float = 0.0, stiffness: Stiffness = Stiffness(), name: str | None = None
+        self, a: Body, b: Body, *, friction: float = 0.0, stiffness: Stiffness = Stiffness(20.0), name: str | None = None
     ) -> Contact:
         """Lets two bodies touch each other; the same one twice for a body that touches itself."""
         own = self._name("contact", name, f"{a.name}-{b.name}")
