@@ -47,6 +47,23 @@ fn elements_converge_to_the_continuum() {
     assert!(ten < 0.2 * clusters && clusters < 0.7 * plain, "{plain} {clusters} {ten}");
 }
 
+/// Finer cubes come nearer to the body whose surface they fill, though none of their vertices is one of its own.
+#[test]
+#[ignore = "slow"]
+fn a_lattice_converges_to_the_body_that_it_fills() {
+    let (nu, kind) = (0.3, Discretisation::Lattice);
+    let truth = ContinuumTruth::new(ElementBody::Liver, nu, 2, None).unwrap();
+    let errors: Vec<f64> = (0..3)
+        .map(|level| {
+            let beam = kind.beam(ElementBody::Liver, level, nu).unwrap();
+            let own = equilibrium(&beam, ENERGY, kind.volume()).unwrap();
+            truth.static_error(kind, &beam.mesh, own).unwrap().unwrap()
+        })
+        .collect();
+    println!("{errors:?}");
+    assert!(errors.windows(2).all(|e| e[1] < e[0]) && errors[2] < 0.5 * errors[0], "{errors:?}");
+}
+
 fn row(kind: &str, nu: f64, level: usize, ms: f64, error: f64) -> ElementRow {
     let engine = kind.split(' ').next().filter(|e| ["MuJoCo", "Rapier"].contains(e));
     ElementRow {

@@ -124,17 +124,26 @@ impl ElementBody {
         Ok((mesh, fixed))
     }
 
-    /// A lattice over the coarse liver, with about as many vertices as its mesh of that level. Held are the vertices in cells all
-    /// of whose corners are.
+    /// A lattice over the coarse liver, with about as many vertices as its mesh of that level. Held are the vertices inside of
+    /// what is held, and those of the cells that carry held points of the surface.
     fn lattice(level: usize) -> Result<(Mesh, Vec<u32>)> {
         let (first, fixed) = Self::Liver.mesh(Discretisation::Linear, 0)?;
         let (mesh, _) = first.lattice(LATTICE_CELL / f64::from(1 << level))?;
-        let mut held = vec![0.0; first.points.len()];
-        fixed.iter().for_each(|&v| held[v as usize] = 1.0);
-        let within = EmbeddedPoints::new(&first, &mesh.points)
-            .map_or_else(Vec::new, |e| e.mean(|v| held[v as usize]));
-        let is_held = |v: &u32| within.get(*v as usize).is_some_and(|share| *share > 1.0 - 1e-6);
-        let fixed = (0..mesh.points.len() as u32).filter(is_held).collect();
+        let mut weight = vec![0.0; first.points.len()];
+        fixed.iter().for_each(|&v| weight[v as usize] = 1.0);
+        let within = EmbeddedPoints::new(&first, &mesh.points);
+        let within = within.map_or_else(Vec::new, |e| e.mean(|v| weight[v as usize]));
+        let mut held: Vec<bool> = within.iter().map(|share| *share > 1.0 - 1e-6).collect();
+        // points of the surface that are nearer to each other than the cells are wide
+        let (fine, fixed) = Self::Liver.mesh(Discretisation::Linear, level + 1)?;
+        let outside: HashSet<u32> = fine.surface_triangles().into_iter().flatten().collect();
+        let on_surface = fixed.iter().filter(|v| outside.contains(v));
+        let points: Vec<DVec3> = on_surface.map(|&v| fine.points[v as usize]).collect();
+        for (_, cell) in EmbeddedPoints::new(&mesh, &points).iter().flat_map(EmbeddedPoints::cells)
+        {
+            mesh.hexahedra[cell as usize].iter().for_each(|&v| held[v as usize] = true);
+        }
+        let fixed = (0..mesh.points.len() as u32).filter(|&v| held[v as usize]).collect();
         Ok((mesh, fixed))
     }
 
@@ -505,6 +514,27 @@ impl ContinuumTruth {
         Ok(Self { still: (at, u), swing: moved, row })
     }
 
+    /// Error (%) of the equilibrium `still` (m) of a mesh of some elements, at the vertices that it shares with the continuum; a
+    /// lattice shares none, so those of the coarse body count, which it carries.
+    ///
+    /// # Errors
+    /// When the coarse body cannot be read.
+    pub fn static_error(
+        &self,
+        kind: Discretisation,
+        mesh: &Mesh,
+        still: Vec<DVec3>,
+    ) -> Result<Option<f64>> {
+        let (places, states) = &self.still;
+        if kind != Discretisation::Lattice {
+            return Ok(places.error(&mesh.points, &[still], states));
+        }
+        let (first, _) = ElementBody::Liver.mesh(Discretisation::Linear, 0)?;
+        let carried = EmbeddedPoints::new(mesh, &first.points);
+        let still = carried.map(|carried| carried.displacements(&still)).unwrap_or_default();
+        Ok(places.error(&first.points, &[still], states))
+    }
+
     /// The equilibrium (m) at these points.
     fn at(&self, points: &[DVec3]) -> Vec<DVec3> {
         let mut rows = vec![DVec3::ZERO; points.len()];
@@ -619,17 +649,8 @@ impl ElementEntry {
                 None => self.rival.settle(&self.case)?,
             },
         };
-        self.row.static_percent = match self.kind {
-            // no vertex of a lattice is one of the continuum's: those of the coarse body are carried
-            Some(Discretisation::Lattice) => {
-                let (first, _) = ElementBody::Liver.mesh(Discretisation::Linear, 0)?;
-                let carried = EmbeddedPoints::new(&self.case.beam.mesh, &first.points);
-                let still =
-                    carried.map(|carried| carried.displacements(&still)).unwrap_or_default();
-                truth.still.0.error(&first.points, &[still], &truth.still.1)
-            }
-            _ => truth.still.0.error(points, &[still], &truth.still.1),
-        };
+        let kind = self.kind.unwrap_or(Discretisation::Linear);
+        self.row.static_percent = truth.static_error(kind, &self.case.beam.mesh, still)?;
         // a speed without an error is half a result
         self.row.ms = self.row.static_percent.and(Some(ms));
         self.row.iterations = self.rival.linear_iterations();

@@ -25,7 +25,7 @@ pub struct BodyContact {
 
 impl BodyContact {
     /// Stiffness of contact where nothing else is said, softer than that of tools: surfaces that meet both give way, and go into
-    /// each other by a hundredth of an edge.
+    /// each other by half a percent of an edge.
     pub const STIFFNESS: Stiffness = Stiffness::Relative(20.0);
 
     /// Contact without friction of two bodies, or of one with itself if it comes twice.
