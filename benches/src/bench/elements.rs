@@ -24,8 +24,8 @@ use crate::toolbox::meshes::refined;
 use crate::toolbox::options::BenchOptions;
 use crate::toolbox::prelude::*;
 use crate::toolbox::stats::{Rounds, Spread, interleave};
+use sinew::engine::mesh::Group;
 use sinew::engine::mesh::generate::{box_hexahedra, box_tets};
-use sinew::engine::mesh::{EmbeddedPoints, Group};
 use sinew::models::body::{Integration, VolumeRule};
 use sinew_tune::measures::displacement_error;
 use sinew_tune::table::three_digits;
@@ -92,9 +92,6 @@ impl ElementBody {
     /// # Errors
     /// When it cannot be made or read.
     pub fn mesh(self, kind: Discretisation, level: usize) -> Result<(Mesh, Vec<u32>)> {
-        if kind == Discretisation::Lattice {
-            return Self::lattice(level);
-        }
         let linear = match self {
             Self::Beam if kind.of_hexahedra() => box_hexahedra(SIZE, LEVELS[level])?,
             Self::Beam => box_tets(SIZE, LEVELS[level])?,
@@ -124,29 +121,6 @@ impl ElementBody {
         Ok((mesh, fixed))
     }
 
-    /// A lattice over the coarse liver, with about as many vertices as its mesh of that level. Held are the vertices inside of
-    /// what is held, and those of the cells that carry held points of the surface.
-    fn lattice(level: usize) -> Result<(Mesh, Vec<u32>)> {
-        let (first, fixed) = Self::Liver.mesh(Discretisation::Linear, 0)?;
-        let (mesh, _) = first.lattice(LATTICE_CELL / f64::from(1 << level))?;
-        let mut weight = vec![0.0; first.points.len()];
-        fixed.iter().for_each(|&v| weight[v as usize] = 1.0);
-        let within = EmbeddedPoints::new(&first, &mesh.points);
-        let within = within.map_or_else(Vec::new, |e| e.mean(|v| weight[v as usize]));
-        let mut held: Vec<bool> = within.iter().map(|share| *share > 1.0 - 1e-6).collect();
-        // points of the surface that are nearer to each other than the cells are wide
-        let (fine, fixed) = Self::Liver.mesh(Discretisation::Linear, level + 1)?;
-        let outside: HashSet<u32> = fine.surface_triangles().into_iter().flatten().collect();
-        let on_surface = fixed.iter().filter(|v| outside.contains(v));
-        let points: Vec<DVec3> = on_surface.map(|&v| fine.points[v as usize]).collect();
-        for (_, cell) in EmbeddedPoints::new(&mesh, &points).iter().flat_map(EmbeddedPoints::cells)
-        {
-            mesh.hexahedra[cell as usize].iter().for_each(|&v| held[v as usize] = true);
-        }
-        let fixed = (0..mesh.points.len() as u32).filter(|&v| held[v as usize]).collect();
-        Ok((mesh, fixed))
-    }
-
     /// Kinds that run on a level: ten-node tetrahedra have the vertices of the next one, and on the finest mesh only those
     /// run that the verdicts compare at equal error.
     fn kinds(self, level: usize, poisson_ratio: f64) -> Vec<Discretisation> {
@@ -154,8 +128,6 @@ impl ElementBody {
         let level = if self == Self::Liver { level + 1 } else { level };
         let here = |kind: &Discretisation| match (level, kind) {
             (_, kind) if self == Self::Liver && kind.of_hexahedra() => false,
-            // a box is filled by boxes
-            (_, Discretisation::Lattice) => self == Self::Liver,
             (4, Discretisation::Linear) => poisson_ratio == 0.3,
             (4, Discretisation::Clusters) => poisson_ratio == 0.4999,
             (4, _) => false,
@@ -184,8 +156,6 @@ const LIVER_YOUNG: f64 = 3e3;
 const LIVER_GRAVITY: f64 = 5.5;
 /// Height (m) above which vertices of the coarse liver are held; of finer ones, those between held ones.
 const LIVER_HELD: f64 = 0.02;
-/// Edge (m) of the coarsest lattice over the liver: about as many vertices as the coarse liver has.
-const LATTICE_CELL: f64 = 0.03;
 /// Group of these.
 const HELD: &str = "held";
 /// Step (s) of all methods.
@@ -290,20 +260,12 @@ pub enum Discretisation {
     TenNode,
     /// Hexahedra with reduced integration.
     ReducedHexahedra,
-    /// A lattice of these over the surface of the body, each filled by a share.
-    Lattice,
 }
 
 impl Discretisation {
     /// All, in the order of [`KINDS`].
-    pub const ALL: [Self; 6] = [
-        Self::Linear,
-        Self::Clusters,
-        Self::Hexahedra,
-        Self::TenNode,
-        Self::ReducedHexahedra,
-        Self::Lattice,
-    ];
+    pub const ALL: [Self; 5] =
+        [Self::Linear, Self::Clusters, Self::Hexahedra, Self::TenNode, Self::ReducedHexahedra];
 
     /// Name in tables.
     pub fn name(self) -> &'static str {
@@ -317,7 +279,7 @@ impl Discretisation {
     /// How its hexahedra are integrated.
     fn integration(self) -> Integration {
         match self {
-            Self::ReducedHexahedra | Self::Lattice => Integration::Reduced,
+            Self::ReducedHexahedra => Integration::Reduced,
             _ => Integration::Full,
         }
     }
@@ -360,13 +322,12 @@ impl Discretisation {
 }
 
 /// Names in the order of the chart: ours, then the rivals with as many iterations as they need.
-pub const KINDS: [&str; 10] = [
+pub const KINDS: [&str; 9] = [
     "linear tetrahedra",
     "clusters of tetrahedra",
     "hexahedra",
     "ten-node tetrahedra",
     "hexahedra, reduced integration",
-    "lattice of reduced hexahedra",
     "MuJoCo tetrahedra",
     "MuJoCo trilinear cells",
     "MuJoCo quadratic cells",
@@ -514,27 +475,6 @@ impl ContinuumTruth {
         Ok(Self { still: (at, u), swing: moved, row })
     }
 
-    /// Error (%) of the equilibrium `still` (m) of a mesh of some elements, at the vertices that it shares with the continuum; a
-    /// lattice shares none, so those of the coarse body count, which it carries.
-    ///
-    /// # Errors
-    /// When the coarse body cannot be read.
-    pub fn static_error(
-        &self,
-        kind: Discretisation,
-        mesh: &Mesh,
-        still: Vec<DVec3>,
-    ) -> Result<Option<f64>> {
-        let (places, states) = &self.still;
-        if kind != Discretisation::Lattice {
-            return Ok(places.error(&mesh.points, &[still], states));
-        }
-        let (first, _) = ElementBody::Liver.mesh(Discretisation::Linear, 0)?;
-        let carried = EmbeddedPoints::new(mesh, &first.points);
-        let still = carried.map(|carried| carried.displacements(&still)).unwrap_or_default();
-        Ok(places.error(&first.points, &[still], states))
-    }
-
     /// The equilibrium (m) at these points.
     fn at(&self, points: &[DVec3]) -> Vec<DVec3> {
         let mut rows = vec![DVec3::ZERO; points.len()];
@@ -649,8 +589,7 @@ impl ElementEntry {
                 None => self.rival.settle(&self.case)?,
             },
         };
-        let kind = self.kind.unwrap_or(Discretisation::Linear);
-        self.row.static_percent = truth.static_error(kind, &self.case.beam.mesh, still)?;
+        self.row.static_percent = truth.still.0.error(points, &[still], &truth.still.1);
         // a speed without an error is half a result
         self.row.ms = self.row.static_percent.and(Some(ms));
         self.row.iterations = self.rival.linear_iterations();
@@ -799,12 +738,12 @@ impl ElementLevel {
         let capped = self.level < 3 && !self.quick;
         if let Some(mujoco) = mujoco {
             let mut bodies = vec![
-                (6, Freedom::Full, tetrahedra.clone()),
-                (7, Freedom::Trilinear(cells), free(self.level)?),
+                (5, Freedom::Full, tetrahedra.clone()),
+                (6, Freedom::Trilinear(cells), free(self.level)?),
             ];
             if self.level < if self.quick { 1 } else { 3 } {
                 // nodes in the middle of edges: the vertices of the next level
-                bodies.push((8, Freedom::Quadratic(cells), free(self.level + 1)?));
+                bodies.push((7, Freedom::Quadratic(cells), free(self.level + 1)?));
             }
             for (name, freedom, case) in bodies {
                 let found = match mujoco.rivals(&case, &[H], freedom) {
@@ -834,8 +773,8 @@ impl ElementLevel {
         for (i, rival) in rapier::rivals(&tetrahedra, H).into_iter().enumerate() {
             let kind = match i {
                 0 if capped => "Rapier constraints".to_owned(),
-                1 if capped => format!("{}{CAPPED}", KINDS[9]),
-                2 => KINDS[9].to_owned(),
+                1 if capped => format!("{}{CAPPED}", KINDS[8]),
+                2 => KINDS[8].to_owned(),
                 _ => continue,
             };
             entries.push(ElementEntry::new(&kind, None, self, &tetrahedra, rival));

@@ -2,7 +2,6 @@
 
 use super::beam::Beam;
 use crate::toolbox::prelude::*;
-use sinew::engine::mesh::FILLED;
 use sinew::models::body::VolumeRule;
 
 /// A clamped beam in a world of its own.
@@ -20,9 +19,7 @@ pub fn simulation(
         ..Default::default()
     })?;
     let body = BodyDescription::new("beam", &beam.mesh, beam.material);
-    let filled = beam.mesh.data(FILLED).map(|data| &data.values.hexahedra[..]);
-    let integration = beam.integration;
-    let description = BodyDescription { model, volume, integration, filled, ..body };
+    let description = BodyDescription { model, volume, integration: beam.integration, ..body };
     let body = simulation.add_body(&description)?;
     let rows = simulation.rows(body, "clamp", &beam.fixed)?;
     simulation.add_constraint(Constraint::hold("clamp", rows));

@@ -9,7 +9,7 @@ use sinew_tune::table::three_digits;
 use std::collections::BTreeSet;
 
 /// Colours of [`KINDS`]: a rival's elements have that of ours of the same kind.
-const COLOURS: [usize; 10] = [0, 1, 2, 3, 4, 5, 0, 2, 3, 6];
+const COLOURS: [usize; 9] = [0, 1, 2, 3, 4, 0, 2, 3, 6];
 
 /// Time at which a curve of (time, error) points reaches an error, by straight lines in logarithms, and whether that lies
 /// outside of what was measured. None where the errors do not fall towards it.
@@ -121,7 +121,7 @@ impl ElementReport {
     /// What was aimed at, as far as it was measured. The limits were fixed before.
     pub fn aims(&self) -> Vec<BenchAim> {
         let mut aims = Vec::new();
-        let [linear, clusters, _, ten_node, ..] = Discretisation::ALL.map(Discretisation::name);
+        let [linear, clusters, _, ten_node, _] = Discretisation::ALL.map(Discretisation::name);
         let on = |kind, nu, level| self.of(kind, nu).find(move |r| r.level == level);
         let body = self.of_body();
         for r in self.of(clusters, 0.4999) {
