@@ -268,10 +268,6 @@ fn runs(text: &str, steps: u64, out: Option<&Path>) -> bool {
     if !scene.scene.bodies.iter().flat_map(|b| &b.generate).all(|s| small(s) || beyond(s)) {
         return true;
     }
-    let fine = |cell: f64| (1e-9..0.01).contains(&cell);
-    if scene.scene.bodies.iter().filter_map(|b| b.lattice).any(fine) {
-        return true;
-    }
     let build = BuildOptions { steps: Some(steps), threads: Some(1), ..BuildOptions::default() };
     let options = RunOptions { build, out: out.map(Into::into), ..RunOptions::default() };
     match run(&scene, &options, &mut Silent) {
@@ -356,12 +352,6 @@ fn random_body(random: &mut Random, name: &str) -> String {
         }
         if random.chance(6) {
             text += "membrane = { thickness = 0.001, surface = true }\n";
-        }
-        if random.chance(6) {
-            text += random.pick(&["lattice = 0.03\n", "lattice = 0.05\n", "lattice = 0.0171\n"]);
-        }
-        if random.chance(6) {
-            text += "integration = \"reduced\"\n";
         }
         if random.chance(4) {
             let (modulus, stress) = (random.log(1e2, 1e5), random.log(1e2, 1e5));

@@ -273,7 +273,9 @@ impl<S: Scalar> Step<'_, S> {
             }
             before = force;
             rounds += 1;
-            let last = off <= NEARLY * enough * force || settled || round + 1 == most;
+            // converged steps linearise anew anyway
+            let nearly = !iterated && off <= NEARLY * enough * force;
+            let last = nearly || settled || round + 1 == most;
             options.own_tolerance = if last { 0.0 } else { LOOSE };
             // converged steps linearise anew, and end sooner with the tangents alone
             if !iterated {
