@@ -242,15 +242,18 @@ fn between_bodies_mirrors_and_numbers_matter_as_the_tolerance_does() {
     }
 }
 
-/// With friction between bodies limits follow the pressure, and what is left does not shrink with the tolerance. A thousandth
-/// of the force is left in each of the twelve steps.
+/// With friction, too, what is left shrinks with the tolerance. Not tetrahedra whose vertices meet edges: there the scene has
+/// two outcomes, 1.2 % of the displacement apart at any tolerance, and rounding chooses.
 #[test]
 #[ignore = "slow"]
-fn friction_between_bodies_leaves_what_a_step_leaves() {
+fn friction_between_bodies_shrinks_what_mirrors_and_numbers_change_with_the_tolerance() {
     for kind in WITH_ONE_OUTCOME {
         for aside in [DVec3::ZERO, ASIDE] {
-            let found = off(kind, false, 0.3, &solver!(Integrator::Safe), aside);
-            assert!(found.iter().all(|off| *off < 12.0 * 1e-3), "{kind:?} {aside}: {found:?}");
+            if kind == Kind::Tetrahedra && aside == DVec3::ZERO {
+                continue;
+            }
+            let found = off(kind, false, 0.3, &tight(), aside);
+            assert!(found.iter().all(|off| *off < 2e-4), "{kind:?} {aside}: {found:?}");
         }
     }
 }

@@ -6,7 +6,7 @@ use crate::common::{
 use glam::DVec3;
 use sinew::engine::connectivity::ElementKind;
 use sinew::engine::mesh::Mesh;
-use sinew::engine::mesh::generate::{box_hexahedra, box_tets, jitter_interior};
+use sinew::engine::mesh::generate::{box_hexahedra, box_tets, grade_box, jitter_interior};
 use sinew::models::body::{Integration, VolumeRule};
 use sinew::models::resection::Region;
 use sinew::prelude::*;
@@ -88,9 +88,7 @@ fn they_do_on_skewed_and_on_graded_cells() {
         let error = cantilever_error(&skewed, poisson_ratio, continuum);
         assert!(error < 4.5, "nu {poisson_ratio}, skewed: {error} %");
         let mut graded = cantilever([20, 4, 4]);
-        for x in &mut graded.points {
-            x.x = 0.1 * (x.x / 0.1).powf(1.5);
-        }
+        grade_box(&mut graded, DVec3::new(0.1, 0.02, 0.02), DVec3::new(1.5, 1.0, 1.0)).unwrap();
         let error = cantilever_error(&graded, poisson_ratio, continuum);
         assert!(error < 0.5, "nu {poisson_ratio}, graded: {error} %");
     }

@@ -140,6 +140,7 @@ bad! {
         Missing { .. }, 9, ["mesh", "generate"];
     not_a_mesh: SHAPE => "mesh = \"README.md\"", Mesh { .. }, 11, ["README.md", "format"];
     flat_box: "0.2, 0.04, 0.04" => "0.2, 0.0, 0.04", Mesh { .. }, 11, ["size.y = 0"];
+    box_graded_too_far: "[4, 1, 1]" => "[4, 1, 1], grading = [1.0, 9.0, 1.0]", Mesh { .. }, 11, ["grading[1] = 9", "0.25 to 4"];
     box_without_cells: "[4, 1, 1]" => "[4, 0, 1]", Mesh { .. }, 11, ["cells[1]"];
     two_shapes: "{ box =" => "{ sphere = { radius = 1.0, shells = 2 }, box =",
         Value { .. }, 11, ["exactly one shape"];

@@ -6,7 +6,7 @@ use glam::{DQuat, DVec2, DVec3};
 use sinew::engine::load::rotation;
 use sinew::engine::mesh::generate::{
     box_hexahedra, box_tets, cup_hexahedra, cylinder_hexahedra, cylinder_tets, disc_triangles,
-    irregular_box_tets, jitter_interior, quad_grid, specimen_hexahedra, specimen_quads,
+    grade_box, irregular_box_tets, jitter_interior, quad_grid, specimen_hexahedra, specimen_quads,
     specimen_tets, specimen_triangles, sphere_tets, sphere_triangles, triangle_grid,
 };
 use sinew::engine::mesh::{LatticeReport, Mesh, MeshError};
@@ -20,13 +20,16 @@ pub fn generate(shape: &Generate) -> Result<Option<Mesh>, MeshError> {
     let shapes = [
         cuboid.as_ref().map(|s| {
             let size = DVec3::from_array(s.size);
-            match s.elements {
+            let mut mesh = match s.elements {
                 SolidCells::Tetrahedra => box_tets(size, s.cells),
                 SolidCells::Hexahedra => box_hexahedra(size, s.cells),
                 SolidCells::Irregular => {
                     irregular_box_tets(size, s.cells, 0.15, s.seed.unwrap_or(0))
                 }
-            }
+            }?;
+            let grading = s.grading.map_or(DVec3::ONE, DVec3::from_array);
+            grade_box(&mut mesh, size, grading)?;
+            Ok(mesh)
         }),
         cylinder.as_ref().map(|s| match s.elements {
             SolidCells::Tetrahedra => cylinder_tets(s.radius, s.length, s.rings, s.layers),

@@ -107,6 +107,8 @@ shapes! {
             /// `"tetrahedra"` (default), `"hexahedra"` or `"irregular"` tetrahedra.
             #[serde(default)]
             elements: SolidCells,
+            /// Exponents along x, y and z: above 1 cells get smaller towards the origin, below 1 away from it; default 1.
+            grading: Option<[f64; 3]>,
             /// Which of the irregular meshes; default 0.
             seed: Option<u64>,
         }

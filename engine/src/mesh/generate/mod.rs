@@ -73,6 +73,47 @@ fn oriented(points: &[DVec3], [a, b, c, d]: [u32; 4]) -> [u32; 4] {
     if volume(points, [a, b, c, d]) < 0.0 { [a, b, d, c] } else { [a, b, c, d] }
 }
 
+/// Makes the cells of a box from the origin to `size` (m) smaller towards its sides through the origin: along each axis a
+/// vertex at the share `t` of the edge moves to the share `t^grading`. Above 1 cells at the origin are the smallest; below
+/// 1 those at the far end.
+///
+/// Small cells pay at the rim of a clamp, where stress is singular.
+///
+/// # Errors
+/// [`MeshError::InvalidParameter`] for an exponent below 0.25 or above 4.
+///
+/// ```
+/// use glam::DVec3;
+/// use sinew_engine::mesh::generate::{box_hexahedra, grade_box};
+///
+/// let size = DVec3::new(0.4, 0.1, 0.1);
+/// let mut mesh = box_hexahedra(size, [4, 1, 1])?;
+/// grade_box(&mut mesh, size, DVec3::new(2.0, 1.0, 1.0))?;
+/// let mut x: Vec<f64> = mesh.points.iter().map(|p| p.x).collect();
+/// x.dedup();
+/// assert_eq!(x, [0.0, 0.025, 0.1, 0.225, 0.4]);
+/// # Ok::<(), sinew_engine::mesh::MeshError>(())
+/// ```
+pub fn grade_box(mesh: &mut Mesh, size: DVec3, grading: DVec3) -> Result<(), MeshError> {
+    for (k, parameter) in ["grading[0]", "grading[1]", "grading[2]"].into_iter().enumerate() {
+        let exponent = grading[k];
+        if !(0.25..=4.0).contains(&exponent) {
+            return Err(MeshError::InvalidParameter {
+                generator: "grade_box",
+                parameter,
+                value: exponent.to_string(),
+                remedy: "give an exponent from 0.25 to 4; 1 leaves cells equal",
+            });
+        }
+        if exponent != 1.0 {
+            for x in &mut mesh.points {
+                x[k] = size[k] * libm::pow(x[k] / size[k], exponent);
+            }
+        }
+    }
+    Ok(())
+}
+
 /// Place `i` of `n` equal parts of a length; the last one is exactly its end.
 fn part(i: usize, n: usize, length: f64) -> f64 {
     if i == n { length } else { length * i as f64 / n as f64 }
