@@ -80,7 +80,8 @@ fn oriented(points: &[DVec3], [a, b, c, d]: [u32; 4]) -> [u32; 4] {
 /// Small cells pay at the rim of a clamp, where stress is singular.
 ///
 /// # Errors
-/// [`MeshError::InvalidParameter`] for an exponent below 0.25 or above 4.
+/// [`MeshError::InvalidParameter`] for an exponent below 0.25 or above 4, and for vertices that are not in this box; the mesh is
+/// then as it was.
 ///
 /// ```
 /// use glam::DVec3;
@@ -95,20 +96,26 @@ fn oriented(points: &[DVec3], [a, b, c, d]: [u32; 4]) -> [u32; 4] {
 /// # Ok::<(), sinew_engine::mesh::MeshError>(())
 /// ```
 pub fn grade_box(mesh: &mut Mesh, size: DVec3, grading: DVec3) -> Result<(), MeshError> {
+    let invalid = |parameter, value: f64, remedy| {
+        let (generator, value) = ("grade_box", value.to_string());
+        Err(MeshError::InvalidParameter { generator, parameter, value, remedy })
+    };
     for (k, parameter) in ["grading[0]", "grading[1]", "grading[2]"].into_iter().enumerate() {
-        let exponent = grading[k];
-        if !(0.25..=4.0).contains(&exponent) {
-            return Err(MeshError::InvalidParameter {
-                generator: "grade_box",
-                parameter,
-                value: exponent.to_string(),
-                remedy: "give an exponent from 0.25 to 4; 1 leaves cells equal",
-            });
+        if !(0.25..=4.0).contains(&grading[k]) {
+            let remedy = "give an exponent from 0.25 to 4; 1 leaves cells equal";
+            return invalid(parameter, grading[k], remedy);
         }
-        if exponent != 1.0 {
-            for x in &mut mesh.points {
-                x[k] = size[k] * libm::pow(x[k] / size[k], exponent);
-            }
+    }
+    let graded = |k: &usize| grading[*k] != 1.0;
+    for k in (0..3).filter(graded) {
+        if !mesh.points.iter().all(|x| (0.0..=1.0).contains(&(x[k] / size[k]))) {
+            let remedy = "give the size of the box, which has a corner at the origin";
+            return invalid(["size.x", "size.y", "size.z"][k], size[k], remedy);
+        }
+    }
+    for k in (0..3).filter(graded) {
+        for x in &mut mesh.points {
+            x[k] = size[k] * libm::pow(x[k] / size[k], grading[k]);
         }
     }
     Ok(())

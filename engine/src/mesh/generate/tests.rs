@@ -397,3 +397,19 @@ fn bad_parameters_of_hexahedra_and_quadrilaterals_are_named() {
     assert!(quad_grid(DVec2::ONE, [2, 0]).is_err());
     assert!(quad_grid(DVec2::ONE, [usize::MAX, 2]).is_err());
 }
+
+#[test]
+fn boxes_that_are_elsewhere_are_not_graded() {
+    let size = DVec3::new(0.3, 0.2, 0.1);
+    let mesh = box_tets(size, [3, 2, 1]).unwrap();
+    let along = DVec3::new(1.0, 2.0, 1.0);
+    let moved = mesh.transformed(1.0, glam::DQuat::IDENTITY, DVec3::new(0.0, -0.1, 0.0));
+    for (mesh, size) in [(&moved, size), (&mesh, 0.5 * size), (&mesh, DVec3::ZERO)] {
+        let mut graded = mesh.clone();
+        let error = grade_box(&mut graded, size, along).unwrap_err().to_string();
+        assert!(error.contains("size.y") && graded.points == mesh.points, "{error}");
+    }
+    let mut graded = mesh.clone();
+    grade_box(&mut graded, size, along).unwrap();
+    assert!((sound_solid(&graded, &SIX) - 0.006).abs() < 1e-15);
+}
