@@ -22,6 +22,7 @@ use crate::system::{
 use glam::DVec3;
 use memory::SharedValues;
 use serde::{Deserialize, Serialize};
+use sinew_engine::isoparametric::MIDDLES;
 use sinew_engine::layout::UNUSED;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::topology::Topology;
@@ -138,6 +139,17 @@ impl KeptFor {
     }
 }
 
+/// What a coarse space needs to know of the rows of a body.
+#[derive(Clone, Copy, Debug)]
+struct Rows<'a> {
+    /// Rest position (m).
+    rest: &'a [DVec3],
+    /// Connected piece.
+    piece: &'a [u32],
+    /// See [`ends`].
+    ends: &'a [[u32; 2]],
+}
+
 /// What the first region of an iteration writes, rows from the piece's first to its reach.
 #[derive(Clone, Debug, Default)]
 struct ProductPiece<T> {
@@ -155,9 +167,9 @@ struct UpdatePiece<T> {
     /// `r . z` of the piece's part of the preconditioner.
     rz: f64,
     rr: f64,
-    /// Forces on the aggregates of the piece's rows.
+    /// Forces on the nodes that the piece's rows follow.
     coarse: Vec<[T; 8]>,
-    aggregates: std::ops::Range<usize>,
+    nodes: Range<usize>,
 }
 
 /// Share of an iteration that a multiplication of blocks takes in a factorisation, which is less
@@ -268,11 +280,11 @@ impl<T: Scalar> ConjugateGradients<T> {
         if self.kept.as_ref().is_some_and(|k| k.splits != splits) {
             self.kept = None;
         }
-        let pieces = pieces(system.topology, bodies);
-        let breakdowns = self.build(system.workers, pattern, rest, &pieces, kind);
-        let blocks = (pattern.len() + 2 * pattern.column.len()) as f64;
+        let (piece, ends) = (&pieces(system.topology, bodies), &ends(system.topology, bodies));
+        let rows = Rows { rest, piece, ends };
+        let breakdowns = self.build(system.workers, pattern, rows, kind);
         let mut refresh = self.cholesky.work();
-        let mut iteration = 2.0 * blocks;
+        let mut iteration = pattern.work();
         if let Some(coarse) = &self.coarse {
             refresh += coarse.work();
             iteration += coarse.solve_work();
@@ -285,14 +297,12 @@ impl<T: Scalar> ConjugateGradients<T> {
         breakdowns
     }
 
-    /// Computes the values of the preconditioner, its symbolic part too when it is new. `rest` and
-    /// `piece` belong to the rows of the body.
+    /// Computes the values of the preconditioner, its symbolic part too when it is new.
     fn build(
         &mut self,
         workers: &Workers,
         pattern: &Pattern,
-        rest: &[DVec3],
-        piece: &[u32],
+        rows: Rows<'_>,
         kind: Preconditioner,
     ) -> u32 {
         self.shared.forget();
@@ -300,7 +310,7 @@ impl<T: Scalar> ConjugateGradients<T> {
         if self.kept.as_ref().is_none_or(|k| k.kind != kind)
             || self.correction.is_some() != corrected
         {
-            self.lay_out(pattern, (rest, piece), kind, corrected);
+            self.lay_out(pattern, rows, kind, corrected);
         }
         let breakdowns = self.cholesky.factorise(workers, pattern, &self.matrix);
         if let Some(coarse) = &mut self.coarse {
@@ -341,7 +351,7 @@ impl<T: Scalar> ConjugateGradients<T> {
     fn lay_out(
         &mut self,
         pattern: &Pattern,
-        (rest, piece): (&[DVec3], &[u32]),
+        Rows { rest, piece, ends }: Rows<'_>,
         kind: Preconditioner,
         corrected: bool,
     ) {
@@ -353,7 +363,10 @@ impl<T: Scalar> ConjugateGradients<T> {
         self.coarse = (kind == Preconditioner::Multigrid).then(|| {
             // in large bodies the work of the factor would outgrow that of an iteration
             let size = AGGREGATE.max((0.45 * (rest.len() as f64).sqrt()) as usize);
-            CoarseSpace::new(pattern, rest, piece, size)
+            (!ends.is_empty())
+                .then(|| CoarseSpace::corners(pattern, ends))
+                .flatten()
+                .unwrap_or_else(|| CoarseSpace::rigid(pattern, rest, piece, size))
         });
         self.product.clear();
         self.update.clear();
@@ -361,20 +374,19 @@ impl<T: Scalar> ConjugateGradients<T> {
             let (n, reach) = (piece.rows.len(), piece.reach - piece.rows.start);
             let zero = |n| vec![[T::ZERO; 4]; n];
             self.product.push(ProductPiece { p: zero(reach), q: zero(reach), curvature: 0.0 });
-            let aggregates =
-                self.coarse.as_ref().map_or(0..0, |c| c.aggregates_of(piece.rows.clone()));
+            let nodes = self.coarse.as_ref().map_or(0..0, |c| c.nodes_of(piece.rows.clone()));
             self.update.push(UpdatePiece {
                 x: zero(n),
                 r: zero(n),
                 z: zero(n),
                 rz: 0.0,
                 rr: 0.0,
-                coarse: vec![[T::ZERO; 8]; aggregates.len()],
-                aggregates,
+                coarse: vec![[T::ZERO; 8]; nodes.len()],
+                nodes,
             });
         }
-        let aggregates = self.coarse.as_ref().map_or(0, CoarseSpace::aggregates);
-        self.forces = vec![[T::ZERO; 8]; aggregates];
+        let nodes = self.coarse.as_ref().map_or(0, CoarseSpace::nodes);
+        self.forces = vec![[T::ZERO; 8]; nodes];
     }
 
     /// Start of an iteration: residual `scale r`, solution zero.
@@ -425,7 +437,7 @@ impl<T: Scalar> ConjugateGradients<T> {
     /// `p = z + beta p` and `q = A p`; returns `p . q`.
     fn multiply(&mut self, workers: &Workers, pattern: &Pattern, beta: T) -> f64 {
         let Self { matrix, product, update, coarse, motions, correction, .. } = self;
-        // a correction comes after the motions of aggregates
+        // a correction comes after the motions of nodes
         let coarse = coarse.as_ref().filter(|_| correction.is_none());
         let (matrix, update, motions) = (&*matrix, &*update, &*motions);
         workers.for_each(product, usize::MAX, |index, own| {
@@ -502,14 +514,14 @@ impl<T: Scalar> ConjugateGradients<T> {
         if let Some(space) = coarse {
             forces.fill([T::ZERO; 8]);
             for own in &*update {
-                for (total, part) in forces[own.aggregates.clone()].iter_mut().zip(&own.coarse) {
+                for (total, part) in forces[own.nodes.clone()].iter_mut().zip(&own.coarse) {
                     for k in 0..6 {
                         total[k] += part[k];
                     }
                 }
             }
             rz += space.solve(forces);
-            CoarseSpace::motions(forces, motions);
+            space.motions(forces, motions);
         }
         if let Some(correction) = correction {
             correction.rows.clear();
@@ -546,6 +558,31 @@ fn pieces(topology: &Topology, bodies: &Range<usize>) -> Vec<u32> {
         first += body.piece_count() as u32;
     }
     pieces
+}
+
+/// The corners whose edge every row is in the middle of, twice the row itself for the others; nothing where no element has
+/// middles.
+fn ends(topology: &Topology, bodies: &Range<usize>) -> Vec<[u32; 2]> {
+    let bodies = &topology.bodies[bodies.clone()];
+    if bodies.iter().all(|body| body.tetrahedra10().is_empty()) {
+        return Vec::new();
+    }
+    let rows: u32 = bodies.iter().map(|body| body.vertices.len() as u32).sum();
+    let mut ends: Vec<[u32; 2]> = (0..rows).map(|row| [row; 2]).collect();
+    let mut first = 0;
+    for body in bodies {
+        for nodes in body.tetrahedra10() {
+            for (own, &middle) in MIDDLES.iter().zip(&nodes[4..]) {
+                ends[(first + middle) as usize] = own.map(|corner| first + nodes[corner]);
+            }
+        }
+        // a vertex that is both, where elements do not conform, is a corner
+        for corner in body.tetrahedra10().iter().flat_map(|nodes| &nodes[..4]) {
+            ends[(first + corner) as usize] = [first + corner; 2];
+        }
+        first += body.vertices.len() as u32;
+    }
+    ends
 }
 
 /// First region of an iteration for one piece.
@@ -662,7 +699,7 @@ impl<T: Scalar> VectorKernel for Precondition<'_, T> {
 }
 
 impl<T: Scalar> UpdatePiece<T> {
-    /// `z = M^-1 r` and `r . z`, and the forces on aggregates.
+    /// `z = M^-1 r` and `r . z`, and the forces on nodes.
     #[inline(always)]
     fn precondition(
         &mut self,
@@ -677,7 +714,7 @@ impl<T: Scalar> UpdatePiece<T> {
         self.rz = rz.iter().sum();
         if let Some(space) = space {
             self.coarse.fill([T::ZERO; 8]);
-            space.restrict(first, r, self.aggregates.start, &mut self.coarse);
+            space.restrict(first, r, self.nodes.start, &mut self.coarse);
         }
     }
 }
@@ -777,10 +814,12 @@ mod tests {
         pattern: &Pattern,
         matrix: &SystemMatrix<f64>,
         rest: &[DVec3],
+        ends: &[[u32; 2]],
     ) -> ConjugateGradients<f64> {
         let mut cg = ConjugateGradients { matrix: matrix.clone(), ..Default::default() };
         let piece = vec![0; rest.len()];
-        cg.build(&Workers::serial(), pattern, rest, &piece, kind);
+        let rows = Rows { rest, piece: &piece, ends };
+        cg.build(&Workers::serial(), pattern, rows, kind);
         cg
     }
 
@@ -820,12 +859,14 @@ mod tests {
             let mut next = noise(seed + 7);
             let (a, b) = (random(&matrix, &mut next), random(&matrix, &mut next));
             prop_assume!(dot(&a, &a) > 0.0);
-            for kind in [
-                Preconditioner::BlockJacobi,
-                Preconditioner::IncompleteCholesky,
-                Preconditioner::Multigrid,
+            let middles = middles([x, y, z]);
+            for (kind, ends) in [
+                (Preconditioner::BlockJacobi, &[][..]),
+                (Preconditioner::IncompleteCholesky, &[]),
+                (Preconditioner::Multigrid, &[]),
+                (Preconditioner::Multigrid, &middles),
             ] {
-                let mut cg = prepared(kind, &pattern, &matrix, &rest);
+                let mut cg = prepared(kind, &pattern, &matrix, &rest, ends);
                 let (za, zb) = (
                     precondition(&mut cg, &pattern, &a),
                     precondition(&mut cg, &pattern, &b),
@@ -845,20 +886,8 @@ mod tests {
         fn pieces_add_up_to_the_product(seed in 1u64..1000, pieces in 1usize..5) {
             let (pattern, matrix, rest) = springs([6, 3, 3], seed, pieces);
             let x = random(&matrix, noise(seed + 3));
-            let mut expected = vec![[0.0; 4]; x.len()];
-            for i in 0..x.len() {
-                let own = product(&matrix.diagonal[i], x[i]);
-                expected[i] = add4(expected[i], own);
-                for at in pattern.blocks(i) {
-                    let j = pattern.column[at] as usize;
-                    let m = &matrix.upper[at];
-                    for (r, c) in (0..9).map(|i| (i / 3, i % 3)) {
-                        expected[i][r] += m[r][c] * x[j][c];
-                        expected[j][c] += m[r][c] * x[i][r];
-                    }
-                }
-            }
-            let mut cg = prepared(Preconditioner::BlockJacobi, &pattern, &matrix, &rest);
+            let expected = times(&pattern, &matrix, &x);
+            let mut cg = prepared(Preconditioner::BlockJacobi, &pattern, &matrix, &rest, &[]);
             // zero residual and solution, direction x: one update leaves r = -A x
             cg.load(&pattern, &vec![[0.0; 4]; x.len()], 1.0);
             cg.update(&Workers::serial(), &pattern, None);
@@ -878,12 +907,79 @@ mod tests {
         }
     }
 
+    /// Rows in the middle between their neighbours along x.
+    fn middles(n: [usize; 3]) -> Vec<[u32; 2]> {
+        let across = n[1] * n[2];
+        let ends = |row: usize| {
+            let x = row / across;
+            let middle = x % 2 == 1 && x + 1 < n[0];
+            let ends = if middle { [row - across, row + across] } else { [row; 2] };
+            ends.map(|row| row as u32)
+        };
+        (0..n[0] * across).map(ends).collect()
+    }
+
+    /// What the correction of a coarse space leaves is no force on its nodes.
+    #[test]
+    fn coarse_spaces_are_solved_exactly() {
+        for pieces in [1, 3] {
+            let n = [31, 2, 2];
+            let (pattern, matrix, rest) = springs(n, 3, pieces);
+            let spaces = [
+                CoarseSpace::rigid(&pattern, &rest, &vec![0; rest.len()], 12),
+                CoarseSpace::corners(&pattern, &middles(n)).expect("small enough"),
+            ];
+            assert_eq!(spaces[1].nodes(), 32, "16 corners along, 4 across, two a node");
+            for mut space in spaces {
+                space.factorise(&Workers::serial(), &matrix);
+                let r = random(&matrix, noise(5));
+                let mut forces = vec![[0.0; 8]; space.nodes()];
+                space.restrict(0, &r, 0, &mut forces);
+                let size = forces.as_flattened().iter().map(|f| f.abs()).fold(0.0, f64::max);
+                space.solve(&mut forces);
+                let mut motions = Vec::new();
+                space.motions(&forces, &mut motions);
+                let z: Vec<_> =
+                    (0..r.len()).map(|i| space.moved(i, &motions, matrix.held[i])).collect();
+                let left: Vec<_> =
+                    r.iter().zip(times(&pattern, &matrix, &z)).map(|(r, y)| sub4(*r, y)).collect();
+                let mut forces = vec![[0.0; 8]; space.nodes()];
+                space.restrict(0, &left, 0, &mut forces);
+                let most = forces.as_flattened().iter().map(|f| f.abs()).fold(0.0, f64::max);
+                assert!(most <= 1e-9 * size, "{pieces} pieces: {most} of {size}");
+            }
+        }
+    }
+
+    /// In large bodies the factor of the corners would take longer than an iteration.
+    #[test]
+    fn corners_are_for_bodies_of_few() {
+        let n = [5, 12, 12];
+        let (pattern, ..) = springs(n, 3, 1);
+        assert!(CoarseSpace::<f64>::corners(&pattern, &middles(n)).is_none());
+    }
+
+    fn times(pattern: &Pattern, matrix: &SystemMatrix<f64>, x: &[[f64; 4]]) -> Vec<[f64; 4]> {
+        let mut y: Vec<_> = x.iter().zip(&matrix.diagonal).map(|(x, m)| product(m, *x)).collect();
+        for i in 0..x.len() {
+            for at in pattern.blocks(i) {
+                let j = pattern.column[at] as usize;
+                let m = &matrix.upper[at];
+                for (r, c) in (0..9).map(|i| (i / 3, i % 3)) {
+                    y[i][r] += m[r][c] * x[j][c];
+                    y[j][c] += m[r][c] * x[i][r];
+                }
+            }
+        }
+        y
+    }
+
     /// Along a chain nothing fills in, so the factor is complete and one iteration solves.
     #[test]
     fn the_factor_of_a_chain_is_exact() {
         let (pattern, matrix, rest) = springs([40, 1, 1], 5, 1);
         let r = random(&matrix, noise(11));
-        let mut cg = prepared(Preconditioner::IncompleteCholesky, &pattern, &matrix, &rest);
+        let mut cg = prepared(Preconditioner::IncompleteCholesky, &pattern, &matrix, &rest, &[]);
         let z = precondition(&mut cg, &pattern, &r);
         // the product of the first direction is the residual again
         for (q, r) in cg.product[0].q.iter().zip(&r) {

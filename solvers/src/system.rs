@@ -172,6 +172,11 @@ impl Pattern {
         self.len() == 0
     }
 
+    /// Multiplications of 3x3 blocks, about, of an iteration of conjugate gradients with incomplete factors.
+    pub fn work(&self) -> f64 {
+        2.0 * (self.len() + 2 * self.column.len()) as f64
+    }
+
     /// Off-diagonal blocks of a row.
     #[inline(always)]
     pub fn blocks(&self, row: usize) -> Range<usize> {

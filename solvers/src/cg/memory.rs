@@ -89,7 +89,8 @@ impl<T: Scalar> ConjugateGradients<T> {
                 || self.laid_out_for != values.pieces
                 || self.correction.is_some() != corrected
             {
-                self.lay_out(pattern, (rest, &values.pieces), kept.kind, corrected);
+                let (piece, ends) = (&values.pieces, &ends(topology, bodies));
+                self.lay_out(pattern, Rows { rest, piece, ends }, kept.kind, corrected);
             }
             let coarse = match (&mut self.coarse, &values.coarse) {
                 (None, None) => true,
