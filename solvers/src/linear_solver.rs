@@ -162,14 +162,15 @@ impl<S: Scalar> LinearSolver<S> {
     /// rows of the world.
     ///
     /// The residual is measured against that of the start vector (or `b`, if smaller): a start that
-    /// already carries the inertia must not make the forces look small.
+    /// already carries the inertia must not make the forces look small. A `seed` that is not empty is the first direction
+    /// that is searched, such as the way in which the last solution left its start.
     pub fn solve(
         &mut self,
         system: &ShiftedTangent<'_, S>,
         rest: &[DVec3],
         bodies: Range<usize>,
         b: &[[S; 4]],
-        x: &mut [[S; 4]],
+        (x, seed): (&mut [[S; 4]], &[[S; 4]]),
         options: &LinearOptions,
     ) -> CgOutcome {
         if self.revision != system.topology.revision {
@@ -201,6 +202,7 @@ impl<S: Scalar> LinearSolver<S> {
             bodies,
             group,
             b,
+            seed,
             options,
             same_type,
             mixed: options.precision == LinearPrecision::Mixed || same_type,
@@ -314,6 +316,8 @@ struct LinearSolve<'a, S: Scalar> {
     /// Place of the solver of these bodies.
     group: usize,
     b: &'a [[S; 4]],
+    /// First direction, or empty.
+    seed: &'a [[S; 4]],
     options: &'a LinearOptions,
     /// The state is in `f32` itself.
     same_type: bool,
@@ -426,14 +430,15 @@ impl<S: Scalar> LinearSolve<'_, S> {
         }
         let (bodies, pattern) = (&bodies, &own.pattern);
         let of = BodySystem { system, bodies, pattern, rest, preconditioner };
+        let seed = std::mem::take(&mut self.seed);
         let inner = match preconditioner {
             #[cfg(feature = "direct")]
             Preconditioner::Direct => {
                 let matrix = &own.full.matrix;
                 solve_directly(&mut own.direct, &own.pattern, matrix, residual, correction)
             }
-            _ if self.mixed => own.single.solve(&of, residual, correction, limits),
-            _ => own.full.solve(&of, residual, correction, limits),
+            _ if self.mixed => own.single.solve(&of, (residual, seed), correction, limits),
+            _ => own.full.solve(&of, (residual, seed), correction, limits),
         };
         self.outcome.iterations += inner.iterations;
         self.outcome.refreshes += inner.refreshes;

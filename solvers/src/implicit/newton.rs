@@ -7,7 +7,7 @@ use super::step::{
 };
 use crate::cg::CgStatus;
 use crate::linear_solver::CgOutcome;
-use crate::state::{NodeState, dot3, evaluate, read_force};
+use crate::state::{NodeState, Rows, dot3, evaluate, read_force};
 use crate::system::ShiftedTangent;
 use bevy_ecs::prelude::{Mut, World};
 use sinew_engine::law::{ElasticEnergy, TangentKind};
@@ -232,15 +232,16 @@ impl<S: Scalar> Step<'_, S> {
         } else {
             self.scratch.direction[rows.clone()].fill([S::ZERO; 4]);
         }
+        let seed = self.scratch.seed(body, warm_start);
         let ImplicitScratch { linear, rest, node, residual, direction, damping, .. } =
             &mut *self.scratch;
-        let (b, x) = (&residual[rows.clone()], &mut direction[rows.clone()]);
+        let (b, x) = (&residual[rows.clone()], (&mut direction[rows.clone()], &*seed));
         let options = self.settings.linear_options();
         let system = system_matrix(self.world, weights, node, damping);
         let outcome = linear.solve(&system, rest, body.bodies.clone(), b, x, &options);
         let report = &mut *self.report;
         report.book(&outcome);
-        let descent: f64 = b.iter().zip(&*x).map(|(b, d)| dot3(b, d)).sum();
+        let descent: f64 = b.iter().zip(&direction[rows]).map(|(b, d)| dot3(b, d)).sum();
         match outcome.status {
             CgStatus::NotFinite => Err(self.not_finite_residual()),
             CgStatus::Converged | CgStatus::Cap if descent > 0.0 || largest_entry(b) == 0.0 => {
@@ -352,6 +353,20 @@ impl<S: Scalar> ImplicitScratch<S> {
                 };
             }
         }
+    }
+
+    /// Change of the velocities (m/s) in the last step: the way in which inertia alone was left by it, and so, nearly, by the
+    /// next. Empty where the last step does not lead to this one.
+    pub(super) fn seed(&self, body: &BodyStep, warm_start: bool) -> Rows<S> {
+        if !(warm_start && body.past.same_state && body.weights.inertia > 0.0) {
+            return Rows::new();
+        }
+        let rows = body.rows.clone();
+        let before = &self.history.v_before[rows.clone()];
+        let pairs = self.node.v[rows].iter().zip(before);
+        pairs
+            .map(|(v, before)| [v[0] - before[0], v[1] - before[1], v[2] - before[2], S::ZERO])
+            .collect()
     }
 
     /// Largest Newton step of a body over its size.

@@ -225,6 +225,7 @@ impl<S: Scalar> Step<'_, S> {
         } else {
             self.scratch.direction[rows.clone()].fill([S::ZERO; 4]);
         }
+        let mut seed = self.scratch.seed(&body, warm_start);
         let n = self.scratch.node.len();
         let touch = &mut self.scratch.touch;
         for field in [
@@ -289,7 +290,8 @@ impl<S: Scalar> Step<'_, S> {
             let mut system = system_matrix(self.world, &body.weights, node, damping);
             system.contact = Some(&blocks);
             let (b, x) = (&touch.left[rows.clone()], &mut touch.round[rows.clone()]);
-            let outcome = linear.solve(&system, rest, bodies.clone(), b, x, &options);
+            let seed = std::mem::take(&mut seed);
+            let outcome = linear.solve(&system, rest, bodies.clone(), b, (x, &seed), &options);
             options.reference = options.reference.max(outcome.reference);
             options.same_matrix = true;
             solved = outcome.residual <= self.settings.linear_tolerance;
