@@ -424,7 +424,9 @@ impl<T: Scalar> ConjugateGradients<T> {
                 accumulate(&mut dot, *r, *z);
             }
         }
-        self.motions.fill(Motion::default());
+        // the direction is that of the seed alone
+        self.motions.clear();
+        self.motions.resize(self.forces.len(), Motion::default());
         let curvature = self.multiply(workers, pattern, T::ZERO);
         let length = dot.iter().sum::<f64>() / curvature;
         (curvature > 0.0 && length.is_finite()).then(|| T::from_f64(length))

@@ -162,9 +162,22 @@ impl<S: Scalar> LinearSolver<S> {
     /// rows of the world.
     ///
     /// The residual is measured against that of the start vector (or `b`, if smaller): a start that
-    /// already carries the inertia must not make the forces look small. A `seed` that is not empty is the first direction
-    /// that is searched, such as the way in which the last solution left its start.
+    /// already carries the inertia must not make the forces look small.
     pub fn solve(
+        &mut self,
+        system: &ShiftedTangent<'_, S>,
+        rest: &[DVec3],
+        bodies: Range<usize>,
+        b: &[[S; 4]],
+        x: &mut [[S; 4]],
+        options: &LinearOptions,
+    ) -> CgOutcome {
+        self.solve_along(system, rest, bodies, b, (x, &[]), options)
+    }
+
+    /// [`Self::solve`] that searches along `seed` first, unless it is empty: such as the way in which the last solution
+    /// left its start.
+    pub fn solve_along(
         &mut self,
         system: &ShiftedTangent<'_, S>,
         rest: &[DVec3],

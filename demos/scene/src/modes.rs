@@ -98,14 +98,8 @@ pub fn modes(
         for (x, value) in x.iter().zip(&values) {
             let load: Rows<f64> = x.iter().zip(&node.mass).map(|(x, m)| x.map(|x| m * x)).collect();
             let mut solution: Rows<f64> = x.iter().map(|x| x.map(|x| x / value)).collect();
-            let outcome = solver.solve(
-                &system,
-                &rest,
-                body.0..body.0 + 1,
-                &load,
-                (&mut solution, &[]),
-                &options,
-            );
+            let outcome =
+                solver.solve(&system, &rest, body.0..body.0 + 1, &load, &mut solution, &options);
             iterations += u64::from(outcome.iterations);
             if outcome.status != CgStatus::Converged {
                 return Err(ModesError::Solve);

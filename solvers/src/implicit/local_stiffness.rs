@@ -44,8 +44,7 @@ impl<S: Scalar> Step<'_, S> {
                     system.contact = Some(&blocks);
                     let options = self.settings.linear_options();
                     let (b, x) = (&force[body.rows.clone()], &mut way[body.rows.clone()]);
-                    let bodies = body.bodies.clone();
-                    let outcome = linear.solve(&system, rest, bodies, b, (x, &[]), &options);
+                    let outcome = linear.solve(&system, rest, body.bodies.clone(), b, x, &options);
                     self.report.book(&outcome);
                     found &= outcome.status == CgStatus::Converged;
                 }

@@ -238,7 +238,7 @@ impl<S: Scalar> Step<'_, S> {
         let (b, x) = (&residual[rows.clone()], (&mut direction[rows.clone()], &*seed));
         let options = self.settings.linear_options();
         let system = system_matrix(self.world, weights, node, damping);
-        let outcome = linear.solve(&system, rest, body.bodies.clone(), b, x, &options);
+        let outcome = linear.solve_along(&system, rest, body.bodies.clone(), b, x, &options);
         let report = &mut *self.report;
         report.book(&outcome);
         let descent: f64 = b.iter().zip(&direction[rows]).map(|(b, d)| dot3(b, d)).sum();

@@ -291,7 +291,8 @@ impl<S: Scalar> Step<'_, S> {
             system.contact = Some(&blocks);
             let (b, x) = (&touch.left[rows.clone()], &mut touch.round[rows.clone()]);
             let seed = std::mem::take(&mut seed);
-            let outcome = linear.solve(&system, rest, bodies.clone(), b, (x, &seed), &options);
+            let outcome =
+                linear.solve_along(&system, rest, bodies.clone(), b, (x, &seed), &options);
             options.reference = options.reference.max(outcome.reference);
             options.same_matrix = true;
             solved = outcome.residual <= self.settings.linear_tolerance;
