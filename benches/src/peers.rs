@@ -85,6 +85,13 @@ pub fn run(options: &BenchOptions) -> Result<PeerReport> {
     Ok(report)
 }
 
+/// Whether a beam of so many cells is nearly as large as one of the sizes asked for, if any were.
+fn wanted(options: &BenchOptions, cells: &[usize; 3]) -> bool {
+    let tetrahedra = 6 * cells.iter().product::<usize>();
+    let near = |&size: &usize| tetrahedra.abs_diff(size) * 10 <= size;
+    options.sizes.is_empty() || options.sizes.iter().any(near)
+}
+
 /// The beams of the MuJoCo rows.
 fn run_beams(
     options: &BenchOptions,
@@ -93,7 +100,7 @@ fn run_beams(
 ) -> Result<()> {
     let mujoco_cells: &[[usize; 3]] =
         if options.quick { &[[16, 4, 4]] } else { &[[16, 4, 4], [24, 6, 6], [52, 13, 13]] };
-    for &cells in mujoco_cells {
+    for &cells in mujoco_cells.iter().filter(|cells| wanted(options, cells)) {
         let poisson: &[f64] = if options.quick || cells[0] > 24 { &[0.3] } else { &[0.3, 0.45] };
         for &poisson_ratio in poisson {
             let case = BeamCase::new(Beam::mujoco(cells, poisson_ratio)?)?;
@@ -146,7 +153,7 @@ const NOT_COMPARED: [&str; 2] = [
 fn run_rapier(options: &BenchOptions, report: &mut PeerReport) -> Result<()> {
     let cells: &[[usize; 3]] =
         if options.quick { &[[8, 2, 2]] } else { &[[8, 2, 2], [16, 4, 4], [24, 6, 6]] };
-    for &cells in cells {
+    for &cells in cells.iter().filter(|cells| wanted(options, cells)) {
         for poisson_ratio in [0.3, 0.45] {
             // a tenth of the weight: strains below 1 %, where the corotational energy and StVK meet
             for gravity in [9.81, 0.981] {
