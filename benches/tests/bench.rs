@@ -12,9 +12,9 @@ use sinew_benches::bench::report::BenchReport;
 use sinew_benches::bench::roofline::{
     LANES_READ, MachineLimits, ReadLimit, fma_f32, fma_f64, rate, sum,
 };
-use sinew_benches::bench::step::StepsReport;
+use sinew_benches::bench::step::{StepRow, StepsReport};
 use sinew_benches::toolbox::aim::BenchAim;
-use sinew_benches::toolbox::stats::Rounds;
+use sinew_benches::toolbox::stats::{Rounds, Spread};
 use sinew_tune::machine::Load;
 use sinew_tune::measures::displacement_error;
 use sinew_tune::page::Judgement;
@@ -125,6 +125,35 @@ fn a_busy_machine_gives_no_verdict_on_times() {
     assert_eq!(judged, [Judgement::Open, Judgement::No]);
     let html = report.html().unwrap();
     assert!(html.contains("Verdicts: 0 of 1 met, 1 not judged"), "{html}");
+}
+
+/// Half way, in logarithms, between 2 and 50 ms is half way between 1 000 and 100 000 tetrahedra.
+#[test]
+fn the_headline_tells_what_runs_in_real_time() {
+    let row = |tetrahedra, milliseconds, integrator: &str| StepRow {
+        tetrahedra,
+        integrator: integrator.into(),
+        solver: "auto mixed".into(),
+        state: "swinging".into(),
+        precision: "f64".into(),
+        threads: 2,
+        ms: Spread { median: milliseconds, ..Spread::default() },
+        ratio_to_plain: None,
+        cg_iterations: 9,
+        residual: 8e-4,
+        projections: 0,
+        substeps: 0,
+        error_percent: (integrator == "safe").then_some(1.25),
+    };
+    let report = |rows| StepsReport { rows, ..StepsReport::default() };
+    let (small, large) = (row(1000, 2.0, "auto"), row(100_000, 50.0, "auto"));
+    let safe = row(1000, 3.0, "safe");
+    let both = report(vec![small.clone(), large.clone(), safe.clone()]).headline().unwrap();
+    assert!(both.contains("about 10000 tetrahedra") && both.contains("1000 take 2"), "{both}");
+    assert!(both.contains("`safe` is 1.25 % from the converged step"), "{both}");
+    assert!(report(vec![small]).headline().unwrap().contains("more than 1000"));
+    assert!(report(vec![large]).headline().unwrap().contains("fewer than 100000"));
+    assert_eq!(report(vec![safe]).headline(), None);
 }
 
 #[test]

@@ -16,8 +16,8 @@ pub enum Preconditioner {
     BlockJacobi,
     /// Incomplete Cholesky factors without fill.
     IncompleteCholesky,
-    /// Incomplete Cholesky factors and the rigid motions of aggregates of vertices: two levels. On a graphics
-    /// processor a polynomial of the matrix takes the place of the factors.
+    /// Incomplete Cholesky factors and a coarse space, two levels: the corners of ten-node tetrahedra, or the rigid motions
+    /// of aggregates of vertices. On a graphics processor a polynomial of the matrix takes the place of the factors.
     Multigrid,
     /// The complete Cholesky factor, kept while the matrix does not change: for equilibria, constant
     /// matrices and as a reference. Needs the cargo feature `direct`.

@@ -254,6 +254,8 @@ impl BenchReport {
                 self.warnings.iter().filter_map(|w| w.split(':').next()).collect();
             let _ = writeln!(text, "\nThe machine was busy during: {}.", parts.join(", "));
         }
+        let headline = self.headline().map(|headline| format!("\n{headline}\n"));
+        text.push_str(&headline.unwrap_or_default());
         let threads = |n: usize| if n == 1 { "1 thread".into() } else { format!("{n} threads") };
         let best = InstructionSet::best().name();
         let mut rows: Vec<(String, String, Option<f64>, &str, Option<String>)> = Vec::new();
@@ -323,6 +325,11 @@ impl BenchReport {
         text + &key.markdown()
     }
 
+    /// What a user asks first, where steps were measured.
+    fn headline(&self) -> Option<String> {
+        self.step.as_ref().and_then(StepsReport::headline)
+    }
+
     /// Aims of the project and against other engines.
     fn verdicts(&self) -> Vec<Verdict> {
         let verdict = |a: &BenchAim| Verdict {
@@ -345,6 +352,7 @@ impl BenchReport {
         let mut page = Page::new("Sinew bench", heading, &self.machine.line());
         let busy = format!("{} parts were measured on a busy machine", self.warnings.len());
         page.warnings(&busy, &self.warnings);
+        self.headline().iter().for_each(|headline| page.paragraph("", headline));
         let mut drawn = Vec::new();
         for (group, leading) in self.leading_charts()? {
             // what is in the picture of all stands there by itself
@@ -414,6 +422,7 @@ impl BenchReport {
     /// For the terminal.
     pub fn text(&self) -> String {
         let mut text = format!("{}\n\n", self.machine.line());
+        self.headline().iter().for_each(|headline| text.push_str(&format!("{headline}\n\n")));
         // the points fill screens; the front is what counts
         for table in self.tables().iter().filter(|t| t.name != "points") {
             let _ = writeln!(text, "{}", table.text());

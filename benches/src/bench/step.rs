@@ -15,6 +15,7 @@ use sinew::engine::workers::Workers;
 use sinew::models::body::Evaluation;
 use sinew::snapshot::Snapshot;
 use sinew::solvers::settings::{LinearPrecision, Preconditioner};
+use sinew_tune::table::three_digits;
 use std::collections::BTreeMap;
 use std::hint::black_box;
 
@@ -529,6 +530,46 @@ impl StepsReport {
             .filter(|r| r.tetrahedra.abs_diff(tetrahedra) * 20 < tetrahedra)
             .filter(|r| r.threads == threads && pick(r))
             .min_by(|a, b| a.ms.median.total_cmp(&b.ms.median))
+    }
+
+    /// How many tetrahedra run in real time with the settings that a user gets without asking, and at what error: steps of
+    /// [`DT`] that take as long. Between two sizes times follow a power of the size.
+    pub fn headline(&self) -> Option<String> {
+        let default = |r: &&StepRow| {
+            r.integrator == "auto" && r.solver == "auto mixed" && r.precision == "f64"
+        };
+        let threads = self.rows.iter().filter(default).map(|r| r.threads).max()?;
+        let mut rows: Vec<_> =
+            self.rows.iter().filter(default).filter(|r| r.threads == threads).collect();
+        rows.sort_by_key(|r| r.tetrahedra);
+        let (limit, last) = (1e3 * DT, *rows.last()?);
+        let size = |r: &StepRow| (r.tetrahedra as f64).ln();
+        let within = rows.iter().rposition(|r| r.ms.median <= limit);
+        let count = match within.map(|i| (rows[i], rows.get(i + 1))) {
+            None => format!("fewer than {}", rows[0].tetrahedra),
+            Some((_, None)) => format!("more than {}", last.tetrahedra),
+            Some((a, Some(b))) => {
+                let share = (limit / a.ms.median).ln() / (b.ms.median / a.ms.median).ln();
+                let found = (size(a) + share * (size(b) - size(a))).exp();
+                format!("about {}", (found / 1000.0).round() * 1000.0)
+            }
+        };
+        let each = rows.iter().map(|r| {
+            let [ms, residual] = [r.ms.median, r.residual].map(three_digits);
+            format!("{} take {ms} ms (linear residual {residual})", r.tetrahedra)
+        });
+        // the step that the default falls back to, where only that has a converged step to be held against
+        let known = |r: &&StepRow| r.solver == "auto mixed" && r.state == last.state;
+        let error = self.rows.iter().filter(known).find_map(|r| Some((r, r.error_percent?)));
+        let error = error.map_or(String::new(), |(r, error)| {
+            let error = three_digits(error);
+            format!("; `{}` is {error} % from the converged step of the same length", r.integrator)
+        });
+        let each = each.collect::<Vec<_>>().join(", ");
+        Some(format!(
+            "In real time here: {count} tetrahedra, with the default settings in steps of {limit} ms, f64, {threads} \
+             thread(s). {each}{error}."
+        ))
     }
 
     /// For people.

@@ -355,18 +355,16 @@ impl<S: Scalar> ImplicitScratch<S> {
         }
     }
 
-    /// Change of the velocities (m/s) in the last step: the way in which inertia alone was left by it, and so, nearly, by the
-    /// next. Empty where the last step does not lead to this one.
+    /// How far (m) inertia alone was left in the last step, and so, nearly, will be in this one: the change of velocities
+    /// over its length. Empty where the last step does not lead to this one.
     pub(super) fn seed(&self, body: &BodyStep, warm_start: bool) -> Rows<S> {
         if !(warm_start && body.past.same_state && body.weights.inertia > 0.0) {
             return Rows::new();
         }
-        let rows = body.rows.clone();
-        let before = &self.history.v_before[rows.clone()];
-        let pairs = self.node.v[rows].iter().zip(before);
-        pairs
-            .map(|(v, before)| [v[0] - before[0], v[1] - before[1], v[2] - before[2], S::ZERO])
-            .collect()
+        let (rows, h) = (body.rows.clone(), S::from_f64(1.0 / body.weights.rate));
+        let pairs = self.node.v[rows.clone()].iter().zip(&self.history.v_before[rows]);
+        let change = pairs.map(|(v, before)| [0, 1, 2].map(|k| h * (v[k] - before[k])));
+        change.map(|[x, y, z]| [x, y, z, S::ZERO]).collect()
     }
 
     /// Largest Newton step of a body over its size.
