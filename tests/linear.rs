@@ -34,10 +34,13 @@ struct Case<S> {
 impl<S: Scalar> Case<S> {
     /// Clamped at x = 0, and along z alone at the other end.
     fn new(cells: [usize; 3], precision: Precision, threads: usize) -> Self {
-        let mesh = box_tets(DVec3::new(0.2, 0.05, 0.05), cells).unwrap();
+        Self::of(&box_tets(DVec3::new(0.2, 0.05, 0.05), cells).unwrap(), precision, threads)
+    }
+
+    fn of(mesh: &Mesh, precision: Precision, threads: usize) -> Self {
         let (options, model) = (options(precision, threads), Model::CompressibleStVK);
         let (mut simulation, body) =
-            simulate(options, &mesh, soft(1e4, 0.45), model, Evaluation::Fused);
+            simulate(options, mesh, soft(1e4, 0.45), model, Evaluation::Fused);
         let bend = |x: DVec3| DVec3::new(0.0, 0.0, 2.0 * x.x * x.x) + 0.05 * x.y * DVec3::X;
         let u: Vec<DVec3> = mesh.points.iter().map(|x| bend(*x)).collect();
         simulation.displace(body, &u);
@@ -174,6 +177,62 @@ fn equal_to_a_dense_solve_in_f64() {
 #[test]
 fn equal_to_a_dense_solve_in_f32() {
     against_dense::<f32>(Precision::F32, 1e-5, 1e-3);
+}
+
+/// Corners carry what factors without fill pass on from middle to middle; the solution is the same.
+#[test]
+fn corners_halve_the_iterations_of_ten_node_beams() {
+    let mesh = box_tets(DVec3::new(0.2, 0.05, 0.05), [10, 2, 2]).unwrap().with_second_order();
+    let case = Case::<f64>::of(&mesh, Precision::F64, 1);
+    for mass_factor in [1e4, 0.0] {
+        for precision in PRECISIONS {
+            let [(ours, corners), (x, alone)] =
+                [Preconditioner::Multigrid, Preconditioner::IncompleteCholesky].map(|kind| {
+                    let options = LinearOptions {
+                        tolerance: 1e-10,
+                        preconditioner: kind,
+                        precision,
+                        ..Default::default()
+                    };
+                    case.solve(&mut LinearSolver::default(), mass_factor, &options)
+                });
+            assert!(2 * corners.iterations <= alone.iterations, "{corners:?} {alone:?}");
+            assert!(difference(&ours, &x) < 1e-7, "{mass_factor} {precision:?}");
+        }
+    }
+}
+
+/// A first direction that is known saves the way there, at any length and sign; one that leads nowhere costs a product. What
+/// is held stays so, whatever it says of that.
+#[test]
+fn a_known_direction_is_searched_first() {
+    let case = Case::<f64>::new([20, 6, 7], Precision::F64, 1);
+    let system = case.system(1e4);
+    for preconditioner in PRECONDITIONERS {
+        for precision in PRECISIONS {
+            let options = LinearOptions { preconditioner, precision, ..Default::default() };
+            let (solution, alone) = case.solve(&mut LinearSolver::default(), 1e4, &options);
+            let along = |seed: &[[f64; 4]]| {
+                let mut x = vec![[0.0; 4]; case.b.len()];
+                let mut solver = LinearSolver::default();
+                let b = &case.b;
+                let outcome =
+                    solver.solve_along(&system, &case.rest, 0..1, b, (&mut x, seed), &options);
+                assert_eq!(outcome.status, CgStatus::Converged, "{options:?} {outcome:?}");
+                let held = x
+                    .iter()
+                    .zip(&case.fixed)
+                    .all(|(x, fixed)| (0..3).filter(|&k| fixed.holds(k)).all(|k| x[k] == 0.0));
+                assert!(held, "{options:?}");
+                outcome.iterations
+            };
+            let scaled: Vec<_> = solution.iter().map(|x| x.map(|x| -3.0 * x)).collect();
+            assert!(along(&scaled) <= 2, "{options:?}");
+            let everywhere = vec![[1.0, -2.0, 3.0, 0.0]; case.b.len()];
+            assert!(along(&everywhere) <= alone.iterations + 4, "{options:?} {alone:?}");
+            assert_eq!(along(&vec![[0.0; 4]; case.b.len()]), alone.iterations, "{options:?}");
+        }
+    }
 }
 
 /// The residual that counts is that of the `f64` tangent, whatever the solve ran in.
