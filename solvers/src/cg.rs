@@ -180,12 +180,11 @@ const FACTOR_COST: f64 = 5.0;
 const SLOW: f64 = 12.0;
 
 impl<T: Scalar> ConjugateGradients<T> {
-    /// Solves `A e = r` for the correction `e` of the residual `r`. A `seed` that is not empty is the first direction: as much
-    /// of it is taken as lowers the energy most.
+    /// Solves `A e = r` for the correction `e` of the residual `r`.
     pub fn solve<S: Scalar>(
         &mut self,
         of: &BodySystem<'_, S>,
-        (residual, seed): (&[[S; 4]], &[[S; 4]]),
+        residual: &[[S; 4]],
         correction: &mut [[S; 4]],
         limits: SolveLimits,
     ) -> Inner {
@@ -210,22 +209,21 @@ impl<T: Scalar> ConjugateGradients<T> {
             let expected = k.fresh.map_or(0.0, |fresh| fresh * -libm::log10(target));
             (expected + k.cost - k.excess).ceil() as u32
         });
-        match allowance {
-            Some(_) => self.correct(workers, pattern),
-            None => {
-                inner.breakdowns = self.refresh(of);
-                inner.refreshes = 1;
-            }
+        let mut since = (0, 1.0);
+        if let Some(allowance) = allowance {
+            self.correct(workers, pattern);
+            self.load(pattern, residual, 1.0 / norm);
+            self.iterate(workers, pattern, target, cap.min(allowance), &mut inner);
         }
-        self.load(pattern, residual, 1.0 / norm);
-        let first = self.seed(workers, pattern, seed, 1.0 / norm);
-        inner.iterations += u32::from(first.is_some());
-        let most = cap.min(allowance.unwrap_or(cap));
-        let mut since = self.iterate(workers, pattern, (target, most), first, &mut inner);
-        if inner.status == CgStatus::Cap && most < cap {
+        if allowance.is_none() || (inner.status == CgStatus::Cap && inner.iterations < cap) {
+            since = (inner.iterations, inner.reduction);
             inner.breakdowns = self.refresh(of);
             inner.refreshes = 1;
-            since = self.iterate(workers, pattern, (target, cap), None, &mut inner);
+            if allowance.is_none() {
+                // the work space may be new
+                self.load(pattern, residual, 1.0 / norm);
+            }
+            self.iterate(workers, pattern, target, cap, &mut inner);
         }
         if let Some(kept) = &mut self.kept {
             kept.book(&inner, since);
@@ -401,49 +399,15 @@ impl<T: Scalar> ConjugateGradients<T> {
         }
     }
 
-    /// Takes `seed`, times `scale`, for the first direction; how far to go along it, where it can be told.
-    fn seed<S: Scalar>(
-        &mut self,
-        workers: &Workers,
-        pattern: &Pattern,
-        seed: &[[S; 4]],
-        scale: f64,
-    ) -> Option<T> {
-        if seed.is_empty() {
-            return None;
-        }
-        let scale = scale / self.matrix.factor;
-        let mut dot = [0.0; 4];
-        for (piece, own) in pattern.pieces.iter().zip(&mut self.update) {
-            for (row, (z, r)) in piece.rows.clone().zip(own.z.iter_mut().zip(&own.r)) {
-                let held = self.matrix.held[row];
-                *z = [0, 1, 2]
-                    .map(|k| if held.holds(k) { 0.0 } else { scale * seed[row][k].to_f64() })
-                    .map(T::from_f64)
-                    .padded();
-                accumulate(&mut dot, *r, *z);
-            }
-        }
-        // the direction is that of the seed alone
-        self.motions.clear();
-        self.motions.resize(self.forces.len(), Motion::default());
-        let curvature = self.multiply(workers, pattern, T::ZERO);
-        let length = dot.iter().sum::<f64>() / curvature;
-        (curvature > 0.0 && length.is_finite()).then(|| T::from_f64(length))
-    }
-
-    /// Iterates from the residual that is left after the step `first` along the direction in hand; returns the iterations
-    /// so far and the reduction at its start.
     fn iterate(
         &mut self,
         workers: &Workers,
         pattern: &Pattern,
-        (target, cap): (f64, u32),
-        first: Option<T>,
+        target: f64,
+        cap: u32,
         inner: &mut Inner,
-    ) -> (u32, f64) {
-        let (mut rr, mut rho) = self.update(workers, pattern, first);
-        let since = (inner.iterations, rr.sqrt());
+    ) {
+        let (mut rr, mut rho) = self.update(workers, pattern, None);
         let mut beta = T::ZERO;
         inner.status = loop {
             if !rr.is_finite() || !rho.is_finite() {
@@ -468,7 +432,6 @@ impl<T: Scalar> ConjugateGradients<T> {
             beta = T::from_f64(rho / previous);
             inner.iterations += 1;
         };
-        since
     }
 
     /// `p = z + beta p` and `q = A p`; returns `p . q`.

@@ -176,7 +176,7 @@ impl<S: Scalar> LinearSolver<S> {
     }
 
     /// [`Self::solve`] that searches along `seed` first, unless it is empty: such as the way in which the last solution
-    /// left its start.
+    /// left its start. Held entries of it must be zero.
     pub fn solve_along(
         &mut self,
         system: &ShiftedTangent<'_, S>,
@@ -360,12 +360,42 @@ impl<S: Scalar> LinearSolve<'_, S> {
         self.outcome.reference = self.reference;
         let own = self.options.own_tolerance * norm_r / self.reference;
         self.tolerance = self.options.tolerance.max(own);
+        if self.search_along_seed(x) {
+            norm_r = norm(&self.solver.residual);
+        }
         loop {
             if let Some(status) = self.round(x, &mut norm_r) {
                 self.outcome.status = status;
                 return self.outcome;
             }
         }
+    }
+
+    /// Takes as much of the seed as lowers the energy most, which counts as an iteration; whether that can be told. In the
+    /// number type of the state: rounded to `f32`, what is left of two velocities would change with the units.
+    fn search_along_seed(&mut self, x: &mut [[S; 4]]) -> bool {
+        let Self { seed, system, .. } = *self;
+        if seed.is_empty() || self.outcome.preconditioner == Preconditioner::Direct {
+            return false;
+        }
+        let LinearSolver { spans, damped, residual, correction: product, .. } = &mut *self.solver;
+        product.resize(seed.len(), [S::ZERO; 4]);
+        system.multiply(spans, damped, self.bodies.clone(), seed, product);
+        let dot = |other: &[[S; 4]]| seed.iter().zip(other).map(|(s, o)| dot3(s, o)).sum::<f64>();
+        let curvature = dot(product);
+        let length = dot(residual) / curvature;
+        if !(curvature > 0.0 && length.is_finite()) {
+            return false;
+        }
+        let length = S::from_f64(length);
+        for (row, (s, q)) in seed.iter().zip(&*product).enumerate() {
+            for k in 0..3 {
+                x[row][k] += length * s[k];
+                residual[row][k] -= length * q[k];
+            }
+        }
+        self.outcome.iterations += 1;
+        true
     }
 
     /// One round; `norm_r` is the norm of the residual before it and becomes that after it. Returns how the
@@ -443,15 +473,14 @@ impl<S: Scalar> LinearSolve<'_, S> {
         }
         let (bodies, pattern) = (&bodies, &own.pattern);
         let of = BodySystem { system, bodies, pattern, rest, preconditioner };
-        let seed = std::mem::take(&mut self.seed);
         let inner = match preconditioner {
             #[cfg(feature = "direct")]
             Preconditioner::Direct => {
                 let matrix = &own.full.matrix;
                 solve_directly(&mut own.direct, &own.pattern, matrix, residual, correction)
             }
-            _ if self.mixed => own.single.solve(&of, (residual, seed), correction, limits),
-            _ => own.full.solve(&of, (residual, seed), correction, limits),
+            _ if self.mixed => own.single.solve(&of, residual, correction, limits),
+            _ => own.full.solve(&of, residual, correction, limits),
         };
         self.outcome.iterations += inner.iterations;
         self.outcome.refreshes += inner.refreshes;

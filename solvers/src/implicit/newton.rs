@@ -362,9 +362,13 @@ impl<S: Scalar> ImplicitScratch<S> {
             return Rows::new();
         }
         let (rows, h) = (body.rows.clone(), S::from_f64(1.0 / body.weights.rate));
-        let pairs = self.node.v[rows.clone()].iter().zip(&self.history.v_before[rows]);
-        let change = pairs.map(|(v, before)| [0, 1, 2].map(|k| h * (v[k] - before[k])));
-        change.map(|[x, y, z]| [x, y, z, S::ZERO]).collect()
+        let mut seed = vec![[S::ZERO; 4]; rows.len()];
+        for (own, row) in seed.iter_mut().zip(rows) {
+            for k in self.node.free_axes(row) {
+                own[k] = h * (self.node.v[row][k] - self.history.v_before[row][k]);
+            }
+        }
+        seed
     }
 
     /// Largest Newton step of a body over its size.
