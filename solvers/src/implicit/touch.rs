@@ -225,7 +225,8 @@ impl<S: Scalar> Step<'_, S> {
         } else {
             self.scratch.direction[rows.clone()].fill([S::ZERO; 4]);
         }
-        let mut seed = self.scratch.seed(&body, warm_start);
+        // friction of bodies on each other has several outcomes, among which it would choose
+        let mut seed = self.scratch.seed(&body, warm_start && !contact.joins(&bodies));
         let n = self.scratch.node.len();
         let touch = &mut self.scratch.touch;
         for field in [
