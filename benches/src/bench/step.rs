@@ -533,7 +533,7 @@ impl StepsReport {
     }
 
     /// How many tetrahedra run in real time with the settings that a user gets without asking, and at what error: steps of
-    /// [`DT`] that take as long. Between two sizes times follow a power of the size.
+    /// 10 ms that take as long. Between two sizes times follow a power of the size.
     pub fn headline(&self) -> Option<String> {
         let default = |r: &&StepRow| {
             r.integrator == "auto" && r.solver == "auto mixed" && r.precision == "f64"
