@@ -6,6 +6,7 @@ use glam::{DQuat, DVec3};
 use sinew::engine::mesh::Mesh;
 use sinew::engine::mesh::generate::{box_hexahedra, box_tets, sphere_tets};
 use sinew::engine::precision::Precision;
+use sinew::models::body::Integration;
 use sinew::models::body::sheet::MembraneDescription;
 use sinew::models::resection::Region;
 use sinew::prelude::*;
@@ -1173,6 +1174,68 @@ fn points_on_faces_of_hexahedra_find_the_force_of_finer_ones() {
     };
     let (coarse, fine) = (force(CELLS), force([12, 12, 6]));
     assert!((coarse / fine - 1.0).abs() < 0.25, "{coarse} {fine}");
+}
+
+/// A ball that is pushed right through a block, by kinds of elements that it used to stay caught in: it met vertices from
+/// inside, and drew them along wherever it went.
+#[test]
+fn a_ball_that_went_through_a_body_comes_out_and_leaves_no_force() {
+    let size = DVec3::new(0.1, 0.1, 0.05);
+    let bricks = box_hexahedra(size, [6, 6, 3]).unwrap();
+    let tens = box_tets(size, [4, 4, 2]).unwrap().with_second_order();
+    let kinds = [
+        (&bricks, Model::NeoHookean, Integration::Full),
+        (&bricks, Model::CompressibleStVK, Integration::Reduced),
+        (&tens, Model::NeoHookean, Integration::Full),
+    ];
+    for (mesh, model, integration) in kinds {
+        let mut simulation = Simulation::new(one_thread()).unwrap();
+        simulation.set_gravity(DVec3::ZERO);
+        simulation.set_solver(solver!(Integrator::Auto, mass_damping = 20.0));
+        let block = BodyDescription { model, integration, ..BodyDescription::new("block", mesh, SOFT) };
+        let body = simulation.add_body(&block).unwrap();
+        for side in ["x0", "x1"] {
+            let rows = simulation.group_rows(body, mesh, side).unwrap();
+            simulation.add_constraint(Constraint::hold(side, rows));
+        }
+        let above = DVec3::new(0.05, 0.05, 0.062);
+        let ball = simulation.add_tool(Tool::new("ball", Shape::Sphere { radius: 0.01 }, above));
+        let ball = ball.unwrap();
+        let (mut pierced, mut pressed, mut height) = (0, 0.0_f64, above.z);
+        let mut books = |simulation: &mut Simulation, height: f64| {
+            let way = DVec3::new(above.x, above.y, height);
+            simulation.move_tool(ball, way).unwrap();
+            simulation.step().unwrap();
+            let report = simulation.tool_report(ball).unwrap();
+            assert!(!report.pierced || report.force == DVec3::ZERO, "{report:?}");
+            assert_eq!(u32::from(report.pierced), simulation.report().contact.pierced);
+            pierced += u32::from(report.pierced);
+            pressed = pressed.max(report.force.length());
+        };
+        for _ in 0..18 {
+            height -= 0.005;
+            books(&mut simulation, height);
+        }
+        for _ in 0..18 {
+            height += 0.005;
+            books(&mut simulation, height);
+        }
+        for _ in 0..150 {
+            books(&mut simulation, height);
+        }
+        assert!(pierced > 0 && pressed > 0.1, "{model:?}: {pierced} {pressed}");
+        let report = simulation.tool_report(ball).unwrap();
+        assert!(!report.pierced && report.force == DVec3::ZERO, "{model:?}: {report:?}");
+        let left = max_length(&simulation.displacements(body));
+        assert!(left < 1e-4, "{model:?}: {left}");
+        assert_eq!(simulation.volume_report().inverted, 0);
+        // it feels the block again
+        for step in 1..=8 {
+            books(&mut simulation, height - 0.001 * f64::from(step));
+        }
+        let report = simulation.tool_report(ball).unwrap();
+        assert!(!report.pierced && report.force.z > 0.01, "{model:?}: {report:?}");
+    }
 }
 
 #[test]

@@ -392,6 +392,9 @@ namespace Sinew
         public Vec3 LocalStiffnessX, LocalStiffnessY, LocalStiffnessZ;
         /// <summary>Whether the step that these forces are of did not converge: they are not to be relied on.</summary>
         public uint Unconverged;
+        /// <summary>A part of it went through the surface of a body, and touches nothing of that body until it is
+        /// out.</summary>
+        public uint Pierced;
     }
 
     /// <summary>Forces on one part of a tool, such as one of two jaws.</summary>

@@ -220,6 +220,8 @@ figures! {
         pub drawn_in: u32 => sum,
         /// Points too deep inside of another body to tell its sides, which are left out, and tools wholly inside of a body.
         pub buried: u32 => own,
+        /// Parts of tools that went through the surface of a body, and touch nothing of it until they are out.
+        pub pierced: u32 => own,
         /// Bodies that took the safe step because of an impact.
         pub impacts: u32 => sum,
         /// Energy (J) stored in contacts and pulls at the end of the step. It is no part of the elastic energy.

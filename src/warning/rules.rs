@@ -147,6 +147,9 @@ rules! {
     Warning "run.contact.buried" "contact": |run| run.totals.contact.buried;
         |n| "{n} times a tool was wholly inside of a body, or a point too deep inside to tell its sides: it touched nothing";
         "let tools and bodies start apart, or use a smaller dt";
+    Warning "run.contact.pierced" "tools": |run| run.totals.contact.pierced;
+        |n| "{n} times a part of a tool was inside of a body whose surface it had gone through: it touched nothing of it";
+        "press less deep, use a finer mesh or a thicker tool; remove elements where the tool is meant to go through";
     Note "run.contact.impact" "contact": |run| run.totals.contact.impacts;
         |n| "in {n} steps a body took a step of first order because of an impact";
         "nothing to do; a smaller dt resolves impacts better";

@@ -304,6 +304,8 @@ pub struct ContactTotals {
     pub drawn_in: u64,
     /// Points that were too deep inside of another body to tell its sides, and were left out, summed over steps.
     pub buried: u64,
+    /// Parts of tools that were inside of a body whose surface they went through, summed over steps.
+    pub pierced: u64,
     /// Steps of bodies that took the safe step because of an impact.
     pub impacts: u64,
 }
@@ -327,6 +329,7 @@ impl ContactTotals {
         self.lag = self.lag.max(now.lag);
         self.drawn_in += u64::from(now.drawn_in);
         self.buried += u64::from(now.buried);
+        self.pierced += u64::from(now.pierced);
         self.impacts += u64::from(now.impacts);
     }
 }

@@ -560,6 +560,8 @@ typedef struct sinew_tool_report {
   double local_stiffness[9];
   // Whether the step that these forces are of did not converge: they are not to be relied on.
   uint32_t unconverged;
+  // A part of it went through the surface of a body, and touches nothing of that body until it is out.
+  uint32_t pierced;
 } sinew_tool_report;
 
 // Forces on one part of a tool, such as one of two jaws.

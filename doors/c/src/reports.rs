@@ -62,6 +62,8 @@ pub struct sinew_tool_report {
     pub local_stiffness: [f64; 9],
     /// Whether the step that these forces are of did not converge: they are not to be relied on.
     pub unconverged: u32,
+    /// A part of it went through the surface of a body, and touches nothing of that body until it is out.
+    pub pierced: u32,
 }
 
 impl From<&ToolReport> for sinew_tool_report {
@@ -92,6 +94,7 @@ impl From<&ToolReport> for sinew_tool_report {
             other_points: r.other_points.unwrap_or_default().to_array(),
             local_stiffness: r.local_stiffness.unwrap_or(DMat3::ZERO).to_cols_array(),
             unconverged: r.unconverged.into(),
+            pierced: r.pierced.into(),
         }
     }
 }

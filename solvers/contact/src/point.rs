@@ -416,8 +416,14 @@ impl ContactPoint {
         };
     }
 
+    /// Energy (J) that is stored in what it remembers.
+    pub fn kept(&self) -> f64 {
+        let PointMemory { pressure, slip, .. } = self.memory;
+        0.5 * self.area * (pressure * pressure / self.k + self.stick() * slip.length_squared())
+    }
+
     /// Whether the tool met the point from inside of the solid: it then keeps to the side that is nearest.
-    fn came_from_behind(&self) -> bool {
+    pub fn came_from_behind(&self) -> bool {
         self.memory.normal.dot(self.side.outward) > BEHIND
     }
 

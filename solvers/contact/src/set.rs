@@ -81,6 +81,8 @@ pub struct Coupling {
 struct ToolState {
     pose: ToolPose,
     drawn_in: Vec<f64>,
+    /// Parts that went through the surface of a body, and the bodies.
+    pierced: Vec<[usize; 2]>,
     work: f64,
     dissipation: f64,
 }
@@ -104,6 +106,10 @@ struct ToolNow {
     lag: f64,
     /// It appears, or was put elsewhere, in this step.
     appears: bool,
+    /// Parts that went through the surface of a body, and the bodies.
+    pierced: Vec<[usize; 2]>,
+    /// Energy (J) that its contacts with them had stored.
+    released: f64,
     tool: Tool,
     parts: Range<usize>,
 }

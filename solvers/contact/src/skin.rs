@@ -1,5 +1,7 @@
 //! Contact surfaces of bodies: areas and stiffness of points, and the boxes of the broad phase.
 
+use crate::beside::facet_corners;
+use crate::standing::encloses;
 use glam::DVec3;
 use sinew_engine::row::VertexRow;
 use sinew_engine::surface::BodySurface;
@@ -173,6 +175,15 @@ impl ContactSkin {
     /// Outward unit normal of a face at the start of the step; zero for a membrane.
     pub fn outward(&self, face: usize) -> DVec3 {
         if face < self.sheets { self.area_normal(face).normalize_or_zero() } else { DVec3::ZERO }
+    }
+
+    /// Whether its solids go round a point at the start of the step.
+    pub fn encloses(&self, p: DVec3) -> bool {
+        let x = |row: VertexRow| self.at[row.index()];
+        let facets = (0..self.sheets).flat_map(|face| self.facets(face));
+        self.hull[0].cmple(p).all()
+            && p.cmple(self.hull[1]).all()
+            && encloses(p, facets.map(|f| facet_corners(&f.map(VertexRow), &x)))
     }
 
     /// Finds the normals of the vertices, where something is near.

@@ -489,6 +489,8 @@ pub struct ToolReport {
     /// How far (m) the surfaces of its shapes are drawn in, because it appeared partly inside of a body. A tool wholly
     /// inside touches nothing, and is counted as buried.
     pub drawn_in: f64,
+    /// A part of it went through the surface of a body, and touches nothing of that body until it is out.
+    pub pierced: bool,
     /// Force (N) by points of the other kind at the same state, if [`Tool::error_bar`] asks for it. It is no estimate of the
     /// error: these points have not pushed the tissue away, so it may be several times what they give in a run of their
     /// own.

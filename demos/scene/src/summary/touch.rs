@@ -257,6 +257,7 @@ impl TouchSummary {
                 ),
             ),
             (own.drawn_in, format!("{} drawn in", own.drawn_in)),
+            (own.pierced, format!("{} inside after piercing", own.pierced)),
             (own.impacts, format!("{} impacts", own.impacts)),
         ];
         let used: Vec<String> =

@@ -95,6 +95,9 @@ class ToolReport:
     """How far (m) the surfaces of its shapes are drawn in, because it appeared partly inside of a body. A tool wholly
     inside touches nothing, and is counted as buried."""
 
+    pierced: bool
+    """A part of it went through the surface of a body, and touches nothing of that body until it is out."""
+
     other_points: Floats | None
     """Force (N) by points of the other kind at the same state, if ``error_bar`` asks for it. It is no estimate of the
     error: these points have not pushed the tissue away, so it may be several times what they give in a run of their
@@ -224,6 +227,9 @@ class ContactFigures:
     buried: int
     """Points too deep inside of another body to tell its sides, which are left out, and tools wholly inside of a
     body."""
+
+    pierced: int
+    """Parts of tools that went through the surface of a body, and touch nothing of it until they are out."""
 
     impacts: int
     """Bodies that took the safe step because of an impact."""

@@ -80,6 +80,8 @@ impl ContactSet {
                 end,
                 lag: 0.0,
                 appears,
+                pierced: Vec::new(),
+                released: 0.0,
                 parts: first..self.parts.len(),
                 tool,
             });

@@ -2,8 +2,10 @@
 
 use super::near::longest_way;
 use super::*;
-use crate::beside::facet_corners;
-use crate::standing::encloses;
+
+/// Share of the force between a part of a tool and a body by points that it met from inside, above which it is taken to have
+/// gone through the surface.
+const HELD_FROM_INSIDE: f64 = 0.5;
 
 impl ContactSet {
     /// Remembered state of a point.
@@ -24,7 +26,15 @@ impl ContactSet {
                 for body in 0..self.skins.len() {
                     self.find_normals(index, part, body);
                     let kind = self.kind_of_points(index, part, body);
+                    let first = points.len();
                     let gap = self.collect(index, part, body, kind, &mut points);
+                    if self.is_pierced(index, part, body, gap, &points[first..]) {
+                        let now = &mut self.tools[index];
+                        now.pierced.push([part - now.parts.start, body]);
+                        now.released += points.drain(first..).map(|point| point.kept()).sum::<f64>();
+                        self.figures.pierced += 1;
+                        continue;
+                    }
                     buried |= gap > 0.0 && self.is_buried(index, part, body);
                 }
             }
@@ -38,12 +48,38 @@ impl ContactSet {
         let (now, part, skin) = (&self.tools[tool], &self.parts[part], &self.skins[body].skin);
         let [low, high] = part.shape.bounds(part.end.centre, part.end.rotation);
         let within = skin.hull[0].cmple(low).all() && high.cmple(skin.hull[1]).all();
-        let x = |row: VertexRow| skin.at[row.index()];
-        let facets = (0..skin.sheets).flat_map(|face| skin.facets(face));
         now.tool.faces.is_none()
             && part.drawn_in == 0.0
             && within
-            && encloses(part.end.centre, facets.map(|f| facet_corners(&f.map(VertexRow), &x)))
+            && skin.encloses(part.end.centre)
+    }
+
+    /// Whether a part that comes no nearer than `gap` (m) to points of a body went through the surface of that body, by the
+    /// side from which it pressed them: it then holds them from inside, however it is moved. Until it is out of the body it
+    /// touches nothing of it. One that was told what to touch may be inside.
+    fn is_pierced(
+        &self,
+        tool: usize,
+        part: usize,
+        body: usize,
+        gap: f64,
+        points: &[ContactPoint],
+    ) -> bool {
+        let (now, shape) = (&self.tools[tool], &self.parts[part].shape);
+        if now.appears || now.tool.faces.is_some() || !shape.thickness().is_finite() {
+            return false;
+        }
+        let known = self.kept.tools.get(&now.id);
+        if known.is_some_and(|known| known.pierced.contains(&[part - now.parts.start, body])) {
+            return gap < 0.0 || self.skins[body].skin.encloses(self.parts[part].end.centre);
+        }
+        let (mut pressed, mut behind) = (0.0, 0.0);
+        for point in points {
+            let push = point.area * point.memory.pressure;
+            pressed += push;
+            behind += if point.came_from_behind() { push } else { 0.0 };
+        }
+        behind > HELD_FROM_INSIDE * pressed
     }
 
     /// Normals of a surface that a part may touch.

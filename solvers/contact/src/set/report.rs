@@ -85,6 +85,7 @@ impl ContactSet {
             let now = &self.tools[index];
             let state = self.kept.tools.entry(now.id).or_default();
             state.pose = now.end;
+            state.pierced.clone_from(&now.pierced);
             state.work += report.work;
             state.dissipation += report.dissipation;
             report.work = state.work;
@@ -117,6 +118,8 @@ impl ContactSet {
             velocity: (now.end.position - now.start.position) / dt,
             angular_velocity: turn.to_scaled_axis() / dt,
             lag: now.lag,
+            pierced: !now.pierced.is_empty(),
+            dissipation: now.released,
             centre: now.end.position,
             ..ToolReport::default()
         };
@@ -190,7 +193,11 @@ impl ContactSet {
     fn other_force(&mut self, index: usize, x: &RowPlaces) -> DVec3 {
         let mut force = DVec3::ZERO;
         for part in self.tools[index].parts.clone() {
+            let own = part - self.tools[index].parts.start;
             for body in 0..self.skins.len() {
+                if self.tools[index].pierced.contains(&[own, body]) {
+                    continue;
+                }
                 let other = match self.kind_of_points(index, part, body) {
                     Points::Vertex => Points::Faces(2),
                     _ => Points::Vertex,
