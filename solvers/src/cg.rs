@@ -247,7 +247,7 @@ impl<T: Scalar> ConjugateGradients<T> {
                 && k.factors == of.system.factors()
                 && k.held == self.matrix.held
                 && k.splits == splits(of.system.topology, of.bodies)
-                && self.correction.is_some() != self.matrix.low_rank.is_empty()
+                && (self.correction.is_some() || self.matrix.low_rank.is_empty())
                 && k.excess < k.cost
         })
     }
@@ -306,7 +306,9 @@ impl<T: Scalar> ConjugateGradients<T> {
         kind: Preconditioner,
     ) -> u32 {
         self.shared.forget();
-        let corrected = !self.matrix.low_rank.is_empty();
+        // contact comes and goes: once there, the correction stays
+        let corrected =
+            self.kept.is_some() && self.correction.is_some() || !self.matrix.low_rank.is_empty();
         if self.kept.as_ref().is_none_or(|k| k.kind != kind)
             || self.correction.is_some() != corrected
         {

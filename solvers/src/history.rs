@@ -35,12 +35,17 @@ pub(crate) struct StepHistory<S> {
     pub predicted: Vec<Vec<f64>>,
     #[serde(skip)]
     revision: u64,
+    /// Changes of each body until then.
+    #[serde(skip)]
+    changes: Vec<u64>,
     #[serde(skip)]
     laws: usize,
     #[serde(skip)]
     tick: Option<Tick>,
     /// The energies do not hold whatever the laws say: they did not when this was recalled.
     void: bool,
+    /// Bodies whose part did not hold then; empty where all did.
+    stale: Vec<bool>,
 }
 
 /// The last step of a body.
@@ -94,20 +99,14 @@ impl<S: Scalar> StepHistory<S> {
     /// step to come. Also whether the elastic energies then still hold: a changed constant leaves the
     /// motion before it as it was, but voids energies and what they allow.
     pub fn compare(&self, world: &mut World, node: &NodeState<S>, dt: f64) -> (bool, Vec<Past>) {
+        let energies = self.energies_hold(world);
         let topology = world.resource::<Topology>();
-        let revision = topology.revision;
-        let rows: Vec<Range<usize>> = topology
-            .bodies
-            .iter()
-            .map(|b| b.vertices.start as usize..b.vertices.end as usize)
-            .collect();
-        let laws = world.get_resource::<ActiveLaws>().map_or(0, |laws| laws.0.len());
-        let Some(tick) = self.tick.filter(|_| self.revision == revision && self.laws == laws)
-        else {
-            return (false, vec![Past::default(); rows.len()]);
-        };
-        let energies = !self.void && law_inputs_unchanged(world, tick);
-        let past = rows.into_iter().zip(&self.bodies).map(|(rows, &body)| {
+        let past = (0..topology.bodies.len()).map(|index| {
+            let Some(&body) = self.bodies.get(index).filter(|_| self.holds(topology, index)) else {
+                return Past::default();
+            };
+            let rows = &topology.bodies[index].vertices;
+            let rows = rows.start as usize..rows.end as usize;
             let same_state = self.u[rows.clone()] == node.u[rows.clone()]
                 && self.v[rows.clone()] == node.v[rows.clone()];
             let history_holds = same_state
@@ -119,52 +118,81 @@ impl<S: Scalar> StepHistory<S> {
         (energies, past.collect())
     }
 
-    /// As it is to be recalled, into `memory`; `None` where nothing of it holds.
-    pub fn remember(&self, world: &mut World, memory: &mut Option<Self>) {
+    /// Whether the elastic energies are those of the laws as they are.
+    fn energies_hold(&self, world: &mut World) -> bool {
         let revision = world.resource::<Topology>().revision;
         let laws = world.get_resource::<ActiveLaws>().map_or(0, |laws| laws.0.len());
-        let Some(tick) = self.tick.filter(|_| self.revision == revision && self.laws == laws)
-        else {
+        let tick = self.tick.filter(|_| self.revision == revision && self.laws == laws);
+        !self.void && tick.is_some_and(|tick| law_inputs_unchanged(world, tick))
+    }
+
+    /// Whether the part of a body is of its rows and elements: bodies that come, and elements that others lose, do not change it.
+    fn holds(&self, topology: &Topology, body: usize) -> bool {
+        let rows = topology.bodies[body].vertices.end as usize;
+        let same = || self.changes.get(body) == Some(&topology.bodies[body].changes);
+        self.tick.is_some()
+            && body < self.bodies.len()
+            && rows <= self.u.len()
+            && self.stale.get(body) != Some(&true)
+            && (self.revision == topology.revision || same())
+    }
+
+    /// As it is to be recalled, into `memory`; `None` where nothing of it holds.
+    pub fn remember(&self, world: &mut World, memory: &mut Option<Self>) {
+        let void = !self.energies_hold(world);
+        let topology = world.resource::<Topology>();
+        let stale: Vec<bool> =
+            (0..self.bodies.len()).map(|body| !self.holds(topology, body)).collect();
+        if !stale.contains(&false) {
             *memory = None;
             return;
-        };
-        let void = self.void || !law_inputs_unchanged(world, tick);
+        }
         match memory {
             Some(memory) => memory.clone_from(self),
             None => *memory = Some(self.clone()),
         }
-        memory.iter_mut().for_each(|memory| memory.void = void);
+        for memory in memory {
+            memory.void = void;
+            memory.stale = if stale.contains(&true) { stale.clone() } else { Vec::new() };
+        }
     }
 
     /// Whether it can belong to so many vertex rows and bodies.
     pub fn fits(&self, rows: usize, bodies: usize) -> bool {
-        let lengths =
-            [&self.u, &self.v, &self.increment, &self.v_before].map(|field| field.len() == rows);
+        // bodies may have come since
+        let (own, own_bodies) = (self.u.len(), self.bodies.len());
+        let lengths = [&self.v, &self.increment, &self.v_before].map(|field| field.len() == own);
         let groups = self.groups.iter().map(|group| group.start..group.end);
-        lengths == [true; 4]
-            && self.mass.len() == rows
-            && self.fixed.len() == rows
-            && self.bodies.len() == bodies
-            && self.predicted.len() <= bodies
+        lengths == [true; 3]
+            && own <= rows
+            && own_bodies <= bodies
+            && self.mass.len() == own
+            && self.fixed.len() == own
+            && self.predicted.len() <= own_bodies
+            && self.stale.len() <= own_bodies
             && groups
                 .clone()
                 .map(|group| group.start)
                 .eq(std::iter::once(0).chain(groups.map(|group| group.end)).take(self.groups.len()))
-            && self.groups.last().is_none_or(|last| last.end == bodies)
+            && self.groups.last().is_none_or(|last| last.end == own_bodies)
             && self.groups.iter().all(|group| group.start < group.end)
     }
 
     /// Marks that it describes the state as it is now, after it was recalled.
     pub fn stamp_recalled(&mut self, world: &mut World) {
-        let void = self.void;
+        let (void, stale) = (self.void, std::mem::take(&mut self.stale));
         self.stamp(world);
-        self.void = void;
+        (self.void, self.stale) = (void, stale);
     }
 
     /// Marks that it describes the state as it is now.
     pub fn stamp(&mut self, world: &mut World) {
         self.void = false;
-        self.revision = world.resource::<Topology>().revision;
+        self.stale.clear();
+        let topology = world.resource::<Topology>();
+        self.revision = topology.revision;
+        self.changes.clear();
+        self.changes.extend(topology.bodies.iter().map(|body| body.changes));
         self.laws = world.get_resource::<ActiveLaws>().map_or(0, |laws| laws.0.len());
         // what is changed from here on has a later tick
         self.tick = Some(world.increment_change_tick());

@@ -132,12 +132,17 @@ impl<T: Scalar> Correction<T> {
                 }
             }
         }
-        if !vectorised(FactoriseProfile(s, first, start)) {
+        // along volumes the preconditioner has to hold to a part `mu/lambda`, along contact to some hundredths
+        let of_contact = matrix.own_vectors == 0;
+        if !of_contact && !vectorised(FactoriseProfile(s, first, start)) {
             // only numbers that are not finite get here: the solve has to tell so
             s.fill(f64::NAN);
         }
         values.clear();
         values.extend(s.iter().map(|&x| T::from_f64(x)));
+        if of_contact && !vectorised(FactoriseProfile(values, first, start)) {
+            values.fill(T::from_f64(f64::NAN));
+        }
     }
 
     /// Finds which vectors share a row.
@@ -206,9 +211,9 @@ impl<T: Scalar> Correction<T> {
 
 /// Cholesky factor of a symmetric matrix in place, inverses on the diagonal: its rows from their first columns on, and
 /// where they start. False, where a pivot is not positive.
-struct FactoriseProfile<'a>(&'a mut [f64], &'a [u32], &'a [u32]);
+struct FactoriseProfile<'a, T>(&'a mut [T], &'a [u32], &'a [u32]);
 
-impl VectorKernel for FactoriseProfile<'_> {
+impl<T: Scalar> VectorKernel for FactoriseProfile<'_, T> {
     type Output = bool;
     #[inline(always)]
     fn run(self) -> bool {
@@ -226,10 +231,10 @@ impl VectorKernel for FactoriseProfile<'_> {
             }
             let pivot = own[i - f] - dot(&own[..i - f], &own[..i - f]);
             // written so that a pivot that is not a number fails too
-            if !(pivot > 0.0 && pivot.is_finite()) {
+            if !(pivot > T::ZERO && pivot.to_f64().is_finite()) {
                 return false;
             }
-            own[i - f] = pivot.sqrt().recip();
+            own[i - f] = T::ONE / pivot.sqrt();
         }
         true
     }

@@ -214,6 +214,16 @@ impl<T: Scalar> RankOnes<T> {
         self.entries.clear();
     }
 
+    /// Keeps the first `vectors`.
+    pub fn truncate(&mut self, vectors: usize) {
+        if vectors < self.len() {
+            self.start.truncate(vectors + 1);
+            let end = self.start[vectors] as usize;
+            self.rows.truncate(end);
+            self.entries.truncate(end);
+        }
+    }
+
     /// Adds a vector; entries of held unknowns become zero.
     pub fn push(&mut self, held: &[FixedAxes], entries: impl Iterator<Item = (u32, [f64; 3])>) {
         if self.start.is_empty() {
@@ -254,13 +264,15 @@ pub struct SystemMatrix<T> {
     pub diagonal: Vec<Block<T>>,
     /// Upper off-diagonal blocks in the order of [`Pattern::column`].
     pub upper: Vec<Block<T>>,
-    /// The low-rank part, a list of vectors.
+    /// The low-rank part, a list of vectors: of the tangent or, where it has none, of contact.
     pub low_rank: RankOnes<T>,
+    /// Vectors of the tangent.
+    pub own_vectors: usize,
     /// Held unknowns of each row: bits 0, 1, 2.
     pub held: Vec<FixedAxes>,
-    /// Blocks of contact beside the diagonal, in rows of the matrix.
+    /// What contact adds beside the diagonal and those vectors, in rows of the matrix.
     pub couplings: Vec<Coupling>,
-    /// Rows of the matrix that contact adds to, and their diagonal blocks without it.
+    /// Rows of the matrix that contact adds to, and their diagonal blocks before, in the order in which that was done.
     pub without_contact: Vec<(u32, Block<T>)>,
     /// Factor that brings the largest diagonal entry of the tangent and inertia to one: no number type
     /// overflows, and `f32` rounds the same in all units of measurement.
@@ -286,7 +298,7 @@ impl<T: Scalar> SystemMatrix<T> {
         same: bool,
     ) {
         if same {
-            for (row, block) in self.without_contact.drain(..) {
+            for (row, block) in self.without_contact.drain(..).rev() {
                 self.diagonal[row as usize] = block;
             }
             self.add_contact(system.contact, ranges(system.topology, &bodies).0);
@@ -365,32 +377,55 @@ impl<T: Scalar> SystemMatrix<T> {
                 self.low_rank.push(&self.held, local);
             }
         }
+        self.own_vectors = self.low_rank.len();
         self.add_contact(system.contact, rows);
     }
 
-    /// Adds the diagonal blocks of contact, and keeps what couples rows.
+    /// Adds the blocks of contact: the stiff part of what couples rows as vectors where these are few enough, the rest to the
+    /// diagonal and beside it.
     fn add_contact(&mut self, contact: Option<&ContactBlocks>, rows: Range<usize>) {
         self.couplings.clear();
         self.without_contact.clear();
+        self.low_rank.truncate(self.own_vectors);
         let Some(contact) = contact else { return };
+        let first = rows.start as u32;
         for (row, m) in &contact.diagonal {
-            let local = *row as usize - rows.start;
-            self.without_contact.push((local as u32, self.diagonal[local]));
-            let mut entries = entries(m).map(|x| x * self.factor);
-            mask(&mut entries, self.held[local], self.held[local], 0.0);
-            let added = block(&entries);
-            for k in 0..3 {
-                self.diagonal[local][k] = add4(self.diagonal[local][k], added[k]);
-            }
+            self.add_to_diagonal(row - first, m);
         }
-        self.couplings.extend(contact.couplings.iter().map(|coupling| {
-            let Coupling { rows: of, weights, block } = *coupling;
-            Coupling {
-                rows: of.map(|row| (row as usize - rows.start) as u32),
-                weights,
-                block: block * self.factor,
+        // with volumes of clusters they would couple all with all
+        let product = 2 * self.upper.len() + self.diagonal.len();
+        let as_vectors = self.own_vectors == 0 && is_narrow(&contact.couplings, product);
+        let root = self.factor.sqrt();
+        for coupling in &contact.couplings {
+            let mut own = Coupling { rows: coupling.rows.map(|row| row - first), ..*coupling };
+            if as_vectors {
+                let stiff = root * own.stiff;
+                let entries = own.used().map(|(row, weight)| (row, (weight * stiff).to_array()));
+                self.low_rank.push(&self.held, entries);
+            } else {
+                own.block = own.whole();
             }
-        }));
+            if own.block.abs_diff_eq(DMat3::ZERO, 4.0 * f64::EPSILON * own.stiff.length_squared()) {
+                continue;
+            }
+            for (row, weight) in own.used() {
+                self.add_to_diagonal(row, &(weight * weight * own.block));
+            }
+            own.block *= self.factor;
+            self.couplings.push(own);
+        }
+    }
+
+    /// Adds a block (N/m) to the free unknowns of a row of the matrix.
+    fn add_to_diagonal(&mut self, row: u32, m: &DMat3) {
+        let to = row as usize;
+        self.without_contact.push((row, self.diagonal[to]));
+        let mut entries = entries(m).map(|x| x * self.factor);
+        mask(&mut entries, self.held[to], self.held[to], 0.0);
+        let added = block(&entries);
+        for k in 0..3 {
+            self.diagonal[to][k] = add4(self.diagonal[to][k], added[k]);
+        }
     }
 
     /// Rows of one piece of the upper half and their transposes: `q = A_piece p`; both vectors hold
@@ -504,10 +539,9 @@ impl<S: Scalar> ShiftedTangent<'_, S> {
             add(row, *block * vector(&x[row - offset]));
         }
         for coupling in &contact.couplings {
-            let own = coupling.rows.map(|row| x[row as usize - offset].map(Scalar::to_f64));
-            for_off_diagonal(coupling, own, |i, y| {
-                add(coupling.rows[i] as usize, DVec3::from_array(y))
-            });
+            let own = coupling.used().map(|(row, w)| w * vector(&x[row as usize - offset]));
+            let force = coupling.whole() * own.sum::<DVec3>();
+            coupling.used().for_each(|(row, weight)| add(row as usize, weight * force));
         }
     }
 
@@ -516,6 +550,15 @@ impl<S: Scalar> ShiftedTangent<'_, S> {
     pub fn preconditioned(&self, bodies: Range<usize>, b: &[[S; 4]], x: &mut [[S; 4]]) {
         let mut matrix = SystemMatrix::<S>::default();
         matrix.assemble(self, bodies);
+        if matrix.own_vectors == 0 {
+            let RankOnes { rows, entries, .. } = &matrix.low_rank;
+            for (row, b) in rows.iter().zip(entries) {
+                for k in 0..3 {
+                    let m = &mut matrix.diagonal[*row as usize][k];
+                    *m = add4(*m, scale4(*b, b[k]));
+                }
+            }
+        }
         for ((m, b), x) in matrix.diagonal.iter().zip(b).zip(x) {
             let inverse = definite_inverse(m).unwrap_or_else(|| diagonal_inverse(m));
             *x = transpose_product(&inverse, *b).map(|x| x * S::from_f64(matrix.factor));
@@ -526,6 +569,26 @@ impl<S: Scalar> ShiftedTangent<'_, S> {
 /// Entries of a symmetric matrix.
 fn entries(m: &DMat3) -> [f64; 9] {
     m.to_cols_array()
+}
+
+/// Whether points that share rows come so soon after each other that solves with the matrix of their vectors cost at most half
+/// of a product with the whole one, of so many blocks, and its factor at most that of eight.
+fn is_narrow(couplings: &[Coupling], product: usize) -> bool {
+    let mut used: Vec<[u32; 2]> = Vec::new();
+    for (point, coupling) in (0..).zip(couplings) {
+        used.extend(coupling.used().map(|(row, _)| [row, point]));
+    }
+    used.sort_unstable();
+    let mut first: Vec<u32> = (0..couplings.len() as u32).collect();
+    for own in used.chunk_by(|a, b| a[0] == b[0]) {
+        for [_, point] in own {
+            let to = &mut first[*point as usize];
+            *to = own[0][1].min(*to);
+        }
+    }
+    let widths = first.iter().enumerate().map(|(point, first)| point - *first as usize + 1);
+    let (solve, factor) = widths.fold((0, 0), |(s, f), width| (s + 4 * width, f + width * width));
+    2 * solve <= 9 * product && factor <= 8 * 9 * product
 }
 
 /// Part of `A x` from a coupling without its diagonal blocks, for each of its rows: `w_a C (sum_b w_b x_b - w_a x_a)`.

@@ -192,6 +192,8 @@ pub(crate) struct Active {
     pub rub: DVec3,
     /// Tangent (N/m), symmetric and positive semi-definite.
     pub block: DMat3,
+    /// Against faces: `s` of the part `s s^T` of it by which pressure grows with depth (N/m)^(1/2).
+    pub stiff: DVec3,
     /// Energy (J).
     pub energy: f64,
     /// Signed distance (m).
@@ -214,6 +216,7 @@ impl Default for Active {
             push: DVec3::ZERO,
             rub: DVec3::ZERO,
             block: DMat3::ZERO,
+            stiff: DVec3::ZERO,
             energy: 0.0,
             gap: f64::INFINITY,
             normal: DVec3::ZERO,
@@ -362,6 +365,9 @@ impl ContactPoint {
             let stiffness = self.area * self.k;
             active.push = self.area * active.pressure * gradient;
             active.block = stiffness * across.unwrap_or_else(|| outer(gradient, gradient));
+            if across.is_some() {
+                active.stiff = stiffness.sqrt() * gradient;
+            }
         }
         // friction: a spring up to the limit
         if self.limit > 0.0 {

@@ -59,13 +59,13 @@ pub struct RowPlaces<'a> {
 /// Blocks that contact adds to the matrix of a step: `sum_q B_q^T C_q B_q` with `B_q` the shares of a point.
 #[derive(Clone, Debug, Default)]
 pub struct ContactBlocks {
-    /// Diagonal blocks (N/m) of vertex rows, ascending, each row once.
+    /// Blocks (N/m) of points of one vertex row, ascending, each row once.
     pub diagonal: Vec<(u32, DMat3)>,
-    /// Points of more than one row, whose blocks off the diagonal are not in there.
+    /// Points of several rows, ascending by their lowest: those that share rows are then near each other.
     pub couplings: Vec<Coupling>,
 }
 
-/// Blocks off the diagonal of one point: `w_a w_b C`.
+/// A point of several rows: it adds the blocks `w_a w_b (C + s s^T)`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Coupling {
     /// Vertex rows.
@@ -74,6 +74,20 @@ pub struct Coupling {
     pub weights: [f64; 5],
     /// `C` (N/m).
     pub block: DMat3,
+    /// `s`: the normal times the root of the stiffness along it (N/m)^(1/2).
+    pub stiff: DVec3,
+}
+
+impl Coupling {
+    /// Rows that it uses, with their shares.
+    pub fn used(&self) -> impl Iterator<Item = (u32, f64)> + '_ {
+        self.rows.iter().copied().zip(self.weights).filter(|(_, weight)| *weight != 0.0)
+    }
+
+    /// `C + s s^T`.
+    pub fn whole(&self) -> DMat3 {
+        self.block + outer(self.stiff, self.stiff)
+    }
 }
 
 /// State of a tool that is kept from step to step.
@@ -487,6 +501,9 @@ impl ContactSet {
                 active.on = true;
                 active.push = -stiffness * active.gap * active.normal;
                 active.block += stiffness * outer(active.normal, active.normal);
+                if matches!(point.against, Against::Faces(_)) {
+                    active.stiff = stiffness.sqrt() * active.normal;
+                }
             }
         }
     }
@@ -507,16 +524,19 @@ impl ContactSet {
     pub fn blocks(&self, bodies: &Range<usize>) -> ContactBlocks {
         let mut blocks = ContactBlocks::default();
         for active in self.active[self.range(bodies)].iter().filter(|active| active.on) {
-            let used = || active.rows.iter().zip(active.weights).filter(|(_, w)| *w != 0.0);
-            for (&row, weight) in used() {
-                blocks.diagonal.push((row.0, weight * weight * active.block));
-            }
-            if used().count() > 1 {
-                let Active { rows, weights, block, .. } = *active;
-                blocks.couplings.push(Coupling { rows: rows.map(|row| row.0), weights, block });
+            let Active { rows, weights, block, stiff, .. } = *active;
+            let rows = rows.map(|row| row.0);
+            let coupling = Coupling { rows, weights, block: block - outer(stiff, stiff), stiff };
+            let mut used = coupling.used();
+            match (used.next(), used.next()) {
+                (Some((row, weight)), None) => {
+                    blocks.diagonal.push((row, weight * weight * block));
+                }
+                _ => blocks.couplings.push(coupling),
             }
         }
         sum_by_row(&mut blocks.diagonal);
+        blocks.couplings.sort_by_key(|own| own.used().map(|(row, _)| row).min());
         blocks
     }
 

@@ -261,10 +261,9 @@ impl<'w, S: Scalar> Step<'w, S> {
             Some(contact) => contact.groups(topology.bodies.len()),
             None => (0..topology.bodies.len()).map(|body| body..body + 1).collect(),
         };
-        let same_groups = history.groups == groups;
-        self.energies_hold &= same_groups;
+        self.energies_hold &= history.groups == groups;
         for group in &groups {
-            let past = Past::of_group(&past[group.clone()], same_groups);
+            let past = Past::of_group(&past[group.clone()], history.groups.contains(group));
             let inverted = group.clone().any(|i| inverted.get(i).is_some_and(|&count| count > 0));
             let touched = self.contact.as_ref().is_some_and(|contact| contact.touches(group));
             let mut body =

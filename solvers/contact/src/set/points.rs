@@ -31,7 +31,8 @@ impl ContactSet {
                     if self.is_pierced(index, part, body, gap, &points[first..]) {
                         let now = &mut self.tools[index];
                         now.pierced.push([part - now.parts.start, body]);
-                        now.released += points.drain(first..).map(|point| point.kept()).sum::<f64>();
+                        now.released +=
+                            points.drain(first..).map(|point| point.kept()).sum::<f64>();
                         self.figures.pierced += 1;
                         continue;
                     }
@@ -48,10 +49,7 @@ impl ContactSet {
         let (now, part, skin) = (&self.tools[tool], &self.parts[part], &self.skins[body].skin);
         let [low, high] = part.shape.bounds(part.end.centre, part.end.rotation);
         let within = skin.hull[0].cmple(low).all() && high.cmple(skin.hull[1]).all();
-        now.tool.faces.is_none()
-            && part.drawn_in == 0.0
-            && within
-            && skin.encloses(part.end.centre)
+        now.tool.faces.is_none() && part.drawn_in == 0.0 && within && skin.encloses(part.end.centre)
     }
 
     /// Whether a part that comes no nearer than `gap` (m) to points of a body went through the surface of that body, by the
