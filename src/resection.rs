@@ -2,14 +2,18 @@
 
 use crate::simulation::{BodyHandle, Simulation};
 use crate::warning::totals::RunTotals;
+use bevy_ecs::prelude::Entity;
+use sinew_contact::pair::BodyContact;
+use sinew_contact::pull::Pull;
 use sinew_engine::by_precision;
 use sinew_engine::connectivity::ElementKind;
-use sinew_engine::row::LocalRow;
+use sinew_engine::load::{Constraint, Load, Pressure};
+use sinew_engine::row::{LocalRow, VertexRow};
 use sinew_models::body::BodyError;
 use sinew_models::body::present::Resection;
 use sinew_models::resection::{
-    FreshDifference, Removal, RemovalError, RemovalReport, compare_with_fresh, prepare_removals,
-    remove_elements,
+    FreshDifference, Region, Removal, RemovalError, RemovalReport, compare_with_fresh,
+    prepare_removals, remove_elements,
 };
 
 /// # Removal
@@ -47,6 +51,79 @@ impl Simulation {
         let world = self.world_mut();
         let report = by_precision!(precision, remove_elements(world, body.0, removal))?;
         world.get_resource_or_init::<RunTotals>().add_removal(&report);
+        Ok(report)
+    }
+
+    /// Takes a body away, from now on: all its elements, with their mass and energy. Constraints, loads, pressures, pulls and
+    /// contacts that act on nothing else go with it, and those of several bodies keep what they have of the others. Its name is
+    /// free again. Its handle and its vertex rows stay, so that those of other bodies do not change; a step passes over them.
+    ///
+    /// Bodies are added to a running simulation as before the first step, by [`Simulation::add_body`]. Snapshots are of the bodies
+    /// that were added until then: one from before does not fit afterwards, and says so.
+    ///
+    /// # Errors
+    /// When elements of the bodies got other components meanwhile.
+    ///
+    /// ```
+    /// use sinew::prelude::*;
+    /// use sinew::engine::mesh::generate::box_tets;
+    ///
+    /// let mesh = box_tets(DVec3::splat(0.05), [2, 2, 2])?;
+    /// let block = BodyDescription::new("block", &mesh, preset("liver")?.material);
+    /// let mut simulation = Simulation::new(SimulationOptions::default())?;
+    /// let first = simulation.add_body(&block)?;
+    /// let floor = simulation.group_rows(first, &mesh, "z0")?;
+    /// let floor = simulation.add_constraint(Constraint::hold("floor", floor));
+    /// simulation.step()?;
+    /// let report = simulation.remove_body(first)?;
+    /// assert_eq!((report.tetrahedra.len(), report.remaining), (48, 0));
+    /// assert!(simulation.find_body("block").is_none() && simulation.reaction(floor).is_none());
+    /// // another one of the same name, which falls
+    /// let second = simulation.add_body(&block)?;
+    /// simulation.step()?;
+    /// assert_eq!(simulation.find_body("block"), Some(second));
+    /// assert!(simulation.velocities(second).iter().all(|v| v.z < -0.09));
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub fn remove_body(&mut self, body: BodyHandle) -> Result<RemovalReport, RemovalError> {
+        let report = self.remove_elements(body, &Removal::new(Region::Everything))?;
+        let Some(own) = self.topology().bodies.get(body.0).map(|own| own.vertices.clone()) else {
+            return Ok(report);
+        };
+        let stays = |row: &VertexRow| !own.contains(&row.0);
+        let world = self.world_mut();
+        let mut gone = Vec::new();
+        for (entity, mut constraint) in world.query::<(Entity, &mut Constraint)>().iter_mut(world) {
+            if constraint.rows.iter().all(stays) {
+                continue;
+            }
+            let Constraint { rows, start, .. } = &mut *constraint;
+            if start.len() == rows.len() {
+                let mut kept = rows.iter().map(stays);
+                start.retain(|_| kept.next() == Some(true));
+            }
+            rows.retain(stays);
+            gone.extend(rows.is_empty().then_some(entity));
+        }
+        for (entity, mut load) in world.query::<(Entity, &mut Load)>().iter_mut(world) {
+            if !load.forces.iter().all(|(row, _)| stays(row)) {
+                load.forces.retain(|(row, _)| stays(row));
+                gone.extend(load.forces.is_empty().then_some(entity));
+            }
+        }
+        for (entity, pressure) in world.query::<(Entity, &Pressure)>().iter(world) {
+            // its faces went with their elements
+            gone.extend(pressure.faces.is_empty().then_some(entity));
+        }
+        for (entity, pull) in world.query::<(Entity, &Pull)>().iter(world) {
+            gone.extend((!pull.rows.iter().all(stays)).then_some(entity));
+        }
+        for (entity, contact) in world.query::<(Entity, &BodyContact)>().iter(world) {
+            gone.extend(contact.bodies.contains(&body.0).then_some(entity));
+        }
+        for entity in gone {
+            world.despawn(entity);
+        }
         Ok(report)
     }
 

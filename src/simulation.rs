@@ -783,9 +783,9 @@ impl Simulation {
         self.world().get_resource().copied().unwrap_or_default()
     }
 
-    /// The body of that name.
+    /// The body of that name, if it has elements left.
     pub fn find_body(&self, name: &str) -> Option<BodyHandle> {
-        self.topology().bodies.iter().position(|body| body.name == name).map(BodyHandle)
+        self.topology().find(name).map(BodyHandle)
     }
 
     /// The constraint, load, pressure, tool, pull or contact of that name, of several the one that came first:

@@ -1,7 +1,7 @@
 //! Removal of elements: what is left equals a fresh build, stays bounded, and runs repeat.
 
 use crate::common::*;
-use glam::DVec3;
+use glam::{DQuat, DVec3};
 use proptest::prelude::*;
 use sinew::engine::mesh::Mesh;
 use sinew::engine::mesh::generate::{box_tets, jitter_interior};
@@ -9,6 +9,7 @@ use sinew::models::body::present::MassPolicy;
 use sinew::models::body::{Evaluation, VolumeRule};
 use sinew::models::resection::{Region, Removal, RemovalError, RemovalLog, RemovalRequest};
 use sinew::prelude::*;
+use sinew::snapshot::SnapshotError;
 
 const MATERIAL: YoungPoisson =
     YoungPoisson { young_modulus: 5e3, poisson_ratio: 0.45, density: 1060.0 };
@@ -576,4 +577,96 @@ proptest! {
         prop_assert_eq!(removals, 6 * x * y * z);
         prop_assert_eq!(random_run([x, y, z], kind, seed, 2).0, hash);
     }
+}
+
+/// A body goes on as if it were alone while another one comes beside it and goes again.
+#[test]
+fn bodies_come_and_go_beside_others() {
+    let mesh = rough(0.02, [4, 2, 2]);
+    let kind = (Model::NeoHookean, Evaluation::Fused, VolumeRule::Elements);
+    for integrator in
+        [Integrator::Auto, Integrator::Safe, Integrator::Newton, Integrator::SymplecticEuler]
+    {
+        let run = |others: bool| {
+            let (mut simulation, body) = build(&mesh, kind, options(Precision::F64, 1));
+            simulation.set_solver(solver!(integrator, linear_tolerance = 1e-11));
+            let end = simulation.group_rows(body, &mesh, "x0").unwrap();
+            simulation.add_constraint(Constraint::hold("end", end));
+            let beside = mesh.transformed(1.0, DQuat::IDENTITY, DVec3::Y * 0.2);
+            for step in 0..30 {
+                if others && step % 10 == 5 {
+                    let other = BodyDescription::new("other", &beside, MATERIAL);
+                    let other = simulation.add_body(&other).unwrap();
+                    let end = simulation.group_rows(other, &beside, "x0").unwrap();
+                    let hold = simulation.add_constraint(Constraint::hold("hold", end));
+                    simulation.steps(1);
+                    assert_eq!(simulation.find_body("other"), Some(other));
+                    assert!(simulation.reaction(hold).is_some());
+                } else {
+                    simulation.steps(1);
+                }
+                if let Some(other) = simulation.find_body("other").filter(|_| step % 10 == 8) {
+                    let report = simulation.remove_body(other).unwrap();
+                    assert_eq!((report.tetrahedra.len(), report.remaining), (96, 0));
+                    assert!(simulation.find::<Constraint>("hold").is_none());
+                    assert_eq!(simulation.masses(other).iter().sum::<f64>(), 0.0);
+                }
+            }
+            assert_eq!(simulation.topology().bodies.len(), if others { 4 } else { 1 });
+            let report = simulation.report();
+            let energies = [report.kinetic_energy, report.elastic_energy];
+            (simulation.displacements(body), energies)
+        };
+        let (alone, beside) = (run(false), run(true));
+        let off = max_distance(&alone.0, &beside.0) / max_length(&alone.0);
+        assert!(off < 1e-8, "{integrator:?}: {off}");
+        for (a, b) in alone.1.iter().zip(&beside.1) {
+            assert!((a - b).abs() < 1e-7 * alone.1[1], "{integrator:?}: {a} {b}");
+        }
+    }
+}
+
+/// A body that lies on another one goes: the other one springs back, a snapshot from before brings it back to the bit, and a new one
+/// takes its name and its place.
+#[test]
+fn a_body_that_touches_another_one_goes() {
+    let (low, high) = (bar(0.025, [4, 4, 2]), bar(0.03, [2, 2, 2]));
+    let high = high.transformed(1.0, DQuat::IDENTITY, DVec3::new(0.02, 0.02, 0.0502));
+    let mut simulation = Simulation::new(options(Precision::F64, 1)).unwrap();
+    simulation.set_solver(solver!(Integrator::Auto, mass_damping = 20.0));
+    let below = simulation.add_body(&BodyDescription::new("below", &low, MATERIAL)).unwrap();
+    let floor = simulation.group_rows(below, &low, "z0").unwrap();
+    simulation.add_constraint(Constraint::hold("floor", floor));
+    let mut sums = Vec::new();
+    for _ in 0..2 {
+        let above = simulation.add_body(&BodyDescription::new("above", &high, MATERIAL)).unwrap();
+        let pair = simulation.add_body_contact(BodyContact::new("pair", [below, above]));
+        simulation.steps(150);
+        let own = 9.81 * simulation.masses(above).iter().sum::<f64>();
+        let force = simulation.body_contact_report(pair).unwrap().force.z;
+        assert!((force.abs() / own - 1.0).abs() < 0.02, "{force} {own}");
+        let loaded = simulation.displacements(below);
+        let snapshot = simulation.snapshot().unwrap();
+        let hash = simulation.state_hash();
+        simulation.remove_body(above).unwrap();
+        assert!(simulation.body_contact_report(pair).is_none());
+        simulation.restore(&snapshot).unwrap();
+        assert_eq!(simulation.state_hash(), hash);
+        assert!(simulation.body_contact_report(pair).is_some());
+        simulation.remove_body(above).unwrap();
+        simulation.steps(150);
+        let report = simulation.report();
+        assert_eq!((report.contact.points, report.contact.energy), (0, 0.0));
+        let freed = simulation.displacements(below);
+        assert!(max_distance(&loaded, &freed) > 0.05 * max_length(&loaded));
+        sums.push(freed);
+        // a snapshot from before does not fit the bodies of afterwards
+        simulation.add_body(&BodyDescription::new("other", &low, MATERIAL)).unwrap();
+        assert_eq!(simulation.restore(&snapshot).unwrap_err(), SnapshotError::Scene);
+        let other = simulation.find_body("other").unwrap();
+        simulation.remove_body(other).unwrap();
+    }
+    // both times it comes back to where its own weight leaves it
+    let off = max_distance(&sums[0], &sums[1]) / max_length(&sums[0]);
+    assert!(off < 1e-3, "{off}");
 }

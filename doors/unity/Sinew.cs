@@ -239,6 +239,8 @@ namespace Sinew
             return handle;
         }
 
+        /// <summary>Takes a body, constraint, load, pressure, tool, pull or contact away. With a body goes what acts on nothing
+        /// else.</summary>
         public void Remove(ulong handle) { Native.Demand(Native.sinew_remove(own, handle)); }
 
         /// <summary>Length of every list of vertices. It may grow: ask again when SurfaceRevision is another one.</summary>

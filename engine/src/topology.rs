@@ -58,6 +58,11 @@ impl BodyRows {
         Self { name, vertices, blocks, ordered, size, piece: Vec::new(), splits: 0, changes: 0 }
     }
 
+    /// Whether it has no element any more.
+    pub fn is_empty(&self) -> bool {
+        self.piece.iter().all(|&piece| piece == crate::layout::UNUSED)
+    }
+
     /// Number of connected pieces.
     pub fn piece_count(&self) -> usize {
         let pieces = self.piece.iter().filter(|&&p| p != crate::layout::UNUSED);
@@ -173,9 +178,14 @@ impl Topology {
         used.map(|edge| self.edges[edge])
     }
 
+    /// Index of the body of a given name. One without elements has lost its name.
+    pub fn find(&self, name: &str) -> Option<usize> {
+        self.bodies.iter().position(|body| body.name == name && !body.is_empty())
+    }
+
     /// Body of a given name.
     pub fn body(&self, name: &str) -> Option<&BodyRows> {
-        self.bodies.iter().find(|b| b.name == name)
+        self.find(name).map(|index| &self.bodies[index])
     }
 }
 

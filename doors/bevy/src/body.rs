@@ -466,8 +466,7 @@ fn clear_despawned(world: &mut World) {
     let gone = BodyDespawned { entity, index, name, vertices };
     log::warn!("{gone}");
     world.write_message(gone);
-    let everything = Region::Sphere { centre: DVec3::ZERO, radius: f64::MAX };
-    world.spawn(RemovalRequest::new(index, Removal::new(everything)));
+    world.spawn(RemovalRequest::new(index, Removal::new(Region::Everything)));
     clear_despawned(world);
 }
 

@@ -676,7 +676,7 @@ sinew_status sinew_find(const struct sinew_simulation *simulation,
                         const char *name,
                         sinew_handle *handle);
 
-// Takes a constraint, load, pressure, tool, pull or contact away.
+// Takes a body, constraint, load, pressure, tool, pull or contact away. With a body goes what acts on nothing else.
 sinew_status sinew_remove(struct sinew_simulation *simulation, sinew_handle handle);
 
 // Keeps everything that the steps to come depend on, in memory. Free it with `sinew_snapshot_free`.

@@ -173,7 +173,7 @@ pub unsafe extern "C" fn sinew_find(
     })
 }
 
-/// Takes a constraint, load, pressure, tool, pull or contact away.
+/// Takes a body, constraint, load, pressure, tool, pull or contact away. With a body goes what acts on nothing else.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn sinew_remove(
     simulation: *mut sinew_simulation,

@@ -14,7 +14,7 @@ use sinew::engine::report::{StepReport, VolumeReport};
 use sinew::engine::step::StepClock;
 use sinew::engine::time::Gravity;
 use sinew::engine::workers::Workers;
-use sinew::simulation::{Backend, Readback, Simulation, SimulationOptions};
+use sinew::simulation::{Backend, BodyHandle, Readback, Simulation, SimulationOptions};
 use sinew::solvers::settings::SolverSettings;
 pub use sinew_scene::assemble::BuildOptions as Overrides;
 use sinew_scene::assemble::{BuiltScene, RunPlan, build};
@@ -456,12 +456,13 @@ impl Embedding {
         Ok(self.handles.any(handle)?.1.to_string())
     }
 
-    /// Takes a constraint, load, pressure, tool, pull or contact away; its handle stands for nothing afterwards.
+    /// Takes a body, constraint, load, pressure, tool, pull or contact away; its handle stands for nothing afterwards. With a
+    /// body goes what acts on nothing else ([`Simulation::remove_body`]).
     ///
     /// # Errors
-    /// When there is no such thing, or it is a body.
+    /// When there is no such thing.
     pub fn remove(&mut self, handle: Handle) -> Result<()> {
-        let (kind, target) = self.handles.remove(handle)?;
+        let (kind, _, target) = self.handles.any(handle)?;
         let simulation = &mut self.built.simulation;
         match (kind, target) {
             (Kind::Tool | Kind::Pull | Kind::Contact, Target::Entity(entity)) => {
@@ -479,8 +480,15 @@ impl Embedding {
                     simulation.remove_contact(entity);
                 }
             }
-            (_, Target::Body(_)) => {}
+            (_, Target::Body(body)) => {
+                simulation.remove_body(BodyHandle(body))?;
+                let world = simulation.world();
+                self.handles.retain(|entity| {
+                    world.get_entity(sinew::snapshot::current(world, entity)).is_ok()
+                });
+            }
         }
+        self.handles.remove(handle)?;
         self.epoch += 1;
         Ok(())
     }

@@ -100,9 +100,6 @@ pub enum HandleError {
         /// What it stood for.
         kind: Kind,
     },
-    /// Bodies stay.
-    #[error("handle {0} is that of a body: bodies stay; remove its elements instead")]
-    BodyStays(Handle),
 }
 
 /// What a handle leads to.
@@ -180,16 +177,25 @@ impl Handles {
         Ok((slot.kind, &slot.name, slot.target))
     }
 
-    pub fn remove(&mut self, handle: Handle) -> Result<(Kind, Target), HandleError> {
+    pub fn remove(&mut self, handle: Handle) -> Result<(), HandleError> {
         let kind = Kind::of(handle).ok_or(HandleError::Unknown(handle))?;
-        let (index, slot) = self.slot(handle, kind)?;
-        let target = slot.target;
-        if kind == Kind::Body {
-            return Err(HandleError::BodyStays(handle));
-        }
+        let (index, _) = self.slot(handle, kind)?;
         self.slots[index] = None;
         self.free.push(index);
-        Ok((kind, target))
+        Ok(())
+    }
+
+    /// Takes away what stands for entities that are gone.
+    pub fn retain(&mut self, is_there: impl Fn(Entity) -> bool) {
+        for (index, slot) in self.slots.iter_mut().enumerate() {
+            let gone = slot.as_ref().is_some_and(
+                |slot| matches!(slot.target, Target::Entity(entity) if !is_there(entity)),
+            );
+            if gone {
+                *slot = None;
+                self.free.push(index);
+            }
+        }
     }
 
     /// All of a kind in the order in which they were made, with their names.

@@ -262,6 +262,39 @@ fn a_ray_finds_what_a_pull_takes_hold_of() {
 }
 
 #[test]
+fn bodies_come_and_go_with_what_acts_on_them() {
+    let (mut sim, body, hold) = held(&options());
+    let raised = slab().transformed(1.0, DQuat::IDENTITY, DVec3::Z * 0.051);
+    let liver = preset("liver").unwrap();
+    let mut last = None;
+    for _ in 0..2 {
+        let above = sim.add_body(&raised, &BodyDescription::new("above", &raised, liver)).unwrap();
+        let top = sim.group(above, "z1").unwrap();
+        let hand = sim.add_constraint(above, &ConstraintSpec::hold("hand", &top)).unwrap();
+        let pair = sim.add_contact("pair", [body, above], 0.0, BodyContact::STIFFNESS).unwrap();
+        sim.step(3).unwrap();
+        let snapshot = sim.snapshot().unwrap();
+        sim.remove(above).unwrap();
+        for gone in [above, hand, pair] {
+            assert_eq!(sim.name(gone).unwrap_err().code, Code::Handle);
+        }
+        assert_eq!(sim.positions(above).unwrap_err().code, Code::Handle);
+        sim.reaction(hold, [0.0; 3]).unwrap();
+        sim.step(3).unwrap();
+        // back, and away again
+        sim.restore(&snapshot).unwrap();
+        assert_eq!(sim.find(Kind::Body, "above").unwrap(), above);
+        sim.reaction(hand, [0.0; 3]).unwrap();
+        sim.step(1).unwrap();
+        sim.remove(above).unwrap();
+        assert_ne!(last.replace(above), Some(above));
+    }
+    sim.remove(body).unwrap();
+    sim.step(2).unwrap();
+    assert_eq!(sim.energy(), Energy::default());
+}
+
+#[test]
 fn removals_change_the_surface_and_its_revision() {
     let (mut sim, body, _) = held(&options());
     let mesh = slab();

@@ -206,6 +206,24 @@ def test_sheets_that_bend():
         sim.add_body("b", mesh, skin, membrane=sinew.Membrane(2e-3, skin, bending=True, bending_rest="round"))
 
 
+def test_bodies_come_and_go(small):
+    sim, body = small
+    floor = next(iter(sim.constraints.values()))
+    for _ in range(2):
+        other = sim.add_body("other", body.mesh, body.material)
+        hold = sim.hold(other, "z0", name="held")
+        sim.step(2)
+        assert sim.bodies["other"] == other and hold.reaction.any()
+        sim.remove_body(other)
+        assert "other" not in sim.bodies and "held" not in sim.constraints
+        with pytest.raises(sinew.HandleError):
+            other.masses  # noqa: B018
+        with pytest.raises(sinew.HandleError):
+            hold.reaction  # noqa: B018
+        sim.step(2)
+    assert floor.reaction.any()
+
+
 def test_removal_and_surface(small):
     sim, body = small
     surface, revision = body.surface, body.surface_revision

@@ -28,6 +28,8 @@ pub enum Region {
     Hexahedra(Vec<u32>),
     /// Membrane quadrilaterals by their indices in the user's list.
     Quads(Vec<u32>),
+    /// All that are left.
+    Everything,
     /// Those whose barycentre lies within a sphere.
     Sphere {
         /// Centre (m).
@@ -100,9 +102,10 @@ impl Region {
         }
     }
 
-    /// Whether a sphere or capsule holds a point.
+    /// Whether a sphere, capsule or everything holds a point.
     fn holds(&self, x: DVec3) -> bool {
         match self {
+            Self::Everything => true,
             Self::Sphere { centre, radius } => x.distance(*centre) <= *radius,
             Self::Capsule { from, to, radius } => {
                 let axis = *to - *from;

@@ -496,7 +496,12 @@ class Simulation:
     def _take(self, own: _native.Engine) -> None:
         self._own = own
         self._facts = own.facts()
-        self._bodies: dict[str, Body] = self._list(Body)
+        self._bodies: dict[str, Body] = {}
+        self._list_bodies()
+
+    def _list_bodies(self) -> None:
+        known = {body.handle: body for body in self._bodies.values()}
+        self._bodies = {name: known.get(body.handle, body) for name, body in self._list(Body).items()}
 
     def _list(self, kind: type[Any]) -> dict[str, Any]:
         return {name: kind(self, handle, name) for handle, name in self._own.list(kind._kind)}
@@ -549,6 +554,11 @@ class Simulation:
         return own
 
     # bodies
+
+    def remove_body(self, body: Body) -> None:
+        """Takes a body away, and what acts on nothing else; their objects cannot be used any more. Its name is free again."""
+        self._own.remove(body.handle)
+        self._list_bodies()
 
     def add_body(
         self,
@@ -974,6 +984,7 @@ class Simulation:
         object says ``HandleError``. What was removed since is there again: in this simulation its object is good again, in another
         one ask by name."""
         self._own.restore(snapshot)
+        self._list_bodies()
 
     def hash(self) -> int:
         """Hash of the state: the ``final_state_hash`` of the command, as a number."""
@@ -988,12 +999,12 @@ class Simulation:
     def _repr_html_(self) -> str:
         import html  # of notebooks alone
 
-        energy, volume = self.energy, self.report.volume
+        energy = self.energy
         rows = []
-        for i, body in enumerate(self._bodies.values()):
+        for body in self._bodies.values():
             points, tetrahedra, hexahedra, *_ = self._own.mesh(body.handle).counts
-            smallest = volume.smallest_by_body[i] if i < len(volume.smallest_by_body) else None
-            cells = (html.escape(body.name), points, tetrahedra, hexahedra, f"{body.masses.sum():.4g}", "" if smallest is None else f"{smallest:.3f}")
+            smallest = body.volume_ratios.min(initial=np.inf)
+            cells = (html.escape(body.name), points, tetrahedra, hexahedra, f"{body.masses.sum():.4g}", f"{smallest:.3f}" if np.isfinite(smallest) else "")
             rows.append("<tr>" + "".join(f"<td>{cell}</td>" for cell in cells) + "</tr>")
         heads = ("body", "vertices", "tetrahedra", "hexahedra", "mass (kg)", "least volume ratio")
         notes = "".join(f"<li>{html.escape(str(warning))}</li>" for warning in self.warnings)
