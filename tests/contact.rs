@@ -10,8 +10,10 @@ use sinew::models::body::Integration;
 use sinew::models::body::sheet::MembraneDescription;
 use sinew::models::resection::Region;
 use sinew::prelude::*;
+use sinew::snapshot::Snapshot;
+use sinew::touch::field::DistanceField;
 use sinew::touch::pull::PullReport;
-use sinew::touch::tool::{Hinge, Part, Points, ToolMotion, ToolReport};
+use sinew::touch::tool::{Hinge, Part, PathPoint, Points, ToolMotion, ToolReport};
 
 const SOFT: YoungPoisson = YoungPoisson { young_modulus: 1e4, poisson_ratio: 0.4, density: 1000.0 };
 
@@ -804,6 +806,7 @@ fn jaws_open_about_their_hinge() {
         shape: Shape::Capsule { half_length: 0.02, radius: 0.003 },
         at: DVec3::new(0.02, 0.0, 0.0),
         rotation: DQuat::IDENTITY,
+        cavity: false,
         jaw,
     };
     let tool = Tool::of_parts("forceps", vec![part(0.5), part(-0.5)], ToolPose::default());
@@ -824,6 +827,7 @@ fn jaws_of_one_tool_squeeze_with_opposite_forces() {
         shape: Shape::Box { half: DVec3::new(0.01, 0.03, 0.03), rounding: 0.004 },
         at: DVec3::new(x, 0.0, 0.0),
         rotation: DQuat::IDENTITY,
+        cavity: false,
         jaw,
     };
     let start = ToolPose::from(DVec3::splat(0.02));
@@ -861,6 +865,9 @@ fn bad_tools_are_named() {
     assert!(error(ball(0.01).with_points(Points::Faces(99))).contains("faces(99)"));
     assert!(error(Tool::ground("floor", DVec3::ZERO, DVec3::ZERO)).contains("rotation"));
     assert!(error(Tool::of_parts("empty", vec![], ToolPose::default())).contains("no parts"));
+    let hollow = Tool::cavity("floor", Shape::HalfSpace, DVec3::ZERO);
+    assert!(error(hollow).contains("`floor`: a half-space has no inside that could be a cavity"));
+    assert!(error(Tool::cavity("ball", Shape::Sphere { radius: 0.0 }, ABOVE)).contains("0 m"));
     // what only a step can tell
     let exact = ball(0.01).exactly();
     let tool = block.add_tool(exact).unwrap();
@@ -1265,4 +1272,176 @@ fn a_tool_wholly_inside_of_a_body_is_counted() {
             assert_eq!(simulation.report().contact.buried, 0);
         }
     }
+}
+
+/// A field of the outside of a mesh.
+fn closed(mesh: &Mesh, spacing: f64) -> Shape {
+    let triangles = mesh.surface().triangles;
+    Shape::Field(DistanceField::cached(&mesh.points, &triangles, Some(spacing)).unwrap())
+}
+
+/// A small block round the origin, which is then turned and shifted (m).
+fn small_block(turn: DQuat, shift: DVec3) -> Block {
+    let size = DVec3::new(0.04, 0.04, 0.02);
+    let mesh = box_tets(size, [4, 4, 2]).unwrap();
+    let mesh = mesh.transformed(1.0, turn, shift - turn * (0.5 * size));
+    let mut simulation = Simulation::new(one_thread()).unwrap();
+    let body = simulation.add_body(&BodyDescription::new("block", &mesh, SOFT)).unwrap();
+    Block { simulation, body, mesh }
+}
+
+/// Least signed distance (m) of the vertices of a block from a tool of one part.
+fn least_distance(block: &mut Block, tool: Entity) -> f64 {
+    let u = block.simulation.displacements(block.body);
+    let own = block.world().get::<Tool>(tool).unwrap();
+    let report = block.tool(tool);
+    let turn = report.rotation.inverse();
+    let distance =
+        |(x, u): (&DVec3, &DVec3)| own.parts[0].distance(turn * (*x + *u - report.position)).0;
+    block.mesh.points.iter().zip(&u).map(distance).fold(f64::INFINITY, f64::min)
+}
+
+#[test]
+fn a_block_falls_in_a_cavity_and_comes_to_rest_inside() {
+    let half = DVec3::new(0.035, 0.03, 0.02);
+    let whole = box_tets(2.0 * half, [1, 1, 1]).unwrap();
+    let whole = whole.transformed(1.0, DQuat::IDENTITY, -half);
+    let ball = sphere_tets(0.04, 6).unwrap();
+    let cavities = [
+        ("sphere", Shape::Sphere { radius: 0.04 }, 0.0),
+        ("box", Shape::Box { half, rounding: 0.005 }, 0.0),
+        ("sphere of a mesh", closed(&ball, 0.002), 0.0),
+        // on a floor of samples it would slide for long
+        ("box of a mesh", closed(&whole, 0.002), 0.1),
+    ];
+    let gravity = DVec3::new(0.0, 0.0, -9.81);
+    for (name, shape, friction) in cavities {
+        let mut block = small_block(DQuat::IDENTITY, DVec3::ZERO);
+        block.set_gravity(gravity);
+        block.set_solver(solver!(Integrator::Safe, linear_tolerance = 1e-10, mass_damping = 20.0));
+        let cavity = Tool::cavity("cavity", shape, DVec3::ZERO).with_friction(friction);
+        let cavity = block.add_tool(cavity).unwrap();
+        block.step();
+        assert_eq!(block.report().contact.points, 0, "{name}: it starts well inside");
+        let mut last = block.energy(gravity);
+        let scale = block.mass() * 9.81 * 0.01;
+        for step in 0..300 {
+            block.step();
+            let now = block.energy(gravity);
+            assert!(now <= last + 1e-10 * scale, "{name}, step {step}: {last} to {now}");
+            last = now;
+        }
+        let (report, weight) = (block.tool(cavity), block.mass() * 9.81);
+        let off = (report.force - weight * DVec3::NEG_Z).length();
+        assert!(off < 1e-6 * weight, "{name}: {} beside {weight}", report.force);
+        // as deep as the penalty lets it; faces have two edges of a cell and a diagonal
+        let k = 50.0 * SOFT.young_modulus / (0.01 * (2.0 + 2.0_f64.sqrt()) / 3.0);
+        assert!((report.pressure / (k * report.depth) - 1.0).abs() < 1e-9, "{name}: {report:?}");
+        let out = -least_distance(&mut block, cavity);
+        assert!((out - report.depth).abs() < 1e-12, "{name}: {out} {report:?}");
+        assert!(report.depth < 2e-4, "{name}: {report:?}");
+        assert_eq!(block.volume_report().inverted, 0, "{name}");
+    }
+}
+
+/// Far from its edges the floor of a cavity is a floor.
+#[test]
+fn the_floor_of_a_cavity_is_a_ground() {
+    for (points, exact) in
+        [(Points::Auto, false), (Points::Faces(3), false), (Points::Vertex, true)]
+    {
+        let run = |cavity: bool| {
+            let mut block = small_block(DQuat::IDENTITY, DVec3::ZERO);
+            block.set_gravity(DVec3::new(2.0, 1.0, -9.0));
+            let integrator = if exact { Integrator::Newton } else { Integrator::Safe };
+            block.set_solver(tight(integrator));
+            let floor = DVec3::new(0.0, 0.0, -0.012);
+            let tool = if cavity {
+                let shape = Shape::Box { half: DVec3::new(1.0, 1.0, 0.1), rounding: 0.05 };
+                Tool::cavity("floor", shape, floor + DVec3::Z * 0.1)
+            } else {
+                Tool::ground("floor", floor, DVec3::Z)
+            };
+            let tool = match exact {
+                true => tool.exactly(),
+                false => tool.with_points(points).with_friction(0.15),
+            };
+            let tool = block.add_tool(tool).unwrap();
+            block.steps(60);
+            (block.simulation.displacements(block.body), block.tool(tool).force)
+        };
+        let ((cavity, force), (ground, other)) = (run(true), run(false));
+        assert!(force.z < -0.1 && max_length(&ground) > 0.01, "{force} {other}");
+        let off = max_distance(&cavity, &ground) / max_length(&ground);
+        assert!(off < 1e-9, "{points:?}: {off:e}");
+        assert!((force - other).length() < 1e-9 * force.length(), "{points:?}: {force} {other}");
+    }
+}
+
+/// A cavity that moves carries what is in it, whichever way all of it is turned, and goes on after a snapshot.
+#[test]
+fn a_moving_cavity_carries_its_contents_however_it_is_turned() {
+    let run = |turn: DQuat, shift: DVec3, from_snapshot: bool| {
+        let build = || {
+            let mut block = small_block(turn, shift);
+            block.set_gravity(turn * DVec3::new(0.0, 0.0, -9.81));
+            block.set_solver(tight(Integrator::Newton));
+            block
+        };
+        let pose = |x: f64, degrees: f64| ToolPose {
+            position: turn * DVec3::new(x, 0.0, 0.004) + shift,
+            rotation: turn * DQuat::from_rotation_y(degrees.to_radians()),
+            opening: 0.0,
+        };
+        let shape = Shape::Capsule { half_length: 0.03, radius: 0.028 };
+        let part = Part { cavity: true, ..shape.into() };
+        let path = [(0.0, pose(0.0, 0.0)), (0.1, pose(0.0, 0.0)), (0.3, pose(0.1, 15.0))];
+        let mut tool = Tool::of_parts("pelvis", vec![part], path[0].1).with_friction(0.3);
+        tool.motion = ToolMotion::Path(path.map(|(time, pose)| PathPoint { time, pose }).to_vec());
+        let mut block = build();
+        let mut cavity = block.add_tool(tool).unwrap();
+        block.steps(20);
+        if from_snapshot {
+            let bytes = block.snapshot().unwrap().to_bytes();
+            block = build();
+            let restored = block.restore(&Snapshot::from_bytes(&bytes).unwrap()).unwrap();
+            cavity = restored.spawned[0].1;
+        }
+        block.steps(20);
+        let u = block.simulation.displacements(block.body);
+        let u = u.into_iter().map(|u| turn.inverse() * u);
+        (u.collect::<Vec<_>>(), turn.inverse() * block.tool(cavity).force, block.state_hash())
+    };
+    let (straight, force, hash) = run(DQuat::IDENTITY, DVec3::ZERO, false);
+    assert!(force.z < -0.1 && straight.iter().all(|u| u.x > 0.05), "{force}");
+    assert_eq!(run(DQuat::IDENTITY, DVec3::ZERO, true).2, hash);
+    let turn = DQuat::from_xyzw(0.3, -0.2, 0.7, 0.4).normalize();
+    let (turned, other, _) = run(turn, DVec3::new(0.4, -1.0, 0.2), false);
+    let off = max_distance(&straight, &turned) / max_length(&straight);
+    assert!(off < 1e-6, "{off:e}");
+    assert!((force - other).length() < 1e-6 * force.length(), "{force} {other}");
+}
+
+/// A quarter of a block is outside of a cavity that appears: it is drawn back at the speed of a hand, not thrown.
+#[test]
+fn a_cavity_that_appears_draws_back_what_is_outside() {
+    let mut block = small_block(DQuat::IDENTITY, DVec3::ZERO);
+    block.set_gravity(DVec3::ZERO);
+    block.set_solver(solver!(Integrator::Safe, mass_damping = 20.0));
+    let shape = Shape::Box { half: DVec3::new(0.04, 0.04, 0.03), rounding: 0.01 };
+    let cavity = block.add_tool(Tool::cavity("box", shape, DVec3::X * 0.03)).unwrap();
+    block.step();
+    let first = block.tool(cavity);
+    assert_eq!(block.report().contact.drawn_in, 1);
+    assert!((first.drawn_in - 0.01).abs() < 1e-9, "{first:?}");
+    let mut fastest = 0.0_f64;
+    for _ in 0..100 {
+        block.step();
+        fastest = fastest.max(max_length(&block.simulation.velocities(block.body)));
+    }
+    let last = block.tool(cavity);
+    assert!(fastest < 0.5, "{fastest}");
+    assert!(last.drawn_in == 0.0 && last.force.length() < 1e-3, "{last:?}");
+    assert!(least_distance(&mut block, cavity) > -1e-4);
+    assert_eq!(block.volume_report().inverted, 0);
 }

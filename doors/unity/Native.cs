@@ -92,6 +92,8 @@ namespace Sinew
         NearestSide = 8,
         /// <summary>Also finds the force that points of the other kind give. It is no bound on the error.</summary>
         ErrorBar = 16,
+        /// <summary>Its parts are cavities: bodies may not leave their inside.</summary>
+        Cavity = 32,
     }
 
     /// <summary>How a simulation is carried out. All 0 but `struct_size` and `dt` is fine; then there is no

@@ -282,7 +282,7 @@ namespace Sinew
             return force;
         }
 
-        /// <summary>Adds a ball (m) that touches all bodies.</summary>
+        /// <summary>Adds a ball (m) that touches all bodies; with `ToolFlags.Cavity` they may not leave it.</summary>
         public ulong AddBall(string name, Vec3 position, double radius, double friction, ToolFlags flags = ToolFlags.None)
         {
             var part = new NativePart { StructSize = (uint)Marshal.SizeOf(typeof(NativePart)), Radius = radius };

@@ -343,7 +343,7 @@
         for (let v = 0; v < points.length; v += 3) {
           numbers.push([add(at, turn(q, points.subarray(v, v + 3))), turn(q, normals.subarray(v, v + 3)), [...shape.colour, 255]]);
         }
-        this.stretches.push({ start: index.length, count: shape.index.length, at, up: turn(q, [0, 0, 1]), plate: shape.plate });
+        this.stretches.push({ start: index.length, count: shape.index.length, at, up: turn(q, [0, 0, 1]), plate: shape.plate, hollow: shape.hollow });
         for (const v of shape.index) index.push(first + v);
       }
       this.uploadMesh(this.tools, numbers, index);
@@ -492,8 +492,8 @@
         gl.bindVertexArray(s.array);
         gl.drawElements(gl.TRIANGLES, count, gl.UNSIGNED_INT, 4 * start);
       };
-      // plates are clear from behind, other tools where they would hide the pressure under them
-      const clear = ({ at, up, plate }) => plate ? dot(add(eye, at, -1), up) < 0 : shown.field === "pressure";
+      // plates are clear from behind, walls of cavities always, other tools where they would hide the pressure under them
+      const clear = ({ at, up, plate, hollow }) => plate ? dot(add(eye, at, -1), up) < 0 : hollow || shown.field === "pressure";
       const tools = (glass) => this.stretches.filter((s) => clear(s) === glass)
         .forEach((s) => shape(this.tools, s.start, s.count));
       // contact shade, blurred

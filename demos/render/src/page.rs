@@ -183,6 +183,7 @@ pub fn run_data(recording: &Recording) -> Result<Value, std::io::Error> {
         })).collect::<Vec<_>>(),
         "shapes": recording.shapes.iter().map(|s| json!({
             "vertices": s.points.len(), "triangles": s.triangles.len(), "colour": s.colour, "plate": s.plate,
+            "hollow": s.hollow,
         })).collect::<Vec<_>>(),
         "label": recording.label,
         "bodies": recording.bodies,

@@ -368,9 +368,9 @@ impl Renderer {
         }
         for (device, clear) in self.tools.iter_mut().zip([false, true]) {
             let clear = |placed: &Placed| {
-                let plate = recording.shapes[placed.shape as usize].plate;
+                let shape = &recording.shapes[placed.shape as usize];
                 let behind = placed.local(camera.eye).z < 0.0;
-                clear == if plate { behind } else { look.glass }
+                clear == if shape.plate { behind } else { look.glass || shape.hollow }
             };
             let (skin, corners) = tools(recording, frame.tools.iter().filter(|t| clear(t)));
             device.write(&self.gpu, &Arc::new(skin), &corners);

@@ -12,15 +12,17 @@ const QUARTER: u32 = 10;
 pub struct Rigid {
     /// Places (m) of its vertices.
     pub points: Vec<[f32; 3]>,
-    /// Unit normals of the vertices, outward.
+    /// Unit normals of the vertices, outward; of a cavity inward.
     pub normals: Vec<[f32; 3]>,
-    /// Three vertices each, counter-clockwise from outside.
+    /// Three vertices each, counter-clockwise from where the normals point.
     pub triangles: Vec<[u32; 3]>,
     /// Colour.
     pub colour: Rgb,
     /// The part of a half-space that is shown: a slab whose upper side, at `z = 0`, is the surface. From behind, one sees
     /// through it. It does not have to be in the picture.
     pub plate: bool,
+    /// The wall of a cavity, seen from inside: one sees what is in it, and through the wall.
+    pub hollow: bool,
 }
 
 /// Where a rigid shape stands in a frame.
@@ -108,7 +110,16 @@ impl Rigid {
         let skin = Skin::new(&facets, points, crease);
         let normals = skin.normals(points);
         let points = skin.points.iter().map(|&v| points[v as usize]).collect();
-        Self { points, normals, triangles: skin.triangles, colour, plate: false }
+        Self { points, normals, triangles: skin.triangles, colour, ..Self::default() }
+    }
+
+    /// The same as the wall of a cavity: its faces turned inward.
+    #[must_use]
+    pub fn hollow(mut self) -> Self {
+        self.triangles.iter_mut().for_each(|t| t.swap(1, 2));
+        self.normals.iter_mut().for_each(|n| *n = n.map(|x| -x));
+        self.hollow = true;
+        self
     }
 
     /// The part of the half-space `z <= 0` above the rectangle from `low` to `high` (m), so many metres thick.

@@ -337,11 +337,18 @@ fn tools_that_are_near_are_in_view_and_others_do_not_count() {
     let faces = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]];
     let wedge = DistanceField::cached(&corners, &faces, None).unwrap();
     let wedge = Tool::new("wedge", Shape::Field(wedge), DVec3::new(0.0, -0.05, 0.0));
-    let tools = vec![ball, far, wall, shaft, wedge];
+    let room = Tool::cavity("room", Shape::Sphere { radius: 1.0 }, DVec3::ZERO);
+    let tools = vec![ball, far, wall, shaft, wedge, room];
     let (recording, _) = record_tools(&scene, vec![Quantity::None], tools);
-    assert_eq!((recording.shapes.len(), recording.frames[0].tools.len()), (5, 5));
+    assert_eq!((recording.shapes.len(), recording.frames[0].tools.len()), (6, 6));
     // the wedge has four sharp faces
     assert!(recording.shapes.iter().any(|shape| shape.points.len() == 12));
+    // the wall of the cavity is seen from inside
+    let wall = recording.shapes.iter().find(|shape| shape.hollow).unwrap();
+    let [a, b, c] = wall.triangles[0].map(|v| glam::Vec3::from_array(wall.points[v as usize]));
+    let inward = |p: [f32; 3], n: [f32; 3]| glam::Vec3::from_array(p).dot(n.into()) < 0.0;
+    assert!(wall.points.iter().zip(&wall.normals).all(|(p, n)| inward(*p, *n)));
+    assert!(a.dot((b - a).cross(c - a)) < 0.0);
     let points = recording.tool_points();
     let has = |x: f32, y: f32, z: f32| {
         points.iter().any(|p| (*p - glam::Vec3::new(x, y, z)).length() < 2e-3)

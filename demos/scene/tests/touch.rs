@@ -376,6 +376,17 @@ fn what_cannot_touch_is_named_with_line_and_key() {
             &["rounding is 0.2 m", "0.1 m"],
         ),
         ((tool("shape = \"half-space\"\nnormal = [0, 0, 0]\nat = [0, 0, 1]"), 4), &["no length"]),
+        (
+            (tool("shape = \"half-space\"\ncavity = true\nat = [0, 0, 1]"), 4),
+            &["`tool[0].cavity`", "no inside", "turn its `normal` round"],
+        ),
+        (
+            (
+                tool("parts = [{ shape = \"sphere\", radius = 1 }]\ncavity = true\nat = [0, 0, 1]"),
+                4,
+            ),
+            &["both `cavity` and `parts`"],
+        ),
         ((tool("shape = \"sphere\"\nradius = 1.0"), 1), &["`tool[0].at`", "path"]),
         ((tool("shape = \"sphere\"\nradius = 1.0\npath = [[0, 0, 0]]"), 5), &["4 numbers", "5"]),
         (

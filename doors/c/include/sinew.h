@@ -126,6 +126,9 @@
 // Also finds the force that points of the other kind give. It is no bound on the error.
 #define SINEW_ERROR_BAR 16
 
+// Its parts are cavities: bodies may not leave their inside.
+#define SINEW_CAVITY 32
+
 // Regions: elements by their indices.
 #define SINEW_LIST 0
 

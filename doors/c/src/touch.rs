@@ -14,7 +14,7 @@ use sinew_embed::{
 };
 use std::ffi::c_char;
 
-unsafe fn part(part: &sinew_part) -> Result<Part> {
+unsafe fn part(part: &sinew_part, cavity: bool) -> Result<Part> {
     let p = read("part", part)?;
     let shape = match p.shape {
         SINEW_SPHERE => Shape::Sphere { radius: p.radius },
@@ -28,7 +28,8 @@ unsafe fn part(part: &sinew_part) -> Result<Part> {
         }
         other => return Err(invalid("shape", format!("{other} is none"))),
     };
-    Ok(Part { shape, at: vector(p.at), rotation: quaternion(p.quaternion), jaw: p.jaw })
+    let rotation = quaternion(p.quaternion);
+    Ok(Part { shape, at: vector(p.at), rotation, cavity, jaw: p.jaw })
 }
 
 /// Adds a tool.
@@ -41,14 +42,15 @@ pub unsafe extern "C" fn sinew_tool_add(
     add(simulation, out, |sim| {
         let t = read("tool", tool)?;
         let parts = slice("parts", t.parts, t.part_count)?;
-        let parts = parts.iter().map(|own| part(own)).collect::<Result<Vec<Part>>>()?;
+        let cavity = t.flags & SINEW_CAVITY != 0;
+        let parts = parts.iter().map(|own| part(own, cavity)).collect::<Result<Vec<Part>>>()?;
         let start = ToolPose {
             position: vector(t.position),
             rotation: quaternion(t.quaternion),
             opening: t.opening,
         };
         let mut own = Tool::of_parts(text("name", t.name)?, parts, start);
-        if t.flags > 31 {
+        if t.flags > 63 {
             return Err(invalid("flags", format!("{} is no sum of flags of tools", t.flags)));
         }
         let axis = if t.hinge_axis == [0.0; 3] { DVec3::Z } else { vector(t.hinge_axis) };

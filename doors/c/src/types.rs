@@ -352,6 +352,8 @@ pub const SINEW_LOCAL_STIFFNESS: u32 = 4;
 pub const SINEW_NEAREST_SIDE: u32 = 8;
 /// Also finds the force that points of the other kind give. It is no bound on the error.
 pub const SINEW_ERROR_BAR: u32 = 16;
+/// Its parts are cavities: bodies may not leave their inside.
+pub const SINEW_CAVITY: u32 = 32;
 
 /// A rigid tool.
 #[repr(C)]

@@ -301,6 +301,23 @@ fn tools_contacts_and_pulls_are_felt() {
         ok(sinew_read_tool_report(sim, handle, &mut report));
         assert_eq!(report.force, [0.0; 3]);
 
+        // a room that the slab fits in, wherever it may go
+        let hall = sized!(sinew_part { shape: SINEW_SPHERE, radius: 9.0 });
+        let room = c("room");
+        let mut hollow = sized!(sinew_tool {
+            flags: SINEW_CAVITY,
+            name: room.as_ptr(),
+            parts: &hall,
+            part_count: 1,
+        });
+        ok(sinew_tool_add(sim, &hollow, &mut other));
+        ok(sinew_step(sim, 1));
+        ok(sinew_read_tool_report(sim, other, &mut report));
+        assert_eq!((report.force, report.drawn_in), ([0.0; 3], 0.0));
+        let floor = sized!(sinew_part { shape: SINEW_HALF_SPACE });
+        hollow.parts = &floor;
+        assert_ne!(sinew_tool_add(sim, &hollow, &mut other), SINEW_OK);
+
         ok(sinew_pick(sim, [0.05, 0.04, 1.0].as_ptr(), [0.0, 0.0, -1.0].as_ptr(), &mut pick));
         assert_eq!((pick.hit, pick.body), (1, body));
         let hand = sized!(sinew_pull {

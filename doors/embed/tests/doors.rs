@@ -171,6 +171,7 @@ fn tools_press_grip_and_report_their_parts() {
         shape: Shape::Box { half: DVec3::new(0.02, 0.005, 0.01), rounding: 0.002 },
         at: DVec3::new(0.03, 0.02 * side, 0.0),
         rotation: DQuat::IDENTITY,
+        cavity: false,
         jaw: 0.5 * side,
     };
     let start =

@@ -211,6 +211,7 @@ pub struct PartIn {
     mesh: Option<Py<Mesh>>,
     at: Vec3,
     rotation: [f64; 4],
+    cavity: bool,
     jaw: f64,
 }
 
@@ -228,7 +229,7 @@ impl PartIn {
             (kind, ..) => return Err(invalid(format!("unknown shape `{kind}`"))),
         };
         let (at, rotation) = (vec3(self.at), turn(self.rotation)?);
-        Ok(Part { shape, at, rotation, jaw: self.jaw })
+        Ok(Part { shape, at, rotation, cavity: self.cavity, jaw: self.jaw })
     }
 }
 

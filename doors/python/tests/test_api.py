@@ -120,8 +120,11 @@ def test_tools_feel_what_bodies_feel():
     table = sim.add_tool("table", sinew.HalfSpace(), (0, 0, -1), on=body, points="vertex")
     rod = sim.add_tool("rod", [sinew.Capsule(0.05, 0.004)], (0, 0, 1), by=(0, 0, -0.1), over=(0, 1), points=3)
     form = sim.add_tool("form", sinew.Field(sinew.generate("box", size=(0.02, 0.02, 0.02), cells=(2, 2, 2))), (0, 0, 2))
+    sim.add_tool("room", sinew.Part(sinew.Sphere(5.0), cavity=True))
+    with pytest.raises(sinew.ArgumentError, match="turn its normal round"):
+        sim.add_tool("floor", sinew.Part(sinew.HalfSpace(), cavity=True))
     sim.step()
-    assert list(sim.tools) == ["grasper", "table", "rod", "form"]
+    assert list(sim.tools) == ["grasper", "table", "rod", "form", "room"]
     assert table.force.shape == rod.force.shape == form.force.shape == (3,)
 
 

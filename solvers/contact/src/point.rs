@@ -13,7 +13,8 @@
 
 use crate::beside::{NearFaces, beside};
 use crate::limits::Limits;
-use crate::shape::Shape;
+use crate::skin::{grown, overlap};
+use crate::tool::Part;
 use glam::{DMat3, DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 use sinew_engine::order::Order;
@@ -167,7 +168,7 @@ pub(crate) struct Side {
 /// A part of a tool in this step.
 #[derive(Clone, Debug)]
 pub(crate) struct PartNow {
-    pub shape: Shape,
+    pub of: Part,
     /// Index into the tools of the step.
     pub tool: usize,
     pub start: RigidPose,
@@ -467,10 +468,28 @@ impl ContactPoint {
 }
 
 impl PartNow {
+    /// The axis-parallel box (m) of the part in some pose.
+    pub fn bounds(&self, pose: &RigidPose) -> [DVec3; 2] {
+        self.of.bounds(pose.centre, pose.rotation)
+    }
+
+    /// Most (m) that a point of it moves in the step.
+    pub fn longest_way(&self) -> f64 {
+        let shift = self.start.centre.distance(self.end.centre);
+        let reach = self.of.shape.reach();
+        let angle = self.start.rotation.angle_between(self.end.rotation);
+        if reach.is_finite() { shift + angle * reach } else { shift }
+    }
+
+    /// Where the part may be in the step.
+    pub fn reach(&self) -> Reach<'_> {
+        let longest = self.longest_way();
+        Reach { part: self, bounds: grown(self.bounds(&self.end), longest), longest }
+    }
+
     /// Signed distance (m) of a point in the world from the part in some pose, and its gradient.
     fn nearest(&self, at: DVec3, pose: &RigidPose) -> (f64, DVec3) {
-        let (distance, gradient) =
-            self.shape.distance(pose.rotation.inverse() * (at - pose.centre));
+        let (distance, gradient) = self.of.distance(pose.rotation.inverse() * (at - pose.centre));
         (distance, pose.rotation * gradient)
     }
 
@@ -485,7 +504,7 @@ impl PartNow {
             let RigidPose { centre, rotation } = self.now;
             let inverse = rotation.inverse();
             let along = inverse * direction;
-            let (way, exit) = self.shape.way_out(inverse * (at - centre), along);
+            let (way, exit) = self.of.shape.way_out(inverse * (at - centre), along);
             let slope = exit.dot(along);
             if slope > GRAZING {
                 return (self.drawn_in - way, rotation * (exit / slope));
@@ -496,7 +515,7 @@ impl PartNow {
 
     /// Second derivatives (1/m) of the distance, by differences of its gradient.
     pub fn curvature(&self, at: DVec3, side: &Side) -> DMat3 {
-        let thickness = self.shape.thickness();
+        let thickness = self.of.shape.thickness();
         if !thickness.is_finite() {
             return DMat3::ZERO;
         }
@@ -506,6 +525,29 @@ impl PartNow {
         };
         let curvature = DMat3::from_cols(slope(DVec3::X), slope(DVec3::Y), slope(DVec3::Z));
         0.5 * (curvature + curvature.transpose())
+    }
+}
+
+/// Where a part may be in a step.
+pub(crate) struct Reach<'a> {
+    part: &'a PartNow,
+    bounds: [DVec3; 2],
+    longest: f64,
+}
+
+impl Reach<'_> {
+    /// Whether the part may meet what is in a box (m) all through the step.
+    pub fn meets(&self, of: &[DVec3; 2]) -> bool {
+        let Self { part, bounds, longest } = self;
+        let near = || {
+            // distances grow by no more than the way; those of meshes by a cell more, where sides meet
+            let (centre, radius) = (0.5 * (of[0] + of[1]), 0.5 * of[0].distance(of[1]));
+            let distance = part.nearest(centre, &part.end).0;
+            // false for a box that is not finite
+            let apart = distance > radius + longest + part.of.shape.cell();
+            !apart
+        };
+        overlap(of, bounds) && (!part.of.cavity || near())
     }
 }
 
@@ -523,7 +565,10 @@ impl Side {
 mod tests {
     use super::*;
     use crate::beside::NearFacet;
+    use crate::field::DistanceField;
+    use crate::shape::Shape;
     use proptest::prelude::*;
+    use sinew_engine::mesh::generate::sphere_tets;
 
     const FACES: NearFaces = {
         const ALL: [NearFacet; 3] = {
@@ -539,13 +584,26 @@ mod tests {
         NearFaces { all: &ALL, moved: 0.0 }
     };
 
-    fn part(shape: Shape, turn: f64) -> PartNow {
+    fn part(of: Part, turn: f64) -> PartNow {
         let pose = |turn: f64, centre| RigidPose {
             centre,
             rotation: DQuat::from_xyzw(0.1 * turn, -0.2, 0.3 * turn, 0.9).normalize(),
         };
         let (start, end) = (pose(0.5, DVec3::new(0.1, 0.0, 0.2)), pose(turn, DVec3::ZERO));
-        PartNow { shape, tool: 0, start, end, now: end, drawn_in: 0.0 }
+        PartNow { of, tool: 0, start, end, now: end, drawn_in: 0.0 }
+    }
+
+    /// Cavities of all shapes, about 1 m wide.
+    fn cavities() -> Vec<Part> {
+        let mesh = sphere_tets(0.45, 4).unwrap();
+        let field = DistanceField::cached(&mesh.points, &mesh.surface().triangles, Some(0.06));
+        let shapes = [
+            Shape::Sphere { radius: 0.4 },
+            Shape::Capsule { half_length: 0.2, radius: 0.3 },
+            Shape::Box { half: DVec3::new(0.3, 0.4, 0.5), rounding: 0.1 },
+            Shape::Field(field.unwrap()),
+        ];
+        shapes.map(|shape| Part { cavity: true, ..shape.into() }).to_vec()
     }
 
     fn point(against: Against, friction: f64) -> ContactPoint {
@@ -604,6 +662,9 @@ mod tests {
             (Shape::Box { half: DVec3::new(0.7, 0.8, 0.9), rounding: 0.4 }, false),
             (Shape::HalfSpace, true),
         ];
+        let hollow = cavities().into_iter().map(|part| (part, false));
+        let parts: Vec<(Part, bool)> =
+            shapes.into_iter().map(|(shape, exact)| (shape.into(), exact)).chain(hollow).collect();
         let (mut checked, mut slipped) = (0, 0);
         let mut seed = 11_u64;
         let mut random = || {
@@ -611,9 +672,9 @@ mod tests {
             (seed >> 11) as f64 / (1_u64 << 53) as f64 - 0.5
         };
         for _ in 0..400 {
-            for (shape, exact) in &shapes {
+            for (of, exact) in &parts {
                 for friction in [0.0, 0.05, 5.0] {
-                    let parts = [part(shape.clone(), random())];
+                    let parts = [part(of.clone(), random())];
                     let mut point = point(Against::Part(0), friction);
                     let mut places = [DVec3::ZERO; 5];
                     places[0] = 1.4 * DVec3::new(random(), random(), random());
@@ -626,7 +687,50 @@ mod tests {
                 }
             }
         }
-        assert!(checked > 500 && slipped > 50, "{checked} {slipped}");
+        assert!(checked > 1000 && slipped > 100, "{checked} {slipped}");
+    }
+
+    /// Pushed back from anywhere, and told apart from what is well inside by the boxes of the broad phase.
+    #[test]
+    fn cavities_push_back_from_anywhere_and_pass_over_what_is_well_inside() {
+        let mut seed = 5_u64;
+        let mut random = || {
+            seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+            (seed >> 11) as f64 / (1_u64 << 53) as f64 - 0.5
+        };
+        let mut passed = [0; 4];
+        for (of, passed) in cavities().into_iter().zip(&mut passed) {
+            let own = PartNow { start: part(of.clone(), 0.6).end, ..part(of, 0.5) };
+            let reach = own.reach();
+            let inner = own.of.shape.reach();
+            for i in 0..3000 {
+                let middle = 1.2 * DVec3::new(random(), random(), random());
+                let half = DVec3::new(random(), random(), random()).abs() * 0.15;
+                let met = reach.meets(&[middle - half, middle + half]);
+                *passed += u32::from(!met);
+                let at = middle + 2.0 * half * DVec3::new(random(), random(), random());
+                let (gap, gradient) = own.gap(at, &Side::default());
+                assert!(met || gap > own.longest_way(), "{:?}: {at} {gap}", own.of);
+                assert!(gap < inner, "{gap}");
+                // far outside the way back is as long as it is for a ball of the same reach, a diagonal of a grid's box less
+                let far = at.normalize() * libm::exp2(f64::from(i % 40));
+                let (gap, gradient_there) = own.gap(far, &Side::default());
+                let way = far.length();
+                assert!(
+                    gap < 0.0 && -gap <= way && -gap >= (way - inner) / 2.0_f64.sqrt(),
+                    "{far} {gap}"
+                );
+                assert!(
+                    gradient_there.dot(far) < -0.6 * way,
+                    "{:?}: {far} {gradient_there}",
+                    own.of
+                );
+                // the field bends between its grid points
+                let length = gradient.length();
+                assert!((length - 1.0).abs() < 1e-12 || own.of.shape.cell() > 0.0, "{length}");
+            }
+        }
+        assert!(passed.iter().all(|n| *n > 100), "{passed:?}");
     }
 
     proptest! {
@@ -666,7 +770,7 @@ mod tests {
 
     #[test]
     fn what_friction_keeps_is_below_its_limit_and_what_it_takes_is_positive() {
-        let parts = [part(Shape::HalfSpace, 0.0)];
+        let parts = [part(Shape::HalfSpace.into(), 0.0)];
         let mut point = point(Against::Part(0), 0.2);
         let normal = parts[0].now.rotation * DVec3::Z;
         let at = -0.1 * normal;

@@ -318,7 +318,9 @@ impl ContactSet {
                     let own = &parts[*index];
                     point.slip = own.start.turn(point.memory.slip, &own.now);
                     point.carried = own.start.carry(point.start, &own.now);
-                    let keeps = self.tools[own.tool].tool.keeps_side && point.memory.pressure > 0.0;
+                    let keeps = self.tools[own.tool].tool.keeps_side
+                        && !own.of.cavity
+                        && point.memory.pressure > 0.0;
                     let normal = own.start.turn(point.memory.normal, &own.now);
                     point.side.normal = if keeps { normal } else { DVec3::ZERO };
                     point.choose_side(own);

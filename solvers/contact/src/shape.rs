@@ -166,6 +166,11 @@ impl Shape {
         }
     }
 
+    /// Distance (m) of the points between which its distance is interpolated; 0 where it is known.
+    pub(crate) fn cell(&self) -> f64 {
+        if let Self::Field(field) = self { field.spacing() } else { 0.0 }
+    }
+
     /// The axis-parallel box (m) that holds it when it stands at `centre`, turned by `rotation`; infinite for a
     /// half-space.
     pub fn bounds(&self, centre: DVec3, rotation: DQuat) -> [DVec3; 2] {

@@ -201,13 +201,13 @@ impl ContactSkin {
         self.normals = normals.into_iter().map(DVec3::normalize_or_zero).collect();
     }
 
-    /// Calls `f` with the places in `rows` of all vertices whose blocks reach into a box.
-    pub fn near(&self, of: &[DVec3; 2], mut f: impl FnMut(usize)) {
-        if !overlap(&self.hull, of) {
+    /// Calls `f` with the places in `rows` of all vertices whose blocks meet something by their boxes (m).
+    pub fn near(&self, meets: impl Fn(&[DVec3; 2]) -> bool, mut f: impl FnMut(usize)) {
+        if !meets(&self.hull) {
             return;
         }
         for (block, own) in self.boxes.iter().enumerate() {
-            if overlap(own, of) {
+            if meets(own) {
                 let end = ((block + 1) * BLOCK).min(self.rows.len());
                 (block * BLOCK..end).for_each(&mut f);
             }

@@ -40,13 +40,13 @@ pub fn standing(
     for (i, part) in tool.parts.iter().enumerate() {
         let (centre, rotation) = tool.part_pose(i, pose);
         let inverse = rotation.inverse();
-        let gap = |x: DVec3| part.shape.distance(inverse * (x - centre)).0;
+        let gap = |x: DVec3| part.distance(inverse * (x - centre)).0;
         for [a, b, c] in triangles.iter().map(corners) {
             let own =
                 [a, b, c].into_iter().chain(places.iter().map(|w| a * w[0] + b * w[1] + c * w[2]));
             nearest = own.map(gap).fold(nearest, f64::min);
         }
-        inside |= part.shape.reach().is_finite() && encloses(centre, triangles.iter().map(corners));
+        inside |= part.is_bounded() && encloses(centre, triangles.iter().map(corners));
     }
     match nearest {
         gap if gap <= 0.0 => Standing::Touching { depth: -gap },

@@ -60,7 +60,7 @@ impl ToolPose {
     }
 }
 
-/// A rigid part of a tool.
+/// A rigid part of a tool: a solid, or with `cavity` a hollow one round the bodies.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Part {
     /// Its shape.
@@ -69,6 +69,9 @@ pub struct Part {
     pub at: DVec3,
     /// Rotation of the shape in the frame of the tool.
     pub rotation: DQuat,
+    /// The shape is hollow: bodies may not leave its inside, as organs the abdomen. Of several cavities they have to be in all.
+    /// A half-space is none.
+    pub cavity: bool,
     /// Share of the opening angle by which it turns about the hinge: 0 for a part that is no jaw, 0.5 and -0.5 for
     /// two jaws, 1 for a single one.
     pub jaw: f64,
@@ -76,7 +79,49 @@ pub struct Part {
 
 impl From<Shape> for Part {
     fn from(shape: Shape) -> Self {
-        Self { shape, at: DVec3::ZERO, rotation: DQuat::IDENTITY, jaw: 0.0 }
+        Self { shape, at: DVec3::ZERO, rotation: DQuat::IDENTITY, cavity: false, jaw: 0.0 }
+    }
+}
+
+impl Part {
+    /// Signed distance (m) at `y` (m, in the frame of the shape) from where no body may be, negative there, and its
+    /// gradient.
+    #[inline]
+    pub fn distance(&self, y: DVec3) -> (f64, DVec3) {
+        let (distance, gradient) = self.shape.distance(y);
+        if self.cavity { (-distance, -gradient) } else { (distance, gradient) }
+    }
+
+    /// Whether it fills a bounded place: what is neither a cavity nor a half-space.
+    pub fn is_bounded(&self) -> bool {
+        !self.cavity && !matches!(self.shape, Shape::HalfSpace)
+    }
+
+    /// The axis-parallel box (m) that holds all places where no body may be, when the shape stands at `centre`, turned by
+    /// `rotation`; infinite for a cavity and a half-space.
+    pub fn bounds(&self, centre: DVec3, rotation: DQuat) -> [DVec3; 2] {
+        match self.cavity {
+            true => [DVec3::NEG_INFINITY, DVec3::INFINITY],
+            false => self.shape.bounds(centre, rotation),
+        }
+    }
+
+    /// The error in it, if there is one.
+    fn problem(&self) -> Option<String> {
+        if let Some(problem) = self.shape.problem() {
+            return Some(problem);
+        }
+        if self.cavity && self.shape == Shape::HalfSpace {
+            return Some(
+                "a half-space has no inside that could be a cavity: turn its normal round instead"
+                    .into(),
+            );
+        }
+        if !(self.at.is_finite() && self.jaw.is_finite()) {
+            return Some("its place is not finite".into());
+        }
+        ((self.rotation.length() - 1.0).abs() > 1e-6 || self.rotation.is_nan())
+            .then(|| format!("{} is no rotation of length one", self.rotation))
     }
 }
 
@@ -120,7 +165,7 @@ pub enum ToolMotion {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Points {
-    /// Vertices where the tool is thick beside the edges of the surface, else points on faces (default).
+    /// Vertices where the tool is thick beside the edges of the surface, or a cavity, else points on faces (default).
     #[default]
     Auto,
     /// Vertices, each with its share in the rest areas of the faces round it.
@@ -191,7 +236,7 @@ pub struct Tool {
     /// and vertices as points.
     pub exact: bool,
     /// A point that was pushed out through one side stays on it however deep the tool goes (default). Without, it
-    /// leaves through the nearest side.
+    /// leaves through the nearest side, as it always does into a cavity.
     pub keeps_side: bool,
     /// Also finds the force by points of the other kind ([`ToolReport::other_points`]). It is no bound on the error.
     pub error_bar: bool,
@@ -268,6 +313,12 @@ impl Tool {
         Self::of_parts(name, vec![Shape::HalfSpace.into()], start)
     }
 
+    /// A cavity at rest: the inside of a shape whose centre is at `position` (m), which bodies may not leave.
+    pub fn cavity(name: impl Into<String>, shape: Shape, position: DVec3) -> Self {
+        let part = Part { cavity: true, ..shape.into() };
+        Self::of_parts(name, vec![part], position.into())
+    }
+
     /// With a coefficient of friction.
     #[must_use]
     pub fn with_friction(mut self, coefficient: f64) -> Self {
@@ -309,7 +360,7 @@ impl Tool {
     }
 
     /// Puts the tool somewhere else at once, without touching anything on the way. Where it then reaches into a body, it
-    /// is drawn in, and grows again by 0.1 m/s, at most half a mean edge a step. That speed is the same for a body of any
+    /// is drawn in (a cavity is widened to what is outside), and grows again by 0.1 m/s, at most half a mean edge a step. That speed is the same for a body of any
     /// size: how hard the body is pushed meanwhile depends on its size in metres.
     ///
     /// # Errors
@@ -344,14 +395,8 @@ impl Tool {
             let of = |problem: String| {
                 if self.parts.len() == 1 { problem } else { format!("part {i}: {problem}") }
             };
-            if let Some(problem) = part.shape.problem() {
+            if let Some(problem) = part.problem() {
                 return Some(of(problem));
-            }
-            if !(part.at.is_finite() && part.jaw.is_finite()) {
-                return Some(of("its place is not finite".into()));
-            }
-            if (part.rotation.length() - 1.0).abs() > 1e-6 || part.rotation.is_nan() {
-                return Some(of(format!("{} is no rotation of length one", part.rotation)));
             }
             if part.jaw != 0.0
                 && !(self.hinge.point.is_finite() && self.hinge.axis.try_normalize().is_some())
@@ -486,8 +531,9 @@ pub struct ToolReport {
     pub slipping: u32,
     /// Distance (m) to its target, where its way was longer than the substeps of a step can follow.
     pub lag: f64,
-    /// How far (m) the surfaces of its shapes are drawn in, because it appeared partly inside of a body. A tool wholly
-    /// inside touches nothing, and is counted as buried.
+    /// How far (m) the surfaces of its shapes are drawn in, because it appeared partly inside of a body; of a cavity how
+    /// far they are widened, because it appeared with tissue outside. A tool wholly inside touches nothing, and is counted
+    /// as buried.
     pub drawn_in: f64,
     /// A part of it went through the surface of a body, and touches nothing of that body until it is out.
     pub pierced: bool,

@@ -151,7 +151,7 @@ fn of_tool(built: &BuiltScene, own: &BuiltTool, on: Option<&str>, end: f64) -> V
     let subject = || format!("tool `{}`", own.name);
     let mut found = Vec::new();
     let largest = bodies().filter_map(bounds).map(size).fold(0.0, f64::max);
-    let finite = tool.parts.iter().filter(|part| !matches!(part.shape, Shape::HalfSpace));
+    let finite = tool.parts.iter().filter(|part| part.is_bounded());
     let reach = finite.map(|part| part.shape.reach()).fold(0.0, f64::max);
     if reach > LARGE * largest {
         found.push(warning(
@@ -182,21 +182,27 @@ fn of_tool(built: &BuiltScene, own: &BuiltTool, on: Option<&str>, end: f64) -> V
 /// A tool that stands in a body at the start.
 fn starts_inside(tool: &Tool, body: &BuiltBody, subject: String) -> Option<Warning> {
     let statistics = &body.report.statistics;
-    let (mut count, mut deepest) = (0, 0.0_f64);
+    let (mut count, mut deepest, mut hollow) = (0, 0.0_f64, false);
     let within = SHALLOW * statistics.smallest_altitude;
     for part in 0..tool.parts.len() {
         let (centre, turn) = tool.part_pose(part, &tool.start);
-        let shape = &tool.parts[part].shape;
+        let own = &tool.parts[part];
         for &v in &body.used_vertices {
             let local = turn.inverse() * (body.mesh.points[v as usize] - centre);
-            let depth = -shape.distance(local).0;
+            let depth = -own.distance(local).0;
             count += usize::from(depth > within);
-            deepest = deepest.max(depth);
+            if depth > deepest {
+                (deepest, hollow) = (depth, own.cavity);
+            }
         }
     }
+    let (side, remedy) = match hollow {
+        true => ("outside", "let bodies start in the cavity, or say `on` which it holds"),
+        false => ("inside", "let it start outside and move in"),
+    };
     let message = if count > 0 {
         format!(
-            "{count} vertices of body `{}` are inside of it at the start, up to {} m deep",
+            "{count} vertices of body `{}` are {side} of it at the start, up to {} m deep",
             body.name,
             short(deepest)
         )
@@ -205,7 +211,7 @@ fn starts_inside(tool: &Tool, body: &BuiltBody, subject: String) -> Option<Warni
     } else {
         return None;
     };
-    Some(warning("scene.tool.inside", subject, message, "let it start outside and move in"))
+    Some(warning("scene.tool.inside", subject, message, remedy))
 }
 
 /// Whether the centre of a part lies in the solid.
@@ -213,7 +219,7 @@ fn swallowed(tool: &Tool, body: &BuiltBody) -> bool {
     if !body.mesh.is_solid() {
         return false;
     }
-    let finite = |&part: &usize| !matches!(tool.parts[part].shape, Shape::HalfSpace);
+    let finite = |&part: &usize| tool.parts[part].is_bounded();
     let mut centres =
         (0..tool.parts.len()).filter(finite).map(|part| tool.part_pose(part, &tool.start).0);
     let Some([low, high]) = bounds(body) else { return false };
@@ -262,7 +268,7 @@ fn never_touches(
             }),
             _ => {
                 let boxes: Vec<Bounds> =
-                    places.iter().map(|(centre, turn)| own.shape.bounds(*centre, *turn)).collect();
+                    places.iter().map(|(centre, turn)| own.bounds(*centre, *turn)).collect();
                 let swept = boxes.windows(2).map(|pair| joined(pair[0], pair[1]));
                 swept.chain(boxes.first().copied()).any(|b| reached.iter().any(|r| meets(&b, r)))
             }

@@ -88,8 +88,8 @@ pub(super) fn tool(
 fn parts(key: &Key, entry: &ToolEntry) -> Result<(Vec<Part>, String), SceneError> {
     let own = entry.shape_keys();
     if entry.parts.is_empty() {
-        let (shape, turn, words) = shape(key, &own)?;
-        return Ok((vec![Part { rotation: turn, ..Part::from(shape) }], words));
+        let (part, words) = shape(key, &own)?;
+        return Ok((vec![part], words));
     }
     if let Some(name) = given(&own).into_iter().find_map(|(name, given)| given.then_some(name)) {
         let found = format!("both `{name}` and `parts` are given");
@@ -101,12 +101,12 @@ fn parts(key: &Key, entry: &ToolEntry) -> Result<(Vec<Part>, String), SceneError
     let mut parts = Vec::new();
     for (i, part) in entry.parts.iter().enumerate() {
         let key = key.at("parts").entry(i);
-        let (shape, turn, own) = shape(&key, &part.shape_keys())?;
+        let (shaped, own) = shape(&key, &part.shape_keys())?;
         let at = key.at("at").finite(part.at.unwrap_or_default())?;
         let jaw = part.jaw.unwrap_or(0.0);
         key.at("jaw").finite([jaw])?;
-        let rotation = turned(&key, part.rotate.as_ref())? * turn;
-        parts.push(Part { shape, at, rotation, jaw });
+        let rotation = turned(&key, part.rotate.as_ref())? * shaped.rotation;
+        parts.push(Part { at, rotation, jaw, ..shaped });
         words.push(own);
     }
     Ok((parts, words.join(" and ")))
@@ -148,7 +148,7 @@ fn hinge(key: &Key, entry: &ToolEntry, parts: &[Part]) -> Result<Hinge, SceneErr
 }
 
 /// Keys of a shape, and whether they are given.
-fn given(keys: &PartEntry) -> [(&'static str, bool); 9] {
+fn given(keys: &PartEntry) -> [(&'static str, bool); 10] {
     [
         ("shape", keys.shape.is_some()),
         ("radius", keys.radius.is_some()),
@@ -159,23 +159,30 @@ fn given(keys: &PartEntry) -> [(&'static str, bool); 9] {
         ("file", keys.file.is_some()),
         ("scale", keys.scale.is_some()),
         ("spacing", keys.spacing.is_some()),
+        ("cavity", keys.cavity.is_some()),
     ]
 }
 
-/// A shape, its rotation in its part, and the same in words.
-fn shape(key: &Key, keys: &PartEntry) -> Result<(Shape, DQuat, String), SceneError> {
+/// A part that stands at its origin, and the same in words.
+fn shape(key: &Key, keys: &PartEntry) -> Result<(Part, String), SceneError> {
     let Some(kind) = keys.shape else {
         let remedy =
             "give \"sphere\", \"capsule\", \"box\", \"half-space\" or \"mesh\", or `parts`";
         return Err(key.at("shape").missing("key `shape`", remedy));
     };
     let (word, own): (&str, &[&str]) = match kind {
-        ToolShape::Sphere => ("sphere", &["radius"]),
-        ToolShape::Capsule => ("capsule", &["half_length", "radius"]),
-        ToolShape::Box => ("box", &["half", "rounding"]),
+        ToolShape::Sphere => ("sphere", &["radius", "cavity"]),
+        ToolShape::Capsule => ("capsule", &["half_length", "radius", "cavity"]),
+        ToolShape::Box => ("box", &["half", "rounding", "cavity"]),
         ToolShape::HalfSpace => ("half-space", &["normal"]),
-        ToolShape::Mesh => ("mesh", &["file", "scale", "spacing"]),
+        ToolShape::Mesh => ("mesh", &["file", "scale", "spacing", "cavity"]),
     };
+    let cavity = keys.cavity.unwrap_or(false);
+    if cavity && kind == ToolShape::HalfSpace {
+        let found = "a half-space has no inside that could be a cavity";
+        let remedy = "turn its `normal` round, and leave `cavity` out";
+        return Err(key.at("cavity").value(found, remedy));
+    }
     let foreign = given(keys).into_iter().skip(1).find(|(name, is)| *is && !own.contains(name));
     if let Some((name, _)) = foreign {
         let found = format!("`{name}` for shape \"{word}\"");
@@ -188,7 +195,10 @@ fn shape(key: &Key, keys: &PartEntry) -> Result<(Shape, DQuat, String), SceneErr
     let size = |name: &str, what: &str, value: Option<f64>| {
         key.at(name).positive(value.ok_or_else(|| needed(name))?, what, "m")
     };
-    let plain = |shape, words| Ok((shape, DQuat::IDENTITY, words));
+    let plain = |shape, words: String| {
+        let words = if cavity { format!("inside of a {words}") } else { words };
+        Ok((Part { cavity, ..Part::from(shape) }, words))
+    };
     match kind {
         ToolShape::Sphere => {
             let radius = size("radius", "the radius", keys.radius)?;
@@ -228,9 +238,10 @@ fn shape(key: &Key, keys: &PartEntry) -> Result<(Shape, DQuat, String), SceneErr
             let own = key.at("normal");
             let unit = own.finite(normal)?.try_normalize();
             let unit = unit.ok_or_else(|| own.value("it has no length", "give a direction"))?;
-            let turn = DQuat::from_rotation_arc(DVec3::Z, unit);
+            let rotation = DQuat::from_rotation_arc(DVec3::Z, unit);
             let [x, y, z] = unit.to_array().map(short);
-            Ok((Shape::HalfSpace, turn, format!("half-space with normal [{x}, {y}, {z}]")))
+            let words = format!("half-space with normal [{x}, {y}, {z}]");
+            Ok((Part { rotation, ..Part::from(Shape::HalfSpace) }, words))
         }
         ToolShape::Mesh => {
             let file = keys.file.as_deref().ok_or_else(|| needed("file"))?;

@@ -90,7 +90,8 @@ impl Tools {
             };
             for (i, part) in tool.parts.iter().enumerate() {
                 let shape = *self.known.entry((entity, i)).or_insert_with(|| {
-                    self.shapes.push(rigid(&part.shape));
+                    let shape = rigid(&part.shape);
+                    self.shapes.push(if part.cavity { shape.hollow() } else { shape });
                     self.shapes.len() as u32 - 1
                 });
                 placed.push(place(shape, tool.part_pose(i, &pose)));

@@ -49,6 +49,8 @@ macro_rules! shaped {
             pub scale: Option<f64>,
             /// Distance (m) of the grid points that hold the distance to it.
             pub spacing: Option<f64>,
+            /// Bodies may not leave its inside; default false.
+            pub cavity: Option<bool>,
             $($(#[$field_about])* pub $field: $type,)*
         }
 
@@ -65,6 +67,7 @@ macro_rules! shaped {
                     file: self.file.clone(),
                     scale: self.scale,
                     spacing: self.spacing,
+                    cavity: self.cavity,
                     ..PartEntry::default()
                 }
             }

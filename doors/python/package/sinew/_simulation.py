@@ -135,7 +135,8 @@ def _part(own: Part | Shape) -> _Spec:
     else:
         raise TypeError(f"{shape!r} is no shape; use Sphere, Capsule, Box, HalfSpace or Field")
     at, rotation = vector("at", part.at), vector("rotation", part.rotation, 4)
-    return _Spec(kind=kind, numbers=numbers, mesh=mesh, at=at, rotation=rotation, jaw=float(part.jaw))
+    own = {"at": at, "rotation": rotation, "cavity": bool(part.cavity), "jaw": float(part.jaw)}
+    return _Spec(kind=kind, numbers=numbers, mesh=mesh, **own)
 
 
 def _tool_pose(position: ArrayLike, rotation: ArrayLike, opening: float) -> Any:
@@ -792,7 +793,8 @@ class Simulation:
 
         It stays where ``Tool.move`` and ``Tool.place`` say, follows a ``path``, or goes ``by`` a translation (m) as ``over`` or
         ``curve`` say. ``hinge``: point (m) and axis of jaws. ``points`` that touch: "auto", "vertex", or 2 to 8 for points on
-        faces. ``exact``: no penetration. ``on``: touches one body, or some faces of it, alone."""
+        faces. ``exact``: no penetration. ``on``: touches one body, or some faces of it, alone. ``Part(shape, cavity=True)`` keeps
+        bodies inside."""
         several = parts if isinstance(parts, Sequence) else [parts]
         if isinstance(on, Body):
             on = (on, on.faces())

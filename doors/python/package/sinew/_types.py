@@ -229,6 +229,10 @@ class Part:
     jaw: float = 0.0
     """Share of the opening by which it turns about the hinge: 0.5 and -0.5 for two jaws."""
 
+    cavity: bool = False
+    """It is hollow: bodies may not leave its inside, as organs the abdomen; of several cavities they have to be in all. A half-space
+    is none."""
+
 
 @dataclass(frozen=True)
 class Pose:

@@ -64,7 +64,7 @@ impl ContactSet {
                 let (start, end) = (rigid(&start), rigid(&end));
                 let drawn_in = known.filter(|_| !appears).and_then(|k| k.drawn_in.get(i)).copied();
                 self.parts.push(PartNow {
-                    shape: tool.parts[i].shape.clone(),
+                    of: tool.parts[i].clone(),
                     tool: self.tools.len(),
                     start,
                     end,
@@ -187,7 +187,7 @@ impl ContactSet {
             let now = &self.tools[index];
             let mut share = 1.0_f64;
             for part in &self.parts[now.parts.clone()] {
-                let way = longest_way(part);
+                let way = part.longest_way();
                 let most = self.longest_step(part);
                 if way > most && self.meets(part, now) {
                     share = share.min(most / way);
@@ -207,7 +207,7 @@ impl ContactSet {
     /// Most (m) that a part may move at once.
     fn longest_step(&self, part: &PartNow) -> f64 {
         let edge = self.skins.iter().map(|known| known.skin.edge).fold(0.0, f64::max);
-        let thickness = part.shape.thickness();
+        let thickness = part.of.shape.thickness();
         LONGEST_WAY[usize::from(thickness < edge)] * thickness
     }
 
@@ -239,7 +239,7 @@ impl ContactSet {
         let mut at = Vec::new();
         for now in self.tools.iter().filter(|now| !now.appears) {
             for part in &self.parts[now.parts.clone()] {
-                let ways = longest_way(part) / self.longest_step(part);
+                let ways = part.longest_way() / self.longest_step(part);
                 if ways <= most {
                     continue;
                 }
@@ -267,17 +267,8 @@ impl ContactSet {
 
 /// The box (m) that a part passes in the step.
 fn swept(part: &PartNow) -> [DVec3; 2] {
-    let start = part.shape.bounds(part.start.centre, part.start.rotation);
-    let end = part.shape.bounds(part.end.centre, part.end.rotation);
+    let (start, end) = (part.bounds(&part.start), part.bounds(&part.end));
     [start[0].min(end[0]), start[1].max(end[1])]
-}
-
-/// Most (m) that a point of a part moves in the step.
-pub(super) fn longest_way(part: &PartNow) -> f64 {
-    let shift = part.start.centre.distance(part.end.centre);
-    let reach = part.shape.reach();
-    let angle = part.start.rotation.angle_between(part.end.rotation);
-    if reach.is_finite() { shift + angle * reach } else { shift }
 }
 
 /// All components of a kind, in order of creation.

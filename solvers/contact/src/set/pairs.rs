@@ -67,7 +67,8 @@ impl ContactSet {
         let common = [own.hull[0].max(other.hull[0]), own.hull[1].min(other.hull[1])];
         // vertices and faces near the common box
         let mut near = Vec::new();
-        own.near(&common, |i| {
+        let meets = |of: &[DVec3; 2]| overlap(of, &common);
+        own.near(meets, |i| {
             if overlap(&grown([own.at[i]; 2], own.way[i]), &common) {
                 near.push(i);
             }

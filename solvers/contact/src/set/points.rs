@@ -1,6 +1,5 @@
 //! The points that may be touched in the step to come: of surfaces near tools, of patches that hands pull on.
 
-use super::near::longest_way;
 use super::*;
 
 /// Share of the force between a part of a tool and a body by points that it met from inside, above which it is taken to have
@@ -47,7 +46,7 @@ impl ContactSet {
     /// Whether a part that touches nothing is wholly inside of a solid body. One that was told what to touch may be.
     fn is_buried(&self, tool: usize, part: usize, body: usize) -> bool {
         let (now, part, skin) = (&self.tools[tool], &self.parts[part], &self.skins[body].skin);
-        let [low, high] = part.shape.bounds(part.end.centre, part.end.rotation);
+        let [low, high] = part.bounds(&part.end);
         let within = skin.hull[0].cmple(low).all() && high.cmple(skin.hull[1]).all();
         now.tool.faces.is_none() && part.drawn_in == 0.0 && within && skin.encloses(part.end.centre)
     }
@@ -83,8 +82,7 @@ impl ContactSet {
     /// Normals of a surface that a part may touch.
     fn find_normals(&mut self, tool: usize, part: usize, body: usize) {
         let (now, part) = (&self.tools[tool], &self.parts[part]);
-        let reach = part.shape.bounds(part.end.centre, part.end.rotation);
-        if !overlap(&self.skin(now, body).hull, &grown(reach, longest_way(part))) {
+        if part.of.cavity || !part.reach().meets(&self.skin(now, body).hull) {
             return;
         }
         let key = (now.id, body);
@@ -98,9 +96,11 @@ impl ContactSet {
     pub(super) fn kind_of_points(&self, tool: usize, part: usize, body: usize) -> Points {
         let now = &self.tools[tool];
         let edge = self.skin(now, body).edge;
-        let thickness = self.parts[part].shape.thickness();
+        let part = &self.parts[part].of;
+        let thickness = part.shape.thickness();
         match now.tool.points {
-            Points::Auto if thickness >= DENSE * edge => Points::Vertex,
+            // the wall of a cavity meets vertices first
+            Points::Auto if thickness >= DENSE * edge || part.cavity => Points::Vertex,
             Points::Auto => {
                 let n = (DENSE * edge / thickness).ceil() as u32;
                 Points::Faces(n.clamp(2, MOST_POINTS))
@@ -116,9 +116,10 @@ impl ContactSet {
         for body in 0..self.skins.len() {
             let skin = self.skin(now, body);
             let part = &self.parts[part];
-            let own = part.shape.bounds(part.start.centre, part.start.rotation);
             let place = PartNow { now: part.start, drawn_in: 0.0, ..part.clone() };
-            skin.near(&own, |i| {
+            let reach = part.reach();
+            let meets = |of: &[DVec3; 2]| reach.meets(of);
+            skin.near(meets, |i| {
                 let depth = -place.gap(skin.at[i], &Side::default()).0;
                 if depth > INSIDE * skin.edge {
                     deepest = deepest.max(depth);
@@ -141,11 +142,11 @@ impl ContactSet {
         let mut least = f64::INFINITY;
         let (now, part) = (&self.tools[tool], &self.parts[part_index]);
         let skin = self.skin(now, body);
-        let longest = longest_way(part);
-        let reach = part.shape.bounds(part.end.centre, part.end.rotation);
-        let reach = grown(reach, longest);
-        let slack = longest + 1e-9 * skin.edge;
-        let thin = part.shape.thickness() < skin.edge;
+        let reach = part.reach();
+        let slack = part.longest_way() + 1e-9 * skin.edge;
+        let thin = part.of.shape.thickness() < skin.edge;
+        // from outside of a cavity the nearest side leads back
+        let keeps_side = now.tool.keeps_side && !part.of.cavity;
         let point = |(key_rows, number), own, outward, [area, young]: [f64; 2]| {
             let key = PointKey {
                 body: body as u32,
@@ -162,13 +163,13 @@ impl ContactSet {
                 friction: if now.tool.grip { f64::INFINITY } else { now.tool.friction },
                 memory: PointMemory { gripped: memory.gripped && now.tool.grip, ..memory },
                 multiplier: now.tool.exact.then_some(memory.pressure),
-                side: if now.tool.keeps_side { side } else { Side::default() },
+                side: if keeps_side { side } else { Side::default() },
                 ..ContactPoint::new(key, Against::Part(part_index), own, area, k)
             }
         };
         // points in faces, or vertices
         if let Points::Faces(n) = kind {
-            if !overlap(&skin.hull, &reach) {
+            if !reach.meets(&skin.hull) {
                 return least;
             }
             let places = [false, true].map(|four| face_points(n, four));
@@ -176,7 +177,7 @@ impl ContactSet {
                 let used = corners(local);
                 let x = local.map(|v| skin.at[v as usize]);
                 let (own, way) = skin.bounds(face);
-                if !overlap(&grown(own, way), &reach) {
+                if !reach.meets(&grown(own, way)) {
                     continue;
                 }
                 let rows = local.map(|v| skin.rows[v as usize]);
@@ -195,14 +196,15 @@ impl ContactSet {
                 }
             }
         } else {
-            skin.near(&reach, |i| {
+            let meets = |of: &[DVec3; 2]| reach.meets(of);
+            skin.near(meets, |i| {
                 let gap = part.gap(skin.at[i], &Side::default()).0;
                 if gap <= slack + skin.way[i] {
                     least = least.min(gap);
                     let row = skin.rows[i];
                     let id = ([row, NO_ROW, NO_ROW], 0);
                     let numbers = [skin.area[i], skin.young[i]];
-                    let outward = skin.normals[i];
+                    let outward = skin.normals.get(i).copied().unwrap_or_default();
                     points.push(point(id, alone(row), outward, numbers));
                 }
             });
