@@ -65,7 +65,7 @@ fn run_whole(name: &str, steps: Option<u64>) -> (RunSummary, Table) {
 }
 
 /// Scenes that ship.
-pub const SHIPPED: &str = "axes_block cantilever crush drag elements fibre_bar fit_bar flap grasp incompressible lattice liver liver_resection \
+pub const SHIPPED: &str = "abdomen axes_block cantilever crush drag elements fibre_bar fit_bar flap grasp incompressible lattice liver liver_resection \
     membrane_drum muscle_bar palpation press_flat probe_fast side_by_side slender_cylinder \
     static_beam two_organs ventricle ventricle_floor";
 
@@ -680,6 +680,38 @@ fn two_bodies_push_each_other_and_the_table_carries_both() {
     assert!(push.iter().any(|f| f.z < -0.3) && *push.last().unwrap() == DVec3::ZERO);
     let above = table.vector("above.mean_displacement", "m");
     assert!(above.last().unwrap().x > 0.03 && above.last().unwrap().z < -0.07, "{above:?}");
+}
+
+/// The cavity carries what the ligament and the duct do not, whatever the instruments do to the organs in it.
+#[test]
+fn organs_stay_in_the_abdomen_and_are_lifted_and_pressed() {
+    let (summary, table) = run_whole("abdomen", None);
+    let weight = 9.81 * summary.bodies.iter().map(|b| b.mass).sum::<f64>();
+    let of = |column: &str| {
+        let all = table.vector(column, "N");
+        move |t: f64| all[(t / 0.01_f64).round() as usize].z
+    };
+    let (abdomen, ligament, duct) =
+        (of("abdomen.tool_force"), of("ligament.reaction"), of("duct.pull_force"));
+    let (forceps, probe) = (of("forceps.tool_force"), of("probe.tool_force"));
+    // forces on tools and hands, and on the body by what holds it
+    let carried = |t: f64| ligament(t) - abdomen(t) - duct(t) - forceps(t) - probe(t);
+    for t in [1.0, 2.85, 3.98] {
+        assert!((carried(t) / weight - 1.0).abs() < 2e-3, "{t}: {} beside {weight}", carried(t));
+    }
+    assert!(
+        -abdomen(1.0) > 0.4 * weight && forceps(2.0) < -0.5,
+        "{} {}",
+        abdomen(1.0),
+        forceps(2.0)
+    );
+    assert!(probe(2.85) > 0.1 && probe(3.5) == 0.0 && forceps(3.9) == 0.0, "{}", probe(2.85));
+    let lobe = table.vector("lobe.mean_displacement", "m");
+    let lifted = lobe[210].z - lobe[110].z;
+    assert!(lifted > 0.008 && (lobe[399].z - lobe[110].z).abs() < 1e-3, "{lifted} {lobe:?}");
+    // as deep as the penalty lets it
+    assert!(table.column("abdomen.tool_depth (m)").iter().all(|&depth| depth < 1e-3));
+    assert_eq!(summary.volume.inverted_max, 0, "{summary}");
 }
 
 #[test]

@@ -376,17 +376,6 @@ fn what_cannot_touch_is_named_with_line_and_key() {
             &["rounding is 0.2 m", "0.1 m"],
         ),
         ((tool("shape = \"half-space\"\nnormal = [0, 0, 0]\nat = [0, 0, 1]"), 4), &["no length"]),
-        (
-            (tool("shape = \"half-space\"\ncavity = true\nat = [0, 0, 1]"), 4),
-            &["`tool[0].cavity`", "no inside", "turn its `normal` round"],
-        ),
-        (
-            (
-                tool("parts = [{ shape = \"sphere\", radius = 1 }]\ncavity = true\nat = [0, 0, 1]"),
-                4,
-            ),
-            &["both `cavity` and `parts`"],
-        ),
         ((tool("shape = \"sphere\"\nradius = 1.0"), 1), &["`tool[0].at`", "path"]),
         ((tool("shape = \"sphere\"\nradius = 1.0\npath = [[0, 0, 0]]"), 5), &["4 numbers", "5"]),
         (
@@ -439,6 +428,25 @@ fn what_cannot_touch_is_named_with_line_and_key() {
         let on = |l: &usize| message.contains(&format!("touch.toml, line {l}, "));
         assert!(lines.iter().any(on), "{entry}: {lines:?}: {message}");
     }
+}
+
+/// And what starts outside of one is told.
+#[test]
+fn cavities_without_an_inside_are_named() {
+    let built = |keys: &str| {
+        let text = format!("{BLOCK}[[tool]]\nname = \"t\"\nat = [0.03, 0.03, 0.0]\n{keys}\n");
+        build(&loaded(&text), &BuildOptions::default())
+    };
+    let refused = |keys: &str| built(keys).err().unwrap().to_string();
+    let found = refused("shape = \"half-space\"\ncavity = true");
+    says(&found, &["line 21, ", "`tool[0].cavity`", "no inside", "turn its `normal` round"]);
+    let found = refused("parts = [{ shape = \"sphere\", radius = 1 }]\ncavity = true");
+    says(&found, &["both `cavity` and `parts`"]);
+    let scene = built("shape = \"sphere\"\nradius = 0.02\ncavity = true").unwrap();
+    let told: Vec<String> = scene.warnings.iter().map(|w| format!("{w:?}")).collect();
+    says(&told.join("\n"), &["scene.tool.inside", "are outside of it", "say `on` which it holds"]);
+    let scene = built("shape = \"sphere\"\nradius = 1.0\ncavity = true").unwrap();
+    assert!(!scene.warnings.iter().any(|w| w.subject == "tool `t`"), "{:?}", scene.warnings);
 }
 
 #[test]

@@ -5,8 +5,8 @@
 //! step, so that line search and energy cap stay valid (Simo & Laursen 1992 integrate friction alike):
 //!
 //! * normal: `A k <-g>^2 / 2`, force `A p n`, tangent `A k n n^T`. What the curvature of the tool adds is left out: it
-//!   is small beside and negative. Behind an edge or vertex of another body the tangent is exact: `A k (1 - t t^T)`, `t` along
-//!   the edge, and `A k 1`.
+//!   is small beside, and negative but for cavities. Behind an edge or vertex of another body the tangent is exact:
+//!   `A k (1 - t t^T)`, `t` along the edge, and `A k 1`.
 //! * friction: slip `t = P (e + x - x_tool)` since the point began to stick, `P` the projection on the tangent plane,
 //!   `l = |t|`, `A s l^2 / 2` while `s l` is below the limit `f p` (`f`: friction), else `A (f p l - (f p)^2 / (2 s))`. `s` is
 //!   `k`, and a tenth of it between bodies: points then need not stick harder than the tissue under them.

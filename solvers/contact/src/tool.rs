@@ -165,7 +165,7 @@ pub enum ToolMotion {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Points {
-    /// Vertices where the tool is thick beside the edges of the surface, or a cavity, else points on faces (default).
+    /// Vertices where the tool is a cavity or thick beside the edges of the surface, else points on faces (default).
     #[default]
     Auto,
     /// Vertices, each with its share in the rest areas of the faces round it.
@@ -360,8 +360,9 @@ impl Tool {
     }
 
     /// Puts the tool somewhere else at once, without touching anything on the way. Where it then reaches into a body, it
-    /// is drawn in (a cavity is widened to what is outside), and grows again by 0.1 m/s, at most half a mean edge a step. That speed is the same for a body of any
-    /// size: how hard the body is pushed meanwhile depends on its size in metres.
+    /// is drawn in, and a cavity is widened to what is outside of it. It grows again by 0.1 m/s, at most half a mean edge a
+    /// step. That speed is the same for a body of any size: how hard the body is pushed meanwhile depends on its size in
+    /// metres.
     ///
     /// # Errors
     /// As [`Tool::set_target`].
