@@ -380,8 +380,9 @@ namespace Sinew
         /// <summary>Distance (m) to its target, where its way was longer than the substeps of a step can
         /// follow.</summary>
         public double Lag;
-        /// <summary>How far (m) the surfaces of its shapes are drawn in, because it appeared partly inside of a body. A
-        /// tool wholly inside touches nothing, and is counted as buried.</summary>
+        /// <summary>How far (m) the surfaces of its shapes are drawn in, because it appeared partly inside of a body;
+        /// of a cavity how far they are widened, because it appeared with tissue outside. A tool wholly inside touches
+        /// nothing, and is counted as buried.</summary>
         public double DrawnIn;
         /// <summary>Force (N) by points of the other kind at the same state, if `SINEW_ERROR_BAR` asks for it. It is no
         /// estimate of the error: these points have not pushed the tissue away, so it may be several times what they

@@ -337,7 +337,7 @@ fn header_of_csharp() -> String {
         ("Kinds of errors.", "Code", "OK", "PANIC"),
         ("Kinds of things that a handle may stand for.", "Kind : uint", "BODY", "CONTACT"),
         ("What can be read of a body.", "Quantity : uint", "POSITIONS", "AREA_RATIOS"),
-        ("What a tool does; several by `|`.", "ToolFlags : uint", "GRIP", "ERROR_BAR"),
+        ("What a tool does; several by `|`.", "ToolFlags : uint", "GRIP", "CAVITY"),
     ] {
         let place = |name: &str| left.iter().position(|own| own.name[6..] == *name).unwrap();
         let (first, last) = (place(first), place(last));

@@ -92,8 +92,9 @@ class ToolReport:
     """Distance (m) to its target, where its way was longer than the substeps of a step can follow."""
 
     drawn_in: float
-    """How far (m) the surfaces of its shapes are drawn in, because it appeared partly inside of a body. A tool wholly
-    inside touches nothing, and is counted as buried."""
+    """How far (m) the surfaces of its shapes are drawn in, because it appeared partly inside of a body; of a cavity how
+    far they are widened, because it appeared with tissue outside. A tool wholly inside touches nothing, and is counted
+    as buried."""
 
     pierced: bool
     """A part of it went through the surface of a body, and touches nothing of that body until it is out."""
