@@ -151,9 +151,9 @@ impl<S: Scalar> StepHistory<S> {
             Some(memory) => memory.clone_from(self),
             None => *memory = Some(self.clone()),
         }
-        for memory in memory {
+        if let Some(memory) = memory {
             memory.void = void;
-            memory.stale = if stale.contains(&true) { stale.clone() } else { Vec::new() };
+            memory.stale = if stale.contains(&true) { stale } else { Vec::new() };
         }
     }
 

@@ -1,5 +1,6 @@
 //! The part of a system matrix that couples many vertices at once: `sum b b^T`, never added up, and a preconditioner of
-//! the whole.
+//! the whole. The vectors are gradients of the volumes of clusters or, in bodies without, of the depths of points that touch
+//! another body.
 //!
 //! With such a part condition numbers grow as `lambda/mu`. A preconditioner `M` of the rest, with the rigid motions `R`
 //! of aggregates or without, and the diagonal blocks `D` of the rest make a preconditioner of the whole, with which the
@@ -101,7 +102,8 @@ impl<T: Scalar> Correction<T> {
     pub fn form(&mut self, workers: &Workers, pattern: &Pattern, matrix: &SystemMatrix<T>) {
         let ones = &matrix.low_rank;
         self.diagonal.factorise(workers, pattern, matrix);
-        if self.laid_out != [&ones.rows[..], &ones.start[..]] {
+        // new ones know not even that there are no vectors
+        if self.factor.start.is_empty() || self.laid_out != [&ones.rows[..], &ones.start[..]] {
             self.lay_out(ones);
         }
         let Self { diagonal, scaled, factor, by_row, values: s, .. } = self;

@@ -62,8 +62,8 @@ impl ContactSet {
         gap: f64,
         points: &[ContactPoint],
     ) -> bool {
-        let (now, shape) = (&self.tools[tool], &self.parts[part].shape);
-        if now.appears || now.tool.faces.is_some() || !shape.thickness().is_finite() {
+        let (now, own) = (&self.tools[tool], &self.parts[part].of);
+        if now.appears || now.tool.faces.is_some() || !own.is_bounded() {
             return false;
         }
         let known = self.kept.tools.get(&now.id);
