@@ -384,6 +384,9 @@ namespace Sinew
         /// of a cavity how far they are widened, because it appeared with tissue outside. A tool wholly inside touches
         /// nothing, and is counted as buried.</summary>
         public double DrawnIn;
+        /// <summary>A part of it went through the surface of a body, and touches nothing of that body until it is
+        /// out.</summary>
+        public uint Pierced;
         /// <summary>Force (N) by points of the other kind at the same state, if `SINEW_ERROR_BAR` asks for it. It is no
         /// estimate of the error: these points have not pushed the tissue away, so it may be several times what they
         /// give in a run of their own. All 0 without.</summary>
@@ -395,9 +398,6 @@ namespace Sinew
         public Vec3 LocalStiffnessX, LocalStiffnessY, LocalStiffnessZ;
         /// <summary>Whether the step that these forces are of did not converge: they are not to be relied on.</summary>
         public uint Unconverged;
-        /// <summary>A part of it went through the surface of a body, and touches nothing of that body until it is
-        /// out.</summary>
-        public uint Pierced;
     }
 
     /// <summary>Forces on one part of a tool, such as one of two jaws.</summary>
@@ -418,7 +418,7 @@ namespace Sinew
 
     internal static partial class Native
     {
-        internal const uint SINEW_ABI = 3;
+        internal const uint SINEW_ABI = 4;
         internal const uint SINEW_F64 = 0;
         internal const uint SINEW_F32 = 1;
         internal const uint SINEW_CPU = 0;

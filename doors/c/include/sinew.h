@@ -16,7 +16,7 @@
 #include <stdint.h>
 
 // Raised when a structure or the meaning of a function changes; functions are only added.
-#define SINEW_ABI 3
+#define SINEW_ABI 4
 
 // No error.
 #define SINEW_OK 0
@@ -553,6 +553,8 @@ typedef struct sinew_tool_report {
   // how far they are widened, because it appeared with tissue outside. A tool wholly inside touches nothing, and is
   // counted as buried.
   double drawn_in;
+  // A part of it went through the surface of a body, and touches nothing of that body until it is out.
+  uint32_t pierced;
   // Force (N) by points of the other kind at the same state, if `SINEW_ERROR_BAR` asks for it. It is no estimate of
   // the error: these points have not pushed the tissue away, so it may be several times what they give in a run of
   // their own. All 0 without.
@@ -564,8 +566,6 @@ typedef struct sinew_tool_report {
   double local_stiffness[9];
   // Whether the step that these forces are of did not converge: they are not to be relied on.
   uint32_t unconverged;
-  // A part of it went through the surface of a body, and touches nothing of that body until it is out.
-  uint32_t pierced;
 } sinew_tool_report;
 
 // Forces on one part of a tool, such as one of two jaws.
@@ -681,7 +681,8 @@ sinew_status sinew_find(const struct sinew_simulation *simulation,
                         sinew_handle *handle);
 
 // Takes a body, constraint, load, pressure, tool, pull or contact away. With a body goes what acts on nothing else.
-sinew_status sinew_remove(struct sinew_simulation *simulation, sinew_handle handle);
+sinew_status sinew_remove(struct sinew_simulation *simulation,
+                          sinew_handle handle);
 
 // Keeps everything that the steps to come depend on, in memory. Free it with `sinew_snapshot_free`.
 sinew_status sinew_snapshot_take(struct sinew_simulation *simulation, struct sinew_snapshot **out);

@@ -52,6 +52,8 @@ pub struct sinew_tool_report {
     /// how far they are widened, because it appeared with tissue outside. A tool wholly inside touches nothing, and is
     /// counted as buried.
     pub drawn_in: f64,
+    /// A part of it went through the surface of a body, and touches nothing of that body until it is out.
+    pub pierced: u32,
     /// Force (N) by points of the other kind at the same state, if `SINEW_ERROR_BAR` asks for it. It is no estimate of
     /// the error: these points have not pushed the tissue away, so it may be several times what they give in a run of
     /// their own. All 0 without.
@@ -63,8 +65,6 @@ pub struct sinew_tool_report {
     pub local_stiffness: [f64; 9],
     /// Whether the step that these forces are of did not converge: they are not to be relied on.
     pub unconverged: u32,
-    /// A part of it went through the surface of a body, and touches nothing of that body until it is out.
-    pub pierced: u32,
 }
 
 impl From<&ToolReport> for sinew_tool_report {
@@ -92,10 +92,10 @@ impl From<&ToolReport> for sinew_tool_report {
             slipping: r.slipping,
             lag: r.lag,
             drawn_in: r.drawn_in,
+            pierced: r.pierced.into(),
             other_points: r.other_points.unwrap_or_default().to_array(),
             local_stiffness: r.local_stiffness.unwrap_or(DMat3::ZERO).to_cols_array(),
             unconverged: r.unconverged.into(),
-            pierced: r.pierced.into(),
         }
     }
 }
