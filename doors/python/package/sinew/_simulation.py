@@ -135,8 +135,8 @@ def _part(own: Part | Shape) -> _Spec:
     else:
         raise TypeError(f"{shape!r} is no shape; use Sphere, Capsule, Box, HalfSpace or Field")
     at, rotation = vector("at", part.at), vector("rotation", part.rotation, 4)
-    own = {"at": at, "rotation": rotation, "cavity": bool(part.cavity), "jaw": float(part.jaw)}
-    return _Spec(kind=kind, numbers=numbers, mesh=mesh, **own)
+    placed = {"at": at, "rotation": rotation, "cavity": bool(part.cavity), "jaw": float(part.jaw)}
+    return _Spec(kind=kind, numbers=numbers, mesh=mesh, **placed)
 
 
 def _tool_pose(position: ArrayLike, rotation: ArrayLike, opening: float) -> Any:
