@@ -87,9 +87,7 @@ impl Simulation {
     /// ```
     pub fn remove_body(&mut self, body: BodyHandle) -> Result<RemovalReport, RemovalError> {
         let report = self.remove_elements(body, &Removal::new(Region::Everything))?;
-        let Some(own) = self.topology().bodies.get(body.0).map(|own| own.vertices.clone()) else {
-            return Ok(report);
-        };
+        let own = self.topology().bodies[body.0].vertices.clone();
         let stays = |row: &VertexRow| !own.contains(&row.0);
         let world = self.world_mut();
         let mut gone = Vec::new();
