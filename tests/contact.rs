@@ -1,10 +1,10 @@
 //! Tools, friction, grasping, pulls and contact between bodies.
 
-use crate::common::{Shortcuts, max_distance, max_length, sheet, solver, two_blocks};
+use crate::common::{Shortcuts, max_distance, max_length, sheet, soft, solver, two_blocks};
 use bevy_ecs::entity::Entity;
-use glam::{DQuat, DVec3};
+use glam::{DQuat, DVec3, EulerRot};
 use sinew::engine::mesh::Mesh;
-use sinew::engine::mesh::generate::{box_hexahedra, box_tets, sphere_tets};
+use sinew::engine::mesh::generate::{box_hexahedra, box_tets, sphere_tets, tube_hexahedra};
 use sinew::engine::precision::Precision;
 use sinew::models::body::Integration;
 use sinew::models::body::sheet::MembraneDescription;
@@ -646,6 +646,85 @@ fn converged_integrators_report_no_false_forces_between_bodies() {
     }
 }
 
+/// A ball flies into a block that floats: what one feels is what the other does, and what they have together never grows.
+#[test]
+fn forces_of_bodies_on_each_other_balance_and_their_energy_never_rises() {
+    let turn = DQuat::from_euler(EulerRot::XYZ, 0.4, -0.7, 1.1);
+    let block = box_tets(DVec3::new(0.06, 0.05, 0.03), [5, 4, 3]).unwrap();
+    let ball = sphere_tets(0.02, 3).unwrap();
+    let ball = ball.transformed(1.0, DQuat::IDENTITY, DVec3::new(0.033, 0.021, 0.0505));
+    for friction in [0.0, 0.3] {
+        let mut simulation = Simulation::new(one_thread()).unwrap();
+        let add = |(name, mesh): (&str, &Mesh)| {
+            let mesh = mesh.transformed(1.0, turn, DVec3::new(0.1, -0.2, 0.3));
+            simulation.add_body(&BodyDescription::new(name, &mesh, soft(1e4, 0.4))).unwrap()
+        };
+        let bodies = [("block", &block), ("ball", &ball)].map(add);
+        simulation.set_gravity(DVec3::ZERO);
+        simulation.set_dt(0.005);
+        simulation.set_solver(solver!(Integrator::Safe));
+        let falls = turn * DVec3::new(0.2, 0.0, -0.5);
+        let n = ball.points.len();
+        simulation.set_state(bodies[1], &vec![DVec3::ZERO; n], &vec![falls; n]).unwrap();
+        simulation.add_body_contact(BodyContact::new("pair", bodies).with_friction(friction));
+        let (mut energy, mut touched) = (f64::INFINITY, 0);
+        for _ in 0..40 {
+            simulation.step().unwrap();
+            let report = simulation.report();
+            let now = report.elastic_energy + report.kinetic_energy + report.contact.energy;
+            assert!(now <= energy * (1.0 + 1e-12), "friction {friction}: {energy} -> {now}");
+            energy = now;
+            let (mut force, mut torque) = ([DVec3::ZERO, DVec3::ZERO], DVec3::ZERO);
+            let [mut size, mut arm] = [0.0; 2];
+            for (own, body) in force.iter_mut().zip(bodies) {
+                let x = simulation.positions(body);
+                for (f, x) in simulation.contact_forces(body).into_iter().zip(x) {
+                    *own += f;
+                    torque += x.cross(f);
+                    (size, arm) = (size + f.length(), arm + x.cross(f).length());
+                }
+            }
+            touched += u32::from(size > 0.0);
+            assert!((force[0] + force[1]).length() <= 1e-12 * size, "{force:?}");
+            // friction acts where the point is, not where the face is
+            assert!(friction > 0.0 || torque.length() <= 1e-12 * arm, "{torque} of {arm}");
+        }
+        assert!(touched > 5, "{touched}");
+    }
+}
+
+/// Two bodies that begin inside of each other by a quarter of an edge come apart calmly.
+#[test]
+fn bodies_that_begin_inside_of_each_other_come_apart_calmly() {
+    let mut simulation = Simulation::new(one_thread()).unwrap();
+    let below = box_tets(DVec3::new(0.06, 0.06, 0.03), [5, 5, 3]).unwrap();
+    let above = box_tets(DVec3::new(0.04, 0.04, 0.03), [4, 4, 3]).unwrap();
+    let above = above.transformed(1.0, DQuat::IDENTITY, DVec3::new(0.011, 0.009, 0.0275));
+    let bodies = [("below", &below), ("above", &above)].map(|(name, mesh)| {
+        simulation.add_body(&BodyDescription::new(name, mesh, soft(2e4, 0.45))).unwrap()
+    });
+    simulation.set_gravity(DVec3::ZERO);
+    simulation.set_solver(solver!(Integrator::Auto));
+    simulation.add_body_contact(BodyContact::new("pair", bodies));
+    let mut fastest = 0.0_f64;
+    for _ in 0..100 {
+        simulation.step().unwrap();
+        fastest = bodies
+            .map(|b| max_length(&simulation.velocities(b)))
+            .into_iter()
+            .fold(fastest, f64::max);
+    }
+    assert!(fastest < 0.5, "{fastest} m/s");
+    assert_eq!(simulation.report().contact.points, 0);
+    assert_eq!(simulation.volume_report().inverted, 0);
+    // pressed together evenly: neither goes sideways
+    for body in bodies {
+        let v = simulation.velocities(body);
+        let mean = v.iter().sum::<DVec3>() / v.len() as f64;
+        assert!(mean.with_z(0.0).length() < 0.01 * mean.z.abs(), "{mean}");
+    }
+}
+
 #[test]
 fn a_body_touches_itself_where_it_is_told_to() {
     // a bar bent onto itself: ends of a strip held on top of each other would pass without
@@ -679,6 +758,40 @@ fn a_body_touches_itself_where_it_is_told_to() {
     assert_eq!(run(false).points, 0);
     let with = run(true);
     assert!(with.points > 100 && with.depth_over_edge < 0.35, "{with:?}");
+}
+
+#[test]
+fn what_is_sideways_of_a_point_does_not_touch_it() {
+    // a tube, held at both ends, whose wall is two edges thick and swings through several bores a second: the faces that a point
+    // may reach are then those beyond the two edges that are left out, and it is on neither side of them
+    let mesh = tube_hexahedra(0.010, 0.004, 0.08, [20, 1, 14]).unwrap();
+    let run = |own: bool| {
+        let mut simulation = Simulation::new(one_thread()).unwrap();
+        let material = YoungPoisson { young_modulus: 1e4, poisson_ratio: 0.45, density: 1050.0 };
+        let model = Model::NeoHookean;
+        let tube = BodyDescription { model, ..BodyDescription::new("tube", &mesh, material) };
+        let body = simulation.add_body(&tube).unwrap();
+        simulation.set_gravity(-30.0 * DVec3::Z);
+        simulation.set_dt(0.01);
+        simulation.set_solver(solver!(Integrator::Auto, mass_damping = 4.0));
+        for end in ["x0", "x1"] {
+            let rows = simulation.group_rows(body, &mesh, end).unwrap();
+            simulation.add_constraint(Constraint::hold(end, rows));
+        }
+        if own {
+            simulation.add_body_contact(BodyContact::new("self", [body; 2]).with_friction(0.1));
+        }
+        for _ in 0..60 {
+            simulation.step().unwrap();
+            let now = simulation.report().contact;
+            assert_eq!((now.points, now.unconverged), (0, 0), "{now:?}");
+            // one that finds nothing, and one that confirms it
+            assert!(now.inner_iterations <= 2, "{now:?}");
+        }
+        simulation.positions(body)
+    };
+    let off = max_distance(&run(false), &run(true));
+    assert!(off < 1e-4, "{off}");
 }
 
 #[test]

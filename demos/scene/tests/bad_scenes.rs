@@ -361,6 +361,7 @@ fn the_readme_lists_exactly_the_keys_that_exist() {
         ("generate.specimen", format!("{body}generate = {{ specimen = {{ zzz = 1 }} }}")),
         ("generate.disc", format!("{body}generate = {{ disc = {{ zzz = 1 }} }}")),
         ("generate.balloon", format!("{body}generate = {{ balloon = {{ zzz = 1 }} }}")),
+        ("generate.tube", format!("{body}generate = {{ tube = {{ zzz = 1 }} }}")),
         ("generate.cup", format!("{body}generate = {{ cup = {{ zzz = 1 }} }}")),
         ("[[body.fibres]]", format!("{fibres}zzz = 1")),
         ("azimuth_elevation", format!("{fibres}azimuth_elevation = {{ zzz = 1 }}")),

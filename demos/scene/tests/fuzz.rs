@@ -315,6 +315,7 @@ fn random_body(random: &mut Random, name: &str) -> String {
         "box = { size = [0.2, 0.02, 0.02], cells = [4, 1, 1], elements = \"irregular\", seed = 3 }",
         "sphere = { radius = 0.05, shells = 2 }",
         "cylinder = { radius = 0.03, length = 0.1, rings = 1, layers = 2 }",
+        "tube = { radius = 0.02, wall = 0.01, length = 0.05, around = 8, through = 1, along = 3 }",
         "cup = { radius = 0.03, depth = 0.05, wall = 0.01, core = 2, rings = 1, layers = 1 }",
         "sheet = { size = [0.1, 0.1], cells = [2, 2] }",
         "disc = { radius = 0.05, rings = 2 }",

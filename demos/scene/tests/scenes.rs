@@ -65,9 +65,9 @@ fn run_whole(name: &str, steps: Option<u64>) -> (RunSummary, Table) {
 }
 
 /// Scenes that ship.
-pub const SHIPPED: &str = "abdomen axes_block cantilever crush drag elements fibre_bar fit_bar flap grasp incompressible lattice liver liver_resection \
+pub const SHIPPED: &str = "abdomen axes_block cantilever crush drag elements fibre_bar fit_bar flap fold grasp incompressible lattice liver liver_resection \
     membrane_drum muscle_bar palpation press_flat probe_fast side_by_side slender_cylinder \
-    static_beam two_organs ventricle ventricle_floor";
+    static_beam tower two_organs ventricle ventricle_floor";
 
 #[test]
 fn every_shipped_scene_has_a_test_here() {
@@ -680,6 +680,46 @@ fn two_bodies_push_each_other_and_the_table_carries_both() {
     assert!(push.iter().any(|f| f.z < -0.3) && *push.last().unwrap() == DVec3::ZERO);
     let above = table.vector("above.mean_displacement", "m");
     assert!(above.last().unwrap().x > 0.03 && above.last().unwrap().z < -0.07, "{above:?}");
+}
+
+#[test]
+fn a_flattened_tube_touches_itself_and_opens_again() {
+    let (summary, table) = run_whole("fold", None);
+    let [above, below] =
+        ["above", "below"].map(|own| table.vector(&format!("{own}.tool_force"), "N"));
+    let area = table.column("fold.contact_area (m^2)");
+    let roof = table.vector("roof.mean_displacement", "m");
+    let at = |t: f64| (t / 0.01_f64).round() as usize;
+    // while it is held flat, its walls lie on each other; each is as far from the middle as the other
+    let held = at(1.5);
+    assert!(area[held] > 2e-4 && area[at(0.9)] == 0.0, "{}", area[held]);
+    assert!((roof[held].z + 0.010).abs() < 2e-4, "{}", roof[held]);
+    let off = (above[held] + below[held]).length() / above[held].length();
+    assert!(above[held].z > 0.5 && off < 1e-3, "{} {}", above[held], below[held]);
+    // nothing sticks: it is as if nothing had been
+    assert_eq!((*area.last().unwrap(), *above.last().unwrap()), (0.0, DVec3::ZERO));
+    assert!(roof.last().unwrap().length() < 1e-6, "{:?}", roof.last());
+    assert_eq!(summary.volume.inverted_max, 0, "{summary}");
+}
+
+#[test]
+fn a_tower_stands_until_a_finger_pushes_its_top_off() {
+    let (summary, table) = run_whole("tower", None);
+    let weight = 9.81 * summary.bodies.iter().map(|b| b.mass).sum::<f64>();
+    let [floor, finger] =
+        ["floor", "finger"].map(|own| table.vector(&format!("{own}.tool_force"), "N"));
+    let [place, speed] = ["displacement", "velocity"].map(|of| {
+        table.vector(&format!("upper.mean_{of}"), if of == "velocity" { "m/s" } else { "m" })
+    });
+    let at = |t: f64| (t / 0.005_f64).round() as usize;
+    // it stands, and leans no further
+    assert!((floor[at(1.49)].z / -weight - 1.0).abs() < 2e-3, "{}", floor[at(1.49)]);
+    assert!((place[at(1.49)] - place[at(1.1)]).length() < 1e-4, "{}", place[at(1.49)]);
+    // pushed against friction, it falls beside the others and comes to rest
+    let (_, push) = peak(&finger.iter().map(|f| -f.x).collect::<Vec<f64>>());
+    assert!(push > 0.1 && push < weight, "{push}");
+    assert!(place.last().unwrap().z < -0.09 && speed.last().unwrap().length() < 1e-6, "{place:?}");
+    assert!((floor.last().unwrap().z / -weight - 1.0).abs() < 2e-3, "{:?}", floor.last());
 }
 
 /// The cavity carries what the ligament and the duct do not, whatever the instruments do to the organs in it.

@@ -240,6 +240,7 @@ fn shapes_come_from_words_as_from_tables() {
         ("specimen", "width=0.01 cells=32,4,2 thickness=0.01 solid=hexahedra"),
         ("disc", "radius=0.1 rings=3"),
         ("balloon", "radius=0.1 cuts=3"),
+        ("tube", "radius=0.02 wall=0.01 length=0.1 around=8 through=1 along=4"),
         ("cup", "radius=0.02 depth=0.04 wall=0.01 core=2 rings=2 layers=2"),
     ];
     for shape in SHAPES {

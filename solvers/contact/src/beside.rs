@@ -40,6 +40,19 @@ pub(crate) struct NearFaces<'a> {
     pub moved: f64,
 }
 
+/// What there is beyond the rim of faces that a point may reach.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) enum Rim {
+    /// They are those of a solid, which has none.
+    #[default]
+    None,
+    /// Of a membrane: the plane of the face at the rim, so that a point which slides off is not held back.
+    Plane,
+    /// Of a body that touches itself: faces that were left out since they are near at rest. What lies sideways of the point by
+    /// more than this distance (m) says nothing about the side that it is on.
+    LeftOut(f64),
+}
+
 /// Difference of unit normals up to which faces that meet count as one plane: an edge between them is then no place where the
 /// force turns by more than contact is found to.
 const FLAT: f64 = 1e-2;
@@ -91,8 +104,7 @@ pub(crate) fn distance(p: DVec3, facet: &Facet, x: &(impl Fn(VertexRow) -> DVec3
 }
 
 /// Signed distance of `p` from `faces`: that of the closest point, its sign by the angle-weighted mean normal of the
-/// faces that meet there (Baerentzen & Aanaes 2005). Faces of membranes may be `open`: beyond their rim the distance is
-/// that from the plane of the face at the rim, so that a point which slides off is not held back.
+/// faces that meet there (Baerentzen & Aanaes 2005). `rim` says what counts where the closest point is on the rim of them.
 ///
 /// `moved` (m) is at least the way that `p` and a face came together since the distances were taken. In fast motion a point
 /// reaches hundreds of faces, and all but a few are by this too far to be looked at.
@@ -101,7 +113,7 @@ pub(crate) fn beside(
     faces: &[NearFacet],
     moved: f64,
     x: &(impl Fn(VertexRow) -> DVec3 + ?Sized),
-    open: bool,
+    rim: Rim,
 ) -> Option<Beside> {
     let from = |face: &NearFacet| closest(p, &face.rows, x);
     let nearest =
@@ -137,7 +149,7 @@ pub(crate) fn beside(
         if there.distance(at) > 1e-9 * size {
             continue;
         }
-        if open && !interior {
+        if rim != Rim::None && !interior {
             round.push(other);
         }
         let cross = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
@@ -150,8 +162,12 @@ pub(crate) fn beside(
         normal += angle * unit;
         bend = bend.max(first.get_or_insert(unit).distance(unit));
     }
-    if open && !interior && is_rim(&round, &face, weights) {
-        return beside_plane(p, &face, [a, b, c]);
+    if !round.is_empty() && is_rim(&round, &face, weights) {
+        match rim {
+            Rim::LeftOut(near) if distance > near => return None,
+            Rim::Plane => return beside_plane(p, &face, [a, b, c]),
+            Rim::LeftOut(_) | Rim::None => {}
+        }
     }
     let normal = normal.try_normalize()?;
     let (arm, on_face, weights) = (p - at, weights, shares(&face, weights));
@@ -236,7 +252,7 @@ mod tests {
         let faces =
             [[a, b, c, c], [a, c, d, d], [b, e, f, c], [e, f, c, b], [f, c, b, e], [c, b, e, f]];
         let x = |row: VertexRow| points[row.index()];
-        let near = |p: DVec3| beside(p, &near_from(p, &faces, &x), 0.0, &x, true).unwrap();
+        let near = |p: DVec3| beside(p, &near_from(p, &faces, &x), 0.0, &x, Rim::Plane).unwrap();
         for p in [
             DVec3::new(-0.3, 0.4, -0.01),
             DVec3::new(2.2, 1.4, -0.01),
@@ -250,6 +266,25 @@ mod tests {
             assert!((found.normal - DVec3::Z).length() < 1e-12);
             let foot: DVec3 = (0..4).map(|k| x(found.face[k]) * found.weights[k]).sum();
             assert!((foot - p.with_z(0.0)).length() < 1e-12, "{p}: {found:?}");
+        }
+    }
+
+    #[test]
+    fn what_was_left_out_beside_a_point_hides_what_is_sideways_of_it() {
+        // an even sheet without the faces near its middle, which bends up or down
+        for height in [-0.01, 0.0, 0.01] {
+            let points = [[1.0, -1.0], [2.0, -1.0], [2.0, 1.0], [1.0, 1.0]];
+            let points = points.map(|[x, y]| DVec3::new(x, y, height));
+            let [a, b, c, d] = [0, 1, 2, 3].map(VertexRow);
+            let x = |row: VertexRow| points[row.index()];
+            let faces = [[a, b, c, c], [a, c, d, d]];
+            let near = |p: DVec3| beside(p, &near_from(p, &faces, &x), 0.0, &x, Rim::LeftOut(0.35));
+            assert!(near(DVec3::ZERO).is_none());
+            // what is above faces, or about to leave them, is beside them
+            let depth = |x, z| near(DVec3::new(x, 0.0, z)).unwrap().distance;
+            assert!((depth(1.5, 0.5) + height - 0.5).abs() < 1e-12);
+            assert!((depth(1.5, -0.5) + height + 0.5).abs() < 1e-12);
+            assert!((depth(0.9, height - 0.1) + 0.02_f64.sqrt()).abs() < 1e-12);
         }
     }
 
@@ -286,10 +321,10 @@ mod tests {
             let q = (p - 0.5).abs() - 0.5;
             let exact = q.max(DVec3::ZERO).length() + q.max_element().min(0.0);
             let near = |p| near_from(p, &faces, &x);
-            let found = beside(p, &near(p), 0.0, &x, false).unwrap();
+            let found = beside(p, &near(p), 0.0, &x, Rim::None).unwrap();
             // as it is with all faces looked at, wherever the step began
             let start = DVec3::from_array(start);
-            let far = beside(p, &near(start), p.distance(start) + 1e-12, &x, false).unwrap();
+            let far = beside(p, &near(start), p.distance(start) + 1e-12, &x, Rim::None).unwrap();
             prop_assert_eq!((far.face, far.weights, far.normal), (found.face, found.weights, found.normal));
             prop_assert!((found.distance - exact).abs() < 1e-12, "{} {exact}", found.distance);
             let h = 1e-6;
@@ -303,7 +338,7 @@ mod tests {
                 for axis in [DVec3::X, DVec3::Y, DVec3::Z] {
                     let [more, less] = [1.0, -1.0].map(|sign| {
                         let p = p + sign * h * axis;
-                        beside(p, &near(p), 0.0, &x, false).unwrap()
+                        beside(p, &near(p), 0.0, &x, Rim::None).unwrap()
                     });
                     let difference = (more.distance - less.distance) / (2.0 * h);
                     prop_assert!((difference - found.normal.dot(axis)).abs() < 1e-4);

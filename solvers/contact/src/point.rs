@@ -11,7 +11,7 @@
 //!   `l = |t|`, `A s l^2 / 2` while `s l` is below the limit `f p` (`f`: friction), else `A (f p l - (f p)^2 / (2 s))`. `s` is
 //!   `k`, and a tenth of it between bodies: points then need not stick harder than the tissue under them.
 
-use crate::beside::{NearFaces, beside};
+use crate::beside::{Beside, NearFaces, Rim, beside};
 use crate::limits::Limits;
 use crate::skin::{grown, overlap};
 use crate::tool::Part;
@@ -148,6 +148,11 @@ pub(crate) struct ContactPoint {
     /// Multiplier (Pa) of exact contact.
     pub multiplier: Option<f64>,
     pub side: Side,
+    /// Against faces: what there is beyond the rim of those near it.
+    pub rim: Rim,
+    /// Against faces of a solid: distance (m) outside of it when distances of faces were last taken; 0 where it may touch
+    /// however little it moves.
+    pub clear: f64,
 }
 
 /// The side of a tool on which a point has to stay.
@@ -271,6 +276,8 @@ impl ContactPoint {
             pressed: false,
             multiplier: None,
             side: Side::default(),
+            rim: Rim::None,
+            clear: 0.0,
         }
     }
 
@@ -285,12 +292,38 @@ impl ContactPoint {
         at
     }
 
-    /// Evaluates the point at positions `x`. `limits` says whether limit and normal of friction are taken there or
-    /// kept.
+    /// Takes note of its signed distance (m) from faces of a solid. A point that touches, or did at the start of the step, is
+    /// looked at whatever its distance.
+    pub fn note_distance(&mut self, distance: f64) {
+        let free = self.memory == PointMemory::default();
+        self.clear = if free { distance.max(0.0) } else { 0.0 };
+    }
+
+    /// Whether it cannot touch faces that it came nearer to by at most `moved` (m), and no friction is left of earlier iterates.
+    pub fn stays_clear(&mut self, moved: f64, limits: Limits) -> bool {
+        let clear = self.clear > moved && self.limit == 0.0;
+        if clear && limits != Limits::Keep {
+            self.pressed = false;
+        }
+        clear
+    }
+
+    /// What of the faces of another body is nearest at positions `x`.
+    pub fn beside(
+        &self,
+        faces: NearFaces,
+        x: &(impl Fn(VertexRow) -> DVec3 + ?Sized),
+    ) -> Option<Beside> {
+        let Against::Faces(range) = &self.against else { return None };
+        beside(self.at(x), &faces.all[range.clone()], faces.moved, x, self.rim)
+    }
+
+    /// Evaluates the point at positions `x`, with what is [`beside`](Self::beside) it there. `limits` says whether limit and
+    /// normal of friction are taken there or kept.
     pub fn evaluate(
         &mut self,
         parts: &[PartNow],
-        faces: NearFaces,
+        near: Option<&Beside>,
         x: &(impl Fn(VertexRow) -> DVec3 + ?Sized),
         start: &dyn Fn(VertexRow) -> DVec3,
         limits: Limits,
@@ -319,11 +352,8 @@ impl ContactPoint {
                 let part = &parts[*part];
                 (active.gap, gradient) = part.gap(at, &self.side);
             }
-            Against::Faces(range) => {
-                let open = self.memory.side != 0.0;
-                let Some(near) = beside(at, &faces.all[range.clone()], faces.moved, x, open) else {
-                    return active;
-                };
+            Against::Faces(_) => {
+                let Some(near) = near else { return active };
                 (active.gap, gradient) = (near.distance, near.normal);
                 across = Some(near.across);
                 let [d, e, f, g] = near.face;
@@ -621,7 +651,11 @@ mod tests {
     fn check(point: &mut ContactPoint, parts: &[PartNow], places: [DVec3; 5], exact: bool) -> bool {
         let start = |row: VertexRow| DVec3::splat(0.01 * f64::from(row.0));
         let at = |places: [DVec3; 5]| move |row: VertexRow| places[row.index()];
-        let active = point.evaluate(parts, FACES, &at(places), &start, Limits::Take);
+        let evaluate = |point: &mut ContactPoint, places, limits| {
+            let near = point.beside(FACES, &at(places));
+            point.evaluate(parts, near.as_ref(), &at(places), &start, limits)
+        };
+        let active = evaluate(point, places, Limits::Take);
         if !active.on || active.pressure < 0.05 {
             return false;
         }
@@ -636,7 +670,7 @@ mod tests {
                 let mut step = |sign: f64| {
                     let mut moved = places;
                     moved[row.index()][axis] += sign * h;
-                    point.evaluate(parts, FACES, &at(moved), &start, Limits::Keep)
+                    evaluate(point, moved, Limits::Keep)
                 };
                 let (more, less) = (step(1.0), step(-1.0));
                 let slope = -(more.energy - less.energy) / (2.0 * h);
@@ -681,7 +715,7 @@ mod tests {
                     if check(&mut point, &parts, places, *exact) {
                         checked += 1;
                         let x = |_: VertexRow| places[0];
-                        let active = point.evaluate(&parts, FACES, &x, &x, Limits::Take);
+                        let active = point.evaluate(&parts, None, &x, &x, Limits::Take);
                         slipped += u32::from(point.k * active.slip.length() > point.limit);
                     }
                 }
@@ -774,7 +808,7 @@ mod tests {
         let mut point = point(Against::Part(0), 0.2);
         let normal = parts[0].now.rotation * DVec3::Z;
         let at = -0.1 * normal;
-        let active = point.evaluate(&parts, FACES, &|_| at, &|_| at, Limits::Take);
+        let active = point.evaluate(&parts, None, &|_| at, &|_| at, Limits::Take);
         let kept = point.kept_slip(&active);
         assert!((point.k * kept.length() / (0.2 * active.pressure) - 1.0).abs() < 1e-12);
         assert!(active.slip.length() > kept.length());

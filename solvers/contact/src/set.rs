@@ -1,7 +1,7 @@
 //! All contact of a world during a step: the points that may be touched, their forces at any state, the state that is
 //! kept, and the reports at the end.
 
-use crate::beside::{Facet, NearFaces, NearFacet, ROUNDING, beside, distance};
+use crate::beside::{Beside, Facet, NearFaces, NearFacet, ROUNDING, beside, distance};
 use crate::limits::Limits;
 use crate::pair::{BodyContact, BodyContactReport};
 use crate::point::{
@@ -189,6 +189,8 @@ pub struct ContactSet {
     faces: Vec<NearFacet>,
     /// Places (m) of the rows of surfaces that may meet faces, at the last evaluation.
     places: Vec<DVec3>,
+    /// What of other bodies each point was beside there, if it was looked at.
+    beside: Vec<Option<Option<Beside>>>,
     figures: ContactFigures,
     /// Local stiffnesses (N/m) found in this step, by tool.
     local: Vec<(usize, DMat3)>,
@@ -244,7 +246,8 @@ impl ContactSet {
         }
         self.find_pull_points(world, x);
         self.settled = vec![Settled::default(); self.tools.len() + self.pulls.len()];
-        self.points.sort_unstable_by_key(|point| point.key);
+        // they are large, and mostly come in order
+        self.points.sort_by_key(|point| point.key);
         let bodies = world.resource::<Topology>().bodies.len();
         self.first.clear();
         for body in 0..=bodies as u32 {
@@ -252,6 +255,8 @@ impl ContactSet {
         }
         self.active.clear();
         self.active.resize(self.points.len(), Active::default());
+        self.beside.clear();
+        self.beside.resize(self.points.len(), None);
         for point in &mut self.points {
             point.start = point.at(x);
         }
@@ -403,30 +408,41 @@ impl ContactSet {
     /// The forces of friction are those with the limits of the last call that did not keep them.
     pub fn evaluate(&mut self, bodies: &Range<usize>, x: &RowPlaces, limits: Limits) -> f64 {
         let range = self.range(bodies);
-        let moved = self.moved(bodies, x.now);
+        let (moved, same) = self.moved(bodies, x.now);
         let (parts, faces) = (&self.parts, NearFaces { all: &self.faces, moved });
         // a point looks at tens of faces, whose corners others look at too
         let places = &self.places;
-        let near = |row: VertexRow| places[row.index()];
+        let place = |row: VertexRow| places[row.index()];
+        let points = self.points[range.clone()].iter_mut();
         let mut sum = 0.0;
-        for (point, active) in self.points[range.clone()].iter_mut().zip(&mut self.active[range]) {
-            *active = match point.against {
-                Against::Faces(_) if !faces.all.is_empty() => {
-                    point.evaluate(parts, faces, &near, x.start, limits)
-                }
-                _ => point.evaluate(parts, faces, x.now, x.start, limits),
-            };
+        for ((point, active), known) in
+            points.zip(&mut self.active[range.clone()]).zip(&mut self.beside[range])
+        {
+            if !matches!(point.against, Against::Faces(_)) || faces.all.is_empty() {
+                *active = point.evaluate(parts, None, x.now, x.start, limits);
+            } else if point.stays_clear(moved, limits) {
+                (*active, *known) = (Active::default(), None);
+            } else {
+                // a round begins where the last one ended, with other limits
+                let near = match known {
+                    Some(near) if same => near,
+                    _ => known.insert(point.beside(faces, &place)),
+                };
+                *active = point.evaluate(parts, near.as_ref(), &place, x.start, limits);
+            }
             sum += active.energy;
         }
         sum
     }
 
     /// A bound of the way (m) that a point of one body and a face of another came together since the distances of faces
-    /// were taken. Those are taken again where the bound is too wide to leave many faces out.
-    fn moved(&mut self, bodies: &Range<usize>, x: &dyn Fn(VertexRow) -> DVec3) -> f64 {
+    /// were taken, and whether all are where they were at the last evaluation. Distances are taken again where the bound is too
+    /// wide to leave many faces out.
+    fn moved(&mut self, bodies: &Range<usize>, x: &dyn Fn(VertexRow) -> DVec3) -> (f64, bool) {
         if self.faces.is_empty() {
-            return 0.0;
+            return (0.0, false);
         }
+        let mut same = true;
         let (mut most, mut edges) = (0.0_f64, [f64::INFINITY, 0.0]);
         let places = &mut self.places;
         for KnownSkin { skin, .. } in &self.skins[bodies.clone()] {
@@ -434,7 +450,7 @@ impl ContactSet {
             places.resize(places.len().max(last), DVec3::ZERO);
             let ways = skin.rows.iter().zip(&skin.seen).map(|(row, seen)| {
                 let at = x(*row);
-                places[row.index()] = at;
+                same &= std::mem::replace(&mut places[row.index()], at) == at;
                 at.distance(*seen)
             });
             // positions that are not finite tell nothing
@@ -446,15 +462,22 @@ impl ContactSet {
         }
         let rounding = ROUNDING * edges[1];
         if most < 0.25 * edges[0] || !most.is_finite() {
-            return 2.0 * most + rounding;
+            return (2.0 * most + rounding, same);
         }
         let range = self.range(bodies);
-        for point in &self.points[range] {
+        let place = |row: VertexRow| self.places[row.index()];
+        for point in &mut self.points[range] {
             let Against::Faces(near) = &point.against else { continue };
-            let place = |row: VertexRow| self.places[row.index()];
             let at = point.at(&place);
-            for face in &mut self.faces[near.clone()] {
+            let faces = &mut self.faces[near.clone()];
+            for face in &mut *faces {
                 face.distance = distance(at, &face.rows, &place);
+            }
+            if point.clear > 0.0 {
+                // one that is beside none touches none before it has come to the nearest
+                let nearest = faces.iter().map(|face| face.distance).fold(f64::INFINITY, f64::min);
+                let found = beside(at, faces, 0.0, &place, point.rim);
+                point.note_distance(found.map_or(nearest, |found| found.distance));
             }
         }
         for KnownSkin { skin, .. } in &mut self.skins[bodies.clone()] {
@@ -462,7 +485,7 @@ impl ContactSet {
                 *at = self.places[row.index()];
             }
         }
-        rounding
+        (rounding, same)
     }
 
     /// Corrects the tangents of points whose force changed by more than the last tangent said: normals turn in a furrow
@@ -706,6 +729,7 @@ impl ContactSet {
         for own in &mut self.parts {
             own.start = own.now;
         }
+        self.beside.fill(None);
         for (point, active) in self.points.iter_mut().zip(&self.active) {
             point.memory = remember(point, active);
             point.start = point.at(x);

@@ -8,6 +8,7 @@ use sinew::engine::mesh::generate::{
     box_hexahedra, box_tets, cup_hexahedra, cylinder_hexahedra, cylinder_tets, disc_triangles,
     grade_box, irregular_box_tets, jitter_interior, quad_grid, specimen_hexahedra, specimen_quads,
     specimen_tets, specimen_triangles, sphere_tets, sphere_triangles, triangle_grid,
+    tube_hexahedra,
 };
 use sinew::engine::mesh::{LatticeReport, Mesh, MeshError};
 
@@ -16,7 +17,7 @@ use sinew::engine::mesh::{LatticeReport, Mesh, MeshError};
 /// # Errors
 /// [`MeshError`] when a parameter is out of range, `Ok(None)` unless exactly one shape is given.
 pub fn generate(shape: &Generate) -> Result<Option<Mesh>, MeshError> {
-    let Generate { cuboid, cylinder, sphere, sheet, specimen, disc, balloon, cup } = shape;
+    let Generate { cuboid, cylinder, sphere, sheet, specimen, disc, balloon, tube, cup } = shape;
     let shapes = [
         cuboid.as_ref().map(|s| {
             let size = DVec3::from_array(s.size);
@@ -62,19 +63,28 @@ pub fn generate(shape: &Generate) -> Result<Option<Mesh>, MeshError> {
         }),
         disc.as_ref().map(|s| disc_triangles(s.radius, s.rings)),
         balloon.as_ref().map(|s| sphere_triangles(s.radius, s.cuts)),
+        tube.as_ref().map(|s| {
+            let cells = [s.around, s.through, s.along];
+            cut(tube_hexahedra(s.radius, s.wall, s.length, cells)?, s.elements)
+        }),
         cup.as_ref().map(|s| {
             let mesh = cup_hexahedra([s.radius, s.depth], s.wall, s.core, s.rings, s.layers)?;
-            match s.elements {
-                SolidCells::Hexahedra => Ok(mesh),
-                SolidCells::Tetrahedra => Ok(mesh.split_into_simplices()),
-                SolidCells::Irregular => jitter_interior(&mesh.split_into_simplices(), 0.15, 0),
-            }
+            cut(mesh, s.elements)
         }),
     ];
     let mut given = shapes.into_iter().flatten();
     match (given.next(), given.next()) {
         (Some(mesh), None) => mesh.map(Some),
         _ => Ok(None),
+    }
+}
+
+/// A mesh of hexahedra as it is, or cut into tetrahedra.
+fn cut(mesh: Mesh, cells: SolidCells) -> Result<Mesh, MeshError> {
+    match cells {
+        SolidCells::Hexahedra => Ok(mesh),
+        SolidCells::Tetrahedra => Ok(mesh.split_into_simplices()),
+        SolidCells::Irregular => jitter_interior(&mesh.split_into_simplices(), 0.15, 0),
     }
 }
 

@@ -186,6 +186,26 @@ shapes! {
             /// Parts into which the edges of an icosahedron are cut.
             cuts: usize,
         }
+    /// Along x from the origin; groups `x0`, `x1`, `inner`, `outer`, `body`.
+    tube:
+        /// A tube of `around through along` hexahedra, or six times as many tetrahedra.
+        TubeShape {
+            /// Radius (m) of the bore.
+            radius: f64,
+            /// Thickness (m) of the wall.
+            wall: f64,
+            /// Length (m).
+            length: f64,
+            /// Cells around it, at least three.
+            around: usize,
+            /// Cells through the wall.
+            through: usize,
+            /// Cells along it.
+            along: usize,
+            /// `"tetrahedra"` (default), `"hexahedra"` or `"irregular"` tetrahedra.
+            #[serde(default)]
+            elements: SolidCells,
+        }
     /// Half of a thick-walled ellipsoid, open at z = 0, its tip below; groups `inner`, `outer`, `base`, `body`.
     cup:
         /// A cup of `(core^2 + 4 core rings) layers` hexahedra, or six times as many tetrahedra.

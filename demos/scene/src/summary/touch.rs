@@ -218,12 +218,15 @@ impl Touched {
         }
         for contact in &self.contacts {
             let [a, b] = &contact.bodies;
-            let of = if a == b { format!("{a} with itself") } else { format!("{a} with {b}") };
+            // what a body does to itself sums to nothing
+            let (of, force) = match a == b {
+                true => (format!("{a} with itself"), String::new()),
+                false => (format!("{a} with {b}"), format!("; {}", contact.force.words())),
+            };
             let words = format!(
-                "{of}; friction = {}; up to {} cm^2; {}",
+                "{of}; friction = {}; up to {} cm^2{force}",
                 short(contact.friction),
-                short(contact.area * 1e4),
-                contact.force.words()
+                short(contact.area * 1e4)
             );
             block.line(format!("contact {}", contact.name), words);
         }

@@ -9,7 +9,9 @@ mod specimen;
 pub use cup::cup_hexahedra;
 pub use jitter::{irregular_box_tets, jitter_interior};
 pub use sheets::{disc_quads, disc_triangles, quad_grid, sphere_triangles, triangle_grid};
-pub use solids::{box_hexahedra, box_tets, cylinder_hexahedra, cylinder_tets, sphere_tets};
+pub use solids::{
+    box_hexahedra, box_tets, cylinder_hexahedra, cylinder_tets, sphere_tets, tube_hexahedra,
+};
 pub use specimen::{specimen_hexahedra, specimen_quads, specimen_tets, specimen_triangles};
 
 use super::error::MeshError;

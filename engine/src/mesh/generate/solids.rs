@@ -8,6 +8,7 @@ use crate::mesh::error::MeshError;
 use crate::mesh::{Mesh, sorted};
 use glam::{DVec2, DVec3};
 use std::collections::BTreeMap;
+use std::f64::consts::TAU;
 
 /// Paths from the first to the last corner of a cell along the three axes, one for each order.
 const STEPS: [[usize; 3]; 6] = [[0, 1, 2], [0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]];
@@ -240,6 +241,82 @@ pub fn cylinder_hexahedra(
     );
     let mut mesh = Mesh { source, points, hexahedra, ..Mesh::default() };
     name_cylinder_sides(&mut mesh, height);
+    Ok(mesh)
+}
+
+/// A tube of hexahedra along x from the origin, the simplest shape of a vessel or of a gut.
+///
+/// `radius` of its bore, `wall` (the thickness) and `length` in metres; numbers of cells around it, through the wall and along it.
+/// Groups `x0`, `x1`, `inner`, `outer` (vertices and outward quadrilaterals) and `body`.
+///
+/// ```
+/// use sinew_engine::mesh::generate::tube_hexahedra;
+///
+/// let mesh = tube_hexahedra(0.010, 0.004, 0.05, [48, 2, 10])?;
+/// assert_eq!(mesh.hexahedra.len(), 48 * 2 * 10);
+/// // a tube, but for the flat facets
+/// let volume = std::f64::consts::PI * (0.014_f64.powi(2) - 0.010_f64.powi(2)) * 0.05;
+/// assert!((mesh.total_volume() / volume - 1.0).abs() < 0.003);
+/// # Ok::<(), sinew_engine::mesh::MeshError>(())
+/// ```
+///
+/// # Errors
+///
+/// [`MeshError::InvalidParameter`] or [`MeshError::TooMany`].
+pub fn tube_hexahedra(
+    radius: f64,
+    wall: f64,
+    height: f64,
+    [around, through, along]: [usize; 3],
+) -> Result<Mesh, MeshError> {
+    const NAME: &str = "tube_hexahedra";
+    for (parameter, value) in [("radius", radius), ("wall", wall), ("length", height)] {
+        length(NAME, parameter, value)?;
+    }
+    if around < 3 {
+        let (parameter, remedy) = ("around", "give at least three cells");
+        let value = around.to_string();
+        return Err(MeshError::InvalidParameter { generator: NAME, parameter, value, remedy });
+    }
+    cells(NAME, "through", through)?;
+    cells(NAME, "along", along)?;
+    let ring = product(&[through.saturating_add(1), around]);
+    let n_points = ring.and_then(|n| product(&[n, along.saturating_add(1)]));
+    fits(NAME, "vertices", n_points)?;
+    fits(NAME, "hexahedra", product(&[around, through, along]))?;
+
+    // x, radius and angle turn to the right; the last cells around have the first vertices again
+    let shells = through + 1;
+    let mut points = Vec::with_capacity(shells * around * (along + 1));
+    for layer in 0..=along {
+        for shell in 0..shells {
+            let r = radius + part(shell, through, wall);
+            points.extend((0..around).map(|turn| {
+                let (sin, cos) = libm::sincos(part(turn, around, TAU));
+                DVec3::new(part(layer, along, height), r * cos, r * sin)
+            }));
+        }
+    }
+    let of_grid = |v: u32| {
+        let (rest, turn) = (v as usize / (around + 1), v as usize % (around + 1));
+        (around * rest + turn % around) as u32
+    };
+    let grid = grid_hexahedra([along, through, around]);
+    let hexahedra = grid.into_iter().map(|h| h.map(of_grid)).collect();
+    let source = format!(
+        "{NAME} radius {radius} m, wall {wall} m, length {height} m, {around} x {through} x {along} cells"
+    );
+    let mut mesh = Mesh { source, points, hexahedra, ..Mesh::default() };
+    name_sides(&mut mesh, &["x0", "x1", "inner", "outer"], |mesh, face| {
+        let on = |x: f64| face.iter().all(|&v| mesh.points[v as usize].x == x);
+        let inner = |&v: &u32| (v as usize / around).is_multiple_of(shells);
+        match (on(0.0), on(height)) {
+            (true, _) => 0,
+            (_, true) => 1,
+            _ if face.iter().all(inner) => 2,
+            _ => 3,
+        }
+    });
     Ok(mesh)
 }
 

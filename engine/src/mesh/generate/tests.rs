@@ -260,6 +260,29 @@ fn cylinder_of_hexahedra_fills_its_polygon() {
 }
 
 #[test]
+fn tube_fills_the_ring_between_two_polygons() {
+    for n in [[6, 2, 3], [8, 2, 4], [25, 3, 7]] {
+        let [around, through, along] = n;
+        let mesh = tube_hexahedra(0.3, 0.2, 2.0, n).unwrap();
+        let sides = around as f64;
+        let ring = 0.5 * sides * (0.25 - 0.09) * (2.0 * PI / sides).sin();
+        let names = ["x0", "x1", "inner", "outer"];
+        let volume = sound_solid(&mesh, &names);
+        assert!((volume - 2.0 * ring).abs() < 1e-13, "{n:?}: {volume} {ring}");
+        assert_eq!(mesh.hexahedra.len(), around * through * along);
+        assert_eq!(mesh.points.len(), around * (through + 1) * (along + 1));
+        for (name, r) in [("inner", 0.3), ("outer", 0.5)] {
+            let group = mesh.group(name).unwrap();
+            assert_eq!(group.cells.quads.len(), around * along);
+            let radius = |&v: &u32| mesh.points[v as usize].yz().length();
+            assert!(group.vertices.iter().map(radius).all(|own| (own - r).abs() < 1e-15));
+        }
+        let split = mesh.split_into_simplices();
+        assert!((sound_solid(&split, &names) - volume).abs() < 1e-13);
+    }
+}
+
+#[test]
 fn sheets_of_quadrilaterals() {
     let mesh = quad_grid(DVec2::new(2.0, 1.0), [4, 3]).unwrap();
     let cut = triangle_grid(DVec2::new(2.0, 1.0), [4, 3]).unwrap();
@@ -393,6 +416,10 @@ fn bad_parameters_of_hexahedra_and_quadrilaterals_are_named() {
     assert!(cylinder_hexahedra(1.0, 1.0, 1, 0, 1).is_err());
     assert!(cylinder_hexahedra(1.0, 1.0, usize::MAX, 1, 1).is_err());
     assert!(cylinder_hexahedra(1.0, 1.0, 1, 1, usize::MAX).is_err());
+    assert!(tube_hexahedra(1.0, 0.0, 1.0, [8, 1, 1]).is_err());
+    assert!(tube_hexahedra(1.0, 0.1, 1.0, [2, 1, 1]).is_err());
+    assert!(tube_hexahedra(1.0, 0.1, 1.0, [8, 1, usize::MAX]).is_err());
+    assert!(tube_hexahedra(1.0, 0.1, 1.0, [8, usize::MAX, 1]).is_err());
     assert!(disc_quads(0.0, 1, 1).is_err() && disc_quads(1.0, 1, usize::MAX).is_err());
     assert!(quad_grid(DVec2::ONE, [2, 0]).is_err());
     assert!(quad_grid(DVec2::ONE, [usize::MAX, 2]).is_err());

@@ -2,7 +2,7 @@
 
 use super::points::alone;
 use super::*;
-use crate::beside::{facet_corners, point_in};
+use crate::beside::{Rim, facet_corners, point_in};
 use sinew_engine::surface::closest_point;
 
 /// Cosine between the outward normal of a solid and the normal of a membrane from which on the solid tells on which
@@ -76,7 +76,7 @@ impl ContactSet {
         let Some(bins) = Bins::new(other, common) else { return 0 };
         let of_other = other.young.iter().copied().fold(f64::INFINITY, f64::min) / other.edge;
         let softer = |young: f64| (young / own.edge).min(of_other);
-        let mut reached = Vec::new();
+        let (mut places, mut reached) = (Vec::new(), Vec::new());
         for i in near {
             let (at, row) = (own.at[i], own.rows[i]);
             let near_at_rest = |facet: &[u32; 4]| {
@@ -87,22 +87,27 @@ impl ContactSet {
                 };
                 from == to && facet.iter().any(near)
             };
-            bins.reach(other, at, own.way[i], near_at_rest, &mut reached);
+            // of a body that touches itself, what a point is deep behind is the far side of the body
+            let behind = if from == to { DEEP * own.edge } else { f64::INFINITY };
+            let within = [own.way[i], behind];
+            bins.reach(other, at, within, near_at_rest, &mut places, &mut reached);
             if reached.is_empty() {
                 continue;
             }
             let key = PointKey::of_vertex(from as u32, now.id, direction, row);
             let mut memory = self.remembered(&key);
-            let first = faces.len();
+            let (first, mut distance) = (faces.len(), 0.0);
             let normal = own.normals.get(i).copied().unwrap_or_default();
-            match other.place(at, normal, &reached, &memory) {
+            let rim = if from == to { Rim::LeftOut(DEEP * own.edge) } else { Rim::None };
+            match other.place(at, normal, &reached, &memory, rim) {
                 Place::Inside => {
                     buried += u32::from(from != to);
                     continue;
                 }
                 Place::Beyond => {}
-                Place::Beside { side } => {
+                Place::Beside { side, distance: own } => {
                     memory.side = side;
+                    distance = own;
                     faces.extend(reached.iter().map(|reached| {
                         let rows = reached.facet.map(|v| other.rows[v as usize]);
                         // membranes show the side that the point is on
@@ -118,12 +123,15 @@ impl ContactSet {
                 Stiffness::Absolute(k) => k,
             };
             let against = Against::Faces(first..faces.len());
-            points.push(ContactPoint {
+            let mut point = ContactPoint {
                 friction: now.of.friction,
                 memory,
                 slip: memory.slip,
+                rim: if rim == Rim::None && memory.side != 0.0 { Rim::Plane } else { rim },
                 ..ContactPoint::new(key, against, alone(row), half * own.area[i], k)
-            });
+            };
+            point.note_distance(distance);
+            points.push(point);
         }
         buried
     }
@@ -140,26 +148,34 @@ enum Place {
     Inside,
     /// Beyond the rim of a membrane: there is nothing to touch.
     Beyond,
-    /// Beside faces; of membranes on this side, 0 where there is none.
-    Beside { side: f64 },
+    /// Beside faces; of membranes on this side, of solids at this signed distance (m), each 0 where the other is nearest.
+    Beside { side: f64, distance: f64 },
 }
 
 impl ContactSkin {
     /// Where a point of another surface is, with its outward normal, zero for membranes, and its memory.
-    fn place(&self, at: DVec3, normal: DVec3, reached: &[Reached], memory: &PointMemory) -> Place {
+    fn place(
+        &self,
+        at: DVec3,
+        normal: DVec3,
+        reached: &[Reached],
+        memory: &PointMemory,
+        rim: Rim,
+    ) -> Place {
         let nearer = |a: &&Reached, b: &&Reached| a.distance.total_cmp(&b.distance);
         let Some(nearest) = reached.iter().min_by(nearer) else { return Place::Beyond };
         let x = |row: VertexRow| self.at[row.index()];
         let local = |reached: &Reached| reached.facet.map(VertexRow);
         let facets = |reached| NearFacet { rows: local(reached), distance: reached.distance };
         let facets: Vec<NearFacet> = reached.iter().map(facets).collect();
-        let distance = beside(at, &facets, ROUNDING * self.edge, &x, false)
-            .map_or(0.0, |found| found.distance);
+        // one that is beside none touches none before it has come to the nearest
+        let distance = beside(at, &facets, ROUNDING * self.edge, &x, rim)
+            .map_or(nearest.distance, |found| found.distance);
         if !nearest.membrane {
             // inside or on the far side of a body
             return match memory.pressure == 0.0 && distance < -DEEP * self.edge {
                 true => Place::Inside,
-                false => Place::Beside { side: memory.side },
+                false => Place::Beside { side: memory.side, distance },
             };
         }
         let triangle = facet_corners(&local(nearest), &x);
@@ -187,98 +203,101 @@ impl ContactSkin {
             true if memory.side != 0.0 => Place::Inside,
             // the far side of something thin
             true => Place::Beyond,
-            false => Place::Beside { side },
+            false => Place::Beside { side, distance: 0.0 },
         }
     }
 }
 
-/// Faces of a surface near a box, sorted into the cells of a grid that are as large as the largest of them, so that
-/// the work grows with the surface in that box alone.
+/// Faces of a surface near a box, sorted by the lowest corners of their boxes into the cells of a grid that are as large as the
+/// largest of them, so that the work grows with the surface in that box alone.
 struct Bins {
     origin: DVec3,
     size: f64,
     /// Most (m) that a face may move in this step, and half an edge.
     way: f64,
-    /// The faces, ascending.
-    faces: Vec<usize>,
-    /// Cell and face, ascending.
-    cells: Vec<([i64; 3], usize)>,
+    /// The faces, ascending, with their boxes (m).
+    faces: Vec<(usize, [DVec3; 2])>,
+    /// Cell and place in `faces`, ascending.
+    cells: Vec<([i32; 3], u32)>,
 }
 
 impl Bins {
     /// `None` where no face is near.
     fn new(skin: &ContactSkin, within: [DVec3; 2]) -> Option<Self> {
-        let mut near = Vec::new();
+        let mut faces = Vec::new();
         let (mut way, mut size) = (0.0_f64, 0.0_f64);
         for face in 0..skin.faces.len() {
             let (own, most) = skin.bounds(face);
             if overlap(&grown(own, most + 0.5 * skin.edge), &within) {
                 (way, size) = (way.max(most), size.max((own[1] - own[0]).max_element()));
-                near.push((face, own));
+                faces.push((face, own));
             }
         }
         let way = way + 0.5 * skin.edge;
         let size = size + 2.0 * way;
-        if near.is_empty() || size <= 0.0 {
+        if faces.is_empty() || size <= 0.0 {
             return None;
         }
-        let faces = near.iter().map(|(face, _)| *face).collect();
         let mut bins = Self { origin: within[0], size, way, faces, cells: Vec::new() };
-        for (face, own) in near {
-            let cells: Vec<_> = bins.cells_of(&grown(own, way)).collect();
-            bins.cells.extend(cells.into_iter().map(|cell| (cell, face)));
-        }
+        let cells = bins.faces.iter().map(|(_, own)| bins.cell_of(own[0] - way));
+        bins.cells = cells.zip(0..).collect();
         bins.cells.sort_unstable();
         Some(bins)
     }
 
-    fn cells_of(&self, [low, high]: &[DVec3; 2]) -> impl Iterator<Item = [i64; 3]> + use<> {
-        let cell = |x: DVec3| ((x - self.origin) / self.size).floor().as_i64vec3().to_array();
-        let (low, high) = (cell(*low), cell(*high));
-        (low[0]..=high[0]).flat_map(move |i| {
-            (low[1]..=high[1]).flat_map(move |j| (low[2]..=high[2]).map(move |k| [i, j, k]))
-        })
+    fn cell_of(&self, x: DVec3) -> [i32; 3] {
+        ((x - self.origin) / self.size).floor().as_ivec3().to_array()
     }
 
-    /// Faces in the cells of a box, ascending.
-    fn in_cells(&self, of: &[DVec3; 2]) -> Vec<usize> {
-        let mut faces = Vec::new();
-        for cell in self.cells_of(of) {
-            let first = self.cells.partition_point(|(own, _)| *own < cell);
-            let here = self.cells[first..].iter().take_while(|(own, _)| *own == cell);
-            faces.extend(here.map(|(_, face)| *face));
+    /// Places in `faces` of all that a box (m) may meet, ascending.
+    fn near(&self, [low, high]: [DVec3; 2], places: &mut Vec<u32>) {
+        places.clear();
+        let (low, high) = (self.cell_of(low - self.size), self.cell_of(high));
+        for i in low[0]..=high[0] {
+            for j in low[1]..=high[1] {
+                let [first, last] = [low[2], high[2]].map(|k| [i, j, k]);
+                let start = self.cells.partition_point(|(own, _)| *own < first);
+                let here = self.cells[start..].iter().take_while(|(own, _)| *own <= last);
+                places.extend(here.map(|(_, place)| *place));
+            }
         }
-        faces.sort_unstable();
-        faces.dedup();
-        faces
+        places.sort_unstable();
     }
 
-    /// All facets that a point may reach in this step that moves by at most `way` (m). Whatever is nearer than one of
-    /// them is among them: the nearest of some would not tell on which side of a surface a point is.
+    /// All facets that a point may reach in this step that moves by at most `way` (m), but those of solids that it is `behind` by
+    /// more than that (m). Whatever is nearer than one of them is among them: the nearest of some would not tell on which side of
+    /// a surface a point is.
     fn reach(
         &self,
         skin: &ContactSkin,
         at: DVec3,
-        way: f64,
+        [way, behind]: [f64; 2],
         left_out: impl Fn(&[u32; 4]) -> bool,
+        places: &mut Vec<u32>,
         reached: &mut Vec<Reached>,
     ) {
         reached.clear();
         // fast points reach all faces, and would search more cells than there are
-        let faces = if 2.0 * way > self.size * (self.faces.len() as f64).cbrt() {
-            self.faces.clone()
+        if 2.0 * way > self.size * (self.faces.len() as f64).cbrt() {
+            places.clear();
+            places.extend(0..self.faces.len() as u32);
         } else {
-            self.in_cells(&grown([at; 2], way))
-        };
+            self.near(grown([at; 2], way), places);
+        }
         let far = way + self.way;
         let x = |row: VertexRow| skin.at[row.index()];
-        for face in faces {
-            let ([low, high], _) = skin.bounds(face);
-            if !overlap(&grown([low, high], far), &[at; 2]) || left_out(&skin.faces[face]) {
+        for &place in &*places {
+            let (face, bounds) = self.faces[place as usize];
+            if !overlap(&grown(bounds, far), &[at; 2]) || left_out(&skin.faces[face]) {
                 continue;
             }
             for facet in skin.facets(face) {
                 let triangle = facet_corners(&facet.map(VertexRow), &x);
+                let [a, b, c] = triangle;
+                let upward = (b - a).cross(c - a);
+                if face < skin.sheets && (at - a).dot(upward) < -behind * upward.length() {
+                    continue;
+                }
                 let weights = closest_point(at, triangle);
                 let distance = at.distance(point_in(triangle, weights));
                 if distance <= far {

@@ -206,9 +206,7 @@ impl ContactSet {
                 self.collect(index, part, body, other, &mut points);
                 for mut point in points {
                     point.friction = 0.0;
-                    // points of tools know no faces
-                    let faces = NearFaces::default();
-                    let active = point.evaluate(&self.parts, faces, x.now, x.start, Limits::Take);
+                    let active = point.evaluate(&self.parts, None, x.now, x.start, Limits::Take);
                     force -= active.push;
                 }
             }
