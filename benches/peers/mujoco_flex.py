@@ -1,4 +1,4 @@
-"""A beam, or a block under a ball, as a MuJoCo flex, driven by one JSON request per line of standard input.
+"""A beam, or a block under a ball or under another block, as MuJoCo flexes, driven by one JSON request per line of standard input.
 
 Every answer is one JSON line on standard output; {"error": ...} when a request fails. Requests:
 
@@ -12,10 +12,11 @@ Every answer is one JSON line on standard output; {"error": ...} when a request 
   {"op": "force", "key": name, "repeats": n}
   {"op": "touch-load", "key": name, "mesh": PATH, "young": Pa, "poisson": -, "gravity": m/s^2,
    "damping": 1/s, "h": s, "option": {attribute: value}, "contact": {attribute: value},
-   "friction": -, "radius": m, "at": [x, y, z]}
+   "friction": -, "radius": m or null, "held": [n, ...] or null, "at": [x, y, z]}
   {"op": "touch", "key": name, "places": [[x, y, z], ...]}
 
-`touch` makes a step per place of the ball and answers with its force in each. PATH of `load` is the JSON that Sinew writes: points, tetrahedra, fixed, masses. `start` is a JSON
+`touch-load` with `radius` puts a ball over the block, with `held` a second block, of which these vertices are moved.
+`touch` makes a step per place of the ball or second block and answers with its force in each. PATH of `load` is the JSON that Sinew writes: points, tetrahedra, fixed, masses. `start` is a JSON
 list of displacements, three per vertex. `load` with cells makes a flex that the nodes of a grid move; these must be
 the vertices of the mesh, in its order. `swing` answers with the displacements after every `every` steps. Needs `pip install mujoco` (version 4 or later).
 """
@@ -43,7 +44,7 @@ def attributes(values):
 class Beam:
     contact = '<contact contype="0" conaffinity="0" selfcollide="none"/>'
     radius = 1e-4
-    option = ball = ""
+    option = ""
 
     def __init__(self, request):
         with open(request["mesh"]) as file:
@@ -61,12 +62,13 @@ class Beam:
         cells = request.get("cells")
         dof = request["key"] if cells else "full"
         grid = f'dof="{dof}" cellcount="{" ".join(map(str, cells))}"' if cells else 'dof="full"'
+        how = f'<elasticity young="{request["young"]!r}" poisson="{request["poisson"]!r}"/>{self.contact}'
+        before, after = self.others(request, elements, masses, how)
         xml = f"""<mujoco><option integrator="discrete" gravity="0 0 {-request["gravity"]!r}" {self.option}/>
-<size memory="8G"/><worldbody>{self.ball}
+<size memory="8G"/><worldbody>{before}
 <flexcomp name="beam" type="direct" dim="3" {grid} mass="{float(masses.sum())!r}" radius="{self.radius!r}"
  point="{words(self.points)}" element="{words(elements)}">
-<elasticity young="{request["young"]!r}" poisson="{request["poisson"]!r}"/>
-{self.contact}<pin id="{words(fixed)}"/></flexcomp>
+{how}<pin id="{words(fixed)}"/></flexcomp>{after}
 </worldbody></mujoco>"""
         start = time.perf_counter()
         self.model = mujoco.MjModel.from_xml_string(xml)
@@ -94,6 +96,10 @@ class Beam:
         self.dofs = (adr[:, None] + np.arange(3)).ravel()
         self.dof_mass = np.repeat(masses[self.free], 3)
         self.seconds = time.perf_counter() - start
+
+    def others(self, request, elements, masses, how):
+        """What stands before and after the beam in the world."""
+        return "", ""
 
     def reset(self, request, damping):
         mujoco.mj_resetData(self.model, self.data)
@@ -155,39 +161,54 @@ class Touch(Beam):
     def __init__(self, request):
         friction = request["friction"]
         soft = attributes(request["contact"])
-        how = f'condim="{3 if friction else 1}" friction="{friction!r} 0 0" {soft}'
+        self.how = f'condim="{3 if friction else 1}" friction="{friction!r} 0 0" {soft}'
         self.option = f'timestep="{request["h"]!r}" {attributes(request["option"])}'
-        self.contact = f'<contact selfcollide="none" {how}/>'
+        self.contact = f'<contact selfcollide="none" {self.how}/>'
         self.at = np.array(request["at"])
-        slides = '<joint type="slide" axis="1 0 0"/><joint type="slide" axis="0 0 1"/>'
-        self.ball = f"""<body name="ball" pos="{words(self.at)}" {"" if friction else 'mocap="true"'}>{slides if friction else ""}
-<geom name="ball" type="sphere" size="{request["radius"]!r}" mass="10" {how}/></body>"""
         super().__init__(request)
-        body = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_BODY, "ball")
-        self.dof = self.model.body_dofadr[body] if friction else None
+        self.hand(request)
         self.model.dof_damping[self.dofs] = request["damping"] * self.dof_mass
-        # the solver's tolerance is relative to it: that of the block alone
+        # the solver's tolerance is relative to it: that of what is free alone
         self.model.stat.meaninertia = float(self.dof_mass.mean())
         self.last = self.at
         mujoco.mj_forward(self.model, self.data)
 
+    def others(self, request, elements, masses, how):
+        friction = request["friction"]
+        slides = '<joint type="slide" axis="1 0 0"/><joint type="slide" axis="0 0 1"/>'
+        ball = f"""<body name="ball" pos="{words(self.at)}" {"" if friction else 'mocap="true"'}>{slides if friction else ""}
+<geom name="ball" type="sphere" size="{request["radius"]!r}" mass="10" {self.how}/></body>"""
+        return ball, ""
+
+    def hand(self, request):
+        """What is moved: `held`, degrees of freedom along the axes `along`."""
+        self.along = [0, 2]
+        self.held = None
+        if request["friction"]:
+            body = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_BODY, "ball")
+            self.held = self.model.body_dofadr[body] + np.arange(2)
+
     def move(self, place):
-        if self.dof is None:
+        if self.held is None:
             self.data.mocap_pos[0] = place
             return
-        # the dofs of the ball come first, so that places and speeds have the same index
+        # every joint is a slide, so that places and speeds have the same index
         at, speed = self.last - self.at, (place - self.last) / self.model.opt.timestep
-        self.data.qpos[self.dof : self.dof + 2] = at[[0, 2]]
-        self.data.qvel[self.dof : self.dof + 2] = speed[[0, 2]]
+        self.data.qpos[self.held] = at[self.along]
+        self.data.qvel[self.held] = speed[self.along]
         self.last = place
 
+    def comes_first(self, contact):
+        """Whether the ball is the first side of a contact."""
+        return contact.geom[0] >= 0
+
     def felt(self):
-        """Normal force and friction on the ball (N)."""
+        """Normal force and friction on the ball or second block (N)."""
         total, part = np.zeros((2, 3)), np.zeros(6)
         for i, contact in enumerate(self.data.contact):
             mujoco.mj_contactForce(self.model, self.data, i, part)
             # the first axis leads from the first side to the second; the force is that on the second
-            sign = -1.0 if contact.geom[0] >= 0 else 1.0
+            sign = -1.0 if self.comes_first(contact) else 1.0
             frame = sign * contact.frame.reshape(3, 3)
             total[0] += part[0] * frame[0]
             total[1] += part[1:3] @ frame[1:]
@@ -202,10 +223,40 @@ class Touch(Beam):
         return milliseconds, forces
 
 
+class Pair(Touch):
+    """A block under another one, of which some vertices are moved: they have a mass that a step cannot move."""
+
+    def others(self, request, elements, masses, how):
+        self.masses = masses
+        upper = f"""<flexcomp name="upper" type="direct" dim="3" dof="full" mass="{float(masses.sum())!r}"
+ radius="{self.radius!r}" point="{words(self.points + self.at)}" element="{words(elements)}">{how}</flexcomp>"""
+        return "", upper
+
+    def hand(self, request):
+        n, held = len(self.points), np.array(request["held"])
+        free = np.setdiff1d(np.arange(n), held)
+        body = self.model.flex_vertbodyid[n:]
+        self.model.body_mass[body[free]] = self.masses[free]
+        self.model.body_mass[body[held]] = 10
+        mujoco.mj_setConst(self.model, self.data)
+        dofs = self.model.body_dofadr[body][:, None] + np.arange(3)
+        self.held, self.along = dofs[held], slice(None)
+        self.dofs = np.concatenate([self.dofs, dofs[free].ravel()])
+        self.dof_mass = np.concatenate([self.dof_mass, np.repeat(self.masses[free], 3)])
+        self.points = np.concatenate([self.points, self.points + self.at])
+        self.n_elements *= 2
+
+    def comes_first(self, contact):
+        return contact.flex[0] == 1
+
+
 def answer(request, warnings):
     op = request["op"]
     if op == "touch-load":
-        block = TOUCHES[request["key"]] = Touch(request)
+        # the body of an earlier case goes before the next is made
+        TOUCHES.pop(request["key"], None)
+        kind = Pair if request["held"] else Touch
+        block = TOUCHES[request["key"]] = kind(request)
         return {
             "iterations": block.iterations,
             "nodes": len(block.points),

@@ -14,9 +14,10 @@
 //! * **Speed**: undamped steps of the beam let go from half of its equilibrium displacement; median
 //!   over rounds in which the engines take turns.
 //!
-//! A ball pressed into a block compares contact ([`TouchRow`]).
+//! A ball pressed into a block, and a block pressed on another, compare contact ([`TouchRow`]).
 
 pub mod beam;
+pub mod bodies;
 mod charts;
 pub mod equilibrium;
 pub mod mujoco;
@@ -46,6 +47,8 @@ pub struct PeerReport {
     pub skipped: Vec<String>,
     /// Contact: equilibria, then one row per engine and setting.
     pub touch: Vec<TouchRow>,
+    /// The same with two blocks, where they are asked for.
+    pub bodies: Vec<TouchRow>,
 }
 
 /// Runs every rival that is there. What is missing is listed with the remedy; nothing is guessed.
@@ -55,8 +58,9 @@ pub struct PeerReport {
 pub fn run(options: &BenchOptions) -> Result<PeerReport> {
     let mut report = PeerReport::default();
     let named = |name: &str| options.cases.iter().any(|n| n == name);
-    let [beam, touch] = ["beam", "touch"].map(named);
-    let (beam, touch) = (beam || !touch, touch || !beam);
+    let [beam, touch, bodies] = ["beam", "touch", "bodies"].map(named);
+    // two blocks take longer than all the rest: they are asked for by name
+    let (beam, touch) = (beam || !(touch || bodies), touch || !(beam || bodies));
     let mut mujoco = match mujoco::MuJoCo::start(&options.python) {
         Ok(found) => Some(found),
         Err(why) => {
@@ -68,7 +72,16 @@ pub fn run(options: &BenchOptions) -> Result<PeerReport> {
         run_beams(options, mujoco.as_mut(), &mut report)?;
     }
     if touch {
-        run_touch(options, mujoco.as_mut(), &mut report)?;
+        // edges of 8, and of 5 to 6 mm: 1 920 and 5 760 tetrahedra, both fine enough for vertices as points
+        let cells = if options.quick { [10, 8, 4] } else { [16, 12, 5] };
+        let block = touch::TouchBlock::new(cells)?;
+        let (mujoco, skipped) = (mujoco.as_mut(), &mut report.skipped);
+        report.touch = run_touch(&block, touch::ours, options, mujoco, skipped)?;
+    }
+    if bodies {
+        let block = touch::TouchBlock::pair(bodies::cells(options.quick))?;
+        let (mujoco, skipped) = (mujoco.as_mut(), &mut report.skipped);
+        report.bodies = run_touch(&block, touch::ours_with_blocks, options, mujoco, skipped)?;
     }
     drop(mujoco);
     #[cfg(feature = "rapier")]
@@ -119,26 +132,24 @@ fn run_beams(
     Ok(())
 }
 
-/// A ball on a block, all engines in turns.
+/// A ball or another block on a block, our settings and the other engines in turns.
 fn run_touch(
+    block: &touch::TouchBlock,
+    ours: fn(bool) -> Vec<Box<dyn touch::Finger>>,
     options: &BenchOptions,
     mujoco: Option<&mut mujoco::MuJoCo>,
-    report: &mut PeerReport,
-) -> Result<()> {
-    // edges of 8, and of 5 to 6 mm: 1 920 and 5 760 tetrahedra, both fine enough for vertices as points
-    let cells = if options.quick { [10, 8, 4] } else { [16, 12, 5] };
-    let block = touch::TouchBlock::new(cells)?;
-    let mut fingers = touch::ours(options.quick);
+    skipped: &mut Vec<String>,
+) -> Result<Vec<TouchRow>> {
+    let mut fingers = ours(options.quick);
     if let Some(mujoco) = mujoco {
-        match mujoco.fingers(&block) {
+        match mujoco.fingers(block) {
             Ok(more) => fingers.extend(more),
-            Err(error) => report.skipped.push(format!("MuJoCo flex under a ball: {error}")),
+            Err(error) => skipped.push(format!("MuJoCo flex, contact: {error}")),
         }
     }
     #[cfg(feature = "rapier")]
-    fingers.extend(rapier::fingers(&block, options.quick)?);
-    report.touch = touch::compete(&block, &mut fingers)?;
-    Ok(())
+    fingers.extend(rapier::fingers(block, options.quick)?);
+    touch::compete(block, &mut fingers)
 }
 
 /// Engines looked at and left out.

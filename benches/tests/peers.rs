@@ -7,10 +7,10 @@ use sinew_benches::peers::mujoco::{MuJoCo, parse, to_vectors};
 use sinew_benches::peers::rapier;
 use sinew_benches::peers::rival::{BeamCase, compete, static_error};
 use sinew_benches::peers::touch::{
-    self, AT, DEPTH, DRAG, FRICTION, Finger, GAP, PHASES, RADIUS, SIZE, Sample, TURN, TouchBlock,
-    TouchRow, TouchTruth, TouchTurn, figures, ours, run,
+    self, AT, BALL, DEPTH, DRAG, FRICTION, Finger, GAP, RADIUS, SIZE, Sample, TURN, TouchBlock,
+    TouchRow, TouchTruth, TouchTurn, figures, ours, ours_with_blocks, run,
 };
-use sinew_benches::peers::{Beam, PeerReport, PeerRow, aims, sinew_rows};
+use sinew_benches::peers::{Beam, PeerReport, PeerRow, aims, bodies, sinew_rows};
 use sinew_benches::toolbox::error::{BenchError, Result};
 use sinew_tune::page::{Chart, Judgement};
 
@@ -83,6 +83,7 @@ while read -r line; do
 case "$line" in
 *'"version"'*) echo '{{"version": "4.0.0"}}' ;;
 *'"op":"touch-load"'*'"radius":0.02'*) echo '{{"nodes": 12, "elements": 12, "warnings": []}}' ;;
+*'"op":"touch-load"'*'"radius":null'*) echo '{{"nodes": 24, "elements": 24, "warnings": []}}' ;;
 *'"op":"touch"'*'"places":[['*) n=$((n + 1)); more=',[0,0,3,-1,0,0]'; [ $n = 2 ] && more=''
 echo '{{"milliseconds": [1, 2], "forces": [[0,0,2,0.5,0,0]'$more'], "displacements": [{zeros}], "warnings": ["so: 1"]}}' ;;
 *) echo '{{"error": "what?"}}' ;;
@@ -110,6 +111,12 @@ done
     let other = touch::TouchBlock::new([2, 2, 1]).unwrap();
     let error = finger.start(&other, 0.0).unwrap_err().to_string();
     assert!(error.contains("12 vertices") && error.contains("of 18 and 24"), "{error}");
+    // two blocks, of which the held vertices are told
+    let pair = TouchBlock::pair([2, 1, 1]).unwrap();
+    let mut fingers = mujoco.fingers(&pair).unwrap();
+    fingers[0].start(&pair, 0.0).unwrap();
+    let error = fingers[0].advance(&pair, &[DVec3::ZERO; 2]).err().unwrap().to_string();
+    assert!(error.contains("36 numbers for 24 vertices"), "{error}");
     drop(fingers);
     drop(mujoco);
     std::fs::remove_dir_all(&folder).unwrap();
@@ -119,9 +126,17 @@ done
 #[test]
 fn the_script_serves_the_requests() {
     let script = include_str!("../peers/mujoco_flex.py");
-    for word in
-        ["touch-load", "touch", "places", "friction", "radius", "damping", "option", "contact"]
-    {
+    for word in [
+        "touch-load",
+        "touch",
+        "places",
+        "friction",
+        "radius",
+        "damping",
+        "option",
+        "contact",
+        "held",
+    ] {
         assert!(
             script.contains(&format!("[\"{word}\"]"))
                 || script.contains(&format!("op == \"{word}\"")),
@@ -238,6 +253,14 @@ fn the_largest_beams_and_the_ball_come_first() {
         row("Rapier", "FEM, at most 20 CG iterations", "b, 5 tetrahedra", 5),
         row("Sinew", "quasi-static Newton, StVK", "c, 1 tetrahedra", 1),
     ];
+    let touched = |error| TouchRow {
+        engine: "MuJoCo".into(),
+        cost_per_simulated_second: Some(1.0),
+        error_percent: Some(error),
+        ..TouchRow::default()
+    };
+    let (touch, bodies) = (vec![touched(1.0)], vec![touched(9.0)]);
+    let contact = PeerReport { touch, bodies, ..PeerReport::default() };
     let report = PeerReport { rows, ..PeerReport::default() };
     let names =
         |charts: &[Chart]| -> Vec<String> { charts.iter().map(|c| c.name.clone()).collect() };
@@ -248,6 +271,8 @@ fn the_largest_beams_and_the_ball_come_first() {
     assert!(charts[0].svg.contains("MuJoCo, converged") && charts[0].svg.contains("20 tetrahedra"));
     assert!(charts[1].svg.contains("Rapier, its cap"));
     assert!(PeerReport::default().charts().unwrap().0.is_empty());
+    let (charts, leading) = contact.charts().unwrap();
+    assert_eq!((names(&charts), leading), (vec!["peers-ball".into(), "peers-blocks".into()], 2));
 }
 
 fn block() -> TouchBlock {
@@ -299,10 +324,10 @@ fn judge(finger: Steady) -> TouchRow {
 
 #[test]
 fn the_ball_goes_the_stated_way_in_whole_steps() {
-    assert_eq!(TouchBlock::place(0.0), AT);
-    for (t, way) in PHASES.into_iter().zip([0.0, 0.0, DRAG[0]]) {
+    assert_eq!(BALL.place(0.0), AT);
+    for (t, way) in BALL.phases().into_iter().zip([0.0, 0.0, DRAG[0]]) {
         let place = AT + DVec3::new(way, 0.0, -GAP - DEPTH);
-        assert!(TouchBlock::place(t).distance(place) < 1e-15);
+        assert!(BALL.place(t).distance(place) < 1e-15);
         assert!((t / TURN - (t / TURN).round()).abs() < 1e-12);
     }
     for finger in ours(false) {
@@ -311,7 +336,7 @@ fn the_ball_goes_the_stated_way_in_whole_steps() {
     }
     let block = block();
     // the ball stays within the sides
-    for end in [AT, TouchBlock::place(PHASES[2])] {
+    for end in [AT, BALL.place(BALL.phases()[2])] {
         assert!(end.x - RADIUS > 0.0 && end.x + RADIUS < SIZE.x);
         assert!(end.y - RADIUS > 0.0 && end.y + RADIUS < SIZE.y);
     }
@@ -339,7 +364,7 @@ fn figures_follow_from_what_the_engines_say() {
     let row = judge(Steady { h: 0.01, force: told, friction: Some(friction), yields: true });
     assert!((row.force.unwrap() - 1.1).abs() < 1e-12);
     assert!((row.error_percent.unwrap() - 10.0).abs() < 1e-9);
-    assert!((row.off_faces_percent.unwrap() + 100.0 / 12.0).abs() < 1e-9);
+    assert!((row.off_second_percent.unwrap() + 100.0 / 12.0).abs() < 1e-9);
     assert!((row.friction_ratio.unwrap() - 1.0).abs() < 1e-12);
     assert!(row.ripple_percent.unwrap().abs() < 1e-9);
     assert_eq!([row.ms_per_step, row.ms_with_friction], [Some(2.0); 2]);
@@ -384,4 +409,91 @@ fn small_cells_push_back() {
     assert!((0.7..2.0).contains(&ratio) && row.engine == "Rapier", "{row:?}");
     assert!(row.depth_mm.unwrap() < 2.0 && row.friction_ratio.is_none(), "{row:?}");
     assert!(row.note.contains("corotational") && !row.note.contains("goes through"), "{row:?}");
+}
+
+#[test]
+fn the_second_block_goes_the_stated_way_in_whole_steps() {
+    let way = bodies::WAY;
+    for (t, along) in way.phases().into_iter().zip([0.0, 0.0, way.drag[0]]) {
+        let place = way.start + DVec3::new(along, 0.0, -way.gap - way.depth);
+        assert!(way.place(t).distance(place) < 1e-15);
+        assert!((t / TURN - (t / TURN).round()).abs() < 1e-9);
+    }
+    for finger in ours_with_blocks(false) {
+        let steps = TURN / finger.step();
+        assert!((steps - steps.round()).abs() < 1e-9, "{steps}");
+    }
+    for (quick, tetrahedra) in [(true, 2 * 1176), (false, 2 * 5184)] {
+        let block = TouchBlock::pair(bodies::cells(quick)).unwrap();
+        let row = block.row("e", "1", String::new());
+        assert_eq!(row.elements, tetrahedra);
+        assert!(row.scene.contains("two blocks of 0.1 x 0.1 x 0.05 m"), "{}", row.scene);
+    }
+}
+
+#[test]
+fn depth_of_blocks_is_that_of_the_deepest_vertex() {
+    let block = TouchBlock::pair([3, 3, 2]).unwrap();
+    let n = block.mesh.points.len();
+    let mut u = vec![DVec3::ZERO; 2 * n];
+    let depth = |u: &[DVec3]| block.depth(u, DVec3::ZERO);
+    assert!((depth(&u) + bodies::WAY.gap).abs() < 1e-15);
+    u[n..].fill(DVec3::Z * -0.003);
+    assert!((depth(&u) - 0.002).abs() < 1e-15);
+    // a vertex of the lower block in the upper one, then one of the upper block in the lower one
+    let inner = |rows: &[u32]| {
+        let inside = |x: f64| x > 0.02 && x < 0.08;
+        let inside = |v: &&u32| {
+            let p = block.mesh.points[**v as usize];
+            inside(p.x) && inside(p.y)
+        };
+        *rows.iter().find(inside).unwrap() as usize
+    };
+    u[inner(&block.surface)].z += 0.001;
+    assert!((depth(&u) - 0.003).abs() < 1e-15);
+    u[n + inner(&block.fixed)].z -= 0.004;
+    assert!((depth(&u) - 0.006).abs() < 1e-3, "{}", depth(&u));
+}
+
+#[test]
+fn ripple_is_off_a_parabola() {
+    let parabola = |i: i32| 3.0 + 0.5 * f64::from(i) - 0.02 * f64::from(i * i);
+    let values: Vec<f64> = (0..20).map(parabola).collect();
+    assert!(bodies::off_parabola(&values).iter().all(|x| x.abs() < 1e-12));
+    let wavy: Vec<f64> =
+        (0..20).map(|i| parabola(i) + if i % 2 == 0 { 0.1 } else { -0.1 }).collect();
+    let rest = bodies::off_parabola(&wavy);
+    assert!(rest.iter().all(|x| (x.abs() - 0.1).abs() < 0.03), "{rest:?}");
+}
+
+/// Default steps of two blocks come to the equilibrium on the same mesh, and the row has every figure.
+#[test]
+fn default_steps_of_two_blocks_settle_to_the_equilibrium() {
+    let mut fingers: Vec<Box<dyn Finger>> = ours_with_blocks(true).into_iter().take(1).collect();
+    let rows = touch::compete(&TouchBlock::pair([4, 4, 2]).unwrap(), &mut fingers).unwrap();
+    let [same, fine, row] = rows.as_slice() else { panic!("{rows:?}") };
+    assert_eq!([fine.engine.as_str(), same.engine.as_str()], ["truth"; 2]);
+    assert_eq!([fine.elements, same.elements], [8 * row.elements, row.elements]);
+    assert!(same.force > fine.force && fine.force.unwrap() > 1.0, "{rows:?}");
+    assert!(row.error_percent.unwrap().abs() < 0.5, "{row:?}");
+    assert!((0.5..1.2).contains(&row.friction_ratio.unwrap()), "{row:?}");
+    assert!((0.0..0.5).contains(&row.depth_mm.unwrap()), "{row:?}");
+    assert!(row.over_apart.is_some() && row.friction_over_apart.is_some(), "{row:?}");
+    let page = serde_json::to_string(&row).unwrap();
+    assert!(page.contains("over_apart") && page.contains("off_second_percent"), "{page}");
+}
+
+/// The held face moves, the skins of both blocks are taken off, and the lower block's clamp feels the upper one.
+#[cfg(feature = "rapier")]
+#[test]
+fn soft_bodies_press_on_each_other() {
+    let block = TouchBlock::pair([4, 4, 2]).unwrap();
+    let mut fingers: Vec<Box<dyn Finger>> =
+        rapier::fingers(&block, true).unwrap().into_iter().skip(1).collect();
+    let rows = touch::compete(&block, &mut fingers).unwrap();
+    let row = rows.last().unwrap();
+    let own = rows.iter().find(|r| r.setting.contains("corotational")).unwrap();
+    let ratio = row.force.unwrap() / own.force.unwrap();
+    assert!((0.5..2.0).contains(&ratio) && row.engine == "Rapier", "{row:?}");
+    assert!(!row.note.contains("goes through") && row.ms_apart.is_some(), "{row:?}");
 }

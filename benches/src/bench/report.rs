@@ -402,7 +402,9 @@ impl BenchReport {
                 "peers" => {
                     page.grouped(table, Some("scene"), &["setting", "note"], str::to_owned);
                 }
-                "peers-touch" => page.grouped(table, None, &["setting", "note"], str::to_owned),
+                "peers-touch" | "peers-bodies" => {
+                    page.grouped(table, None, &["setting", "note"], str::to_owned)
+                }
                 "elements" | "elements-equal" => {
                     page.grouped(table, Some("nu"), &["note"], |nu| {
                         format!("Poisson's ratio {nu}")
@@ -479,7 +481,7 @@ fn peer_tables(report: &PeerReport) -> Vec<Table> {
     let touch = table_of!("peers-touch", title; for r in &report.touch;
         "engine" => format!("{} {}", r.engine, r.version), "ms/step" => r.ms_per_step,
         "s per s" => r.cost_per_simulated_second, "error %" => r.error_percent,
-        "off faces %" => r.off_faces_percent, "force N" => r.force, "depth mm" => r.depth_mm,
+        "off faces %" => r.off_second_percent, "force N" => r.force, "depth mm" => r.depth_mm,
         "with friction ms" => r.ms_with_friction, "ripple %" => r.ripple_percent,
         "friction over its limit" => r.friction_ratio, "precision" => &r.precision, "threads" => r.threads,
         "tets" => r.elements, "setting" => &r.setting, "note" => &r.note,
@@ -491,7 +493,26 @@ fn peer_tables(report: &PeerReport) -> Vec<Table> {
          smallest force over the mean while dragged without friction. friction: vector sums; above 1 on a ball, whose \
          normals spread more than the friction does.",
     );
-    vec![rows, touch]
+    let title =
+        "Contact beside other engines: a soft block pressed on a soft block, held and dragged";
+    let bodies = table_of!("peers-bodies", title; for r in &report.bodies;
+        "engine" => format!("{} {}", r.engine, r.version), "ms/step" => r.ms_per_step,
+        "with friction ms" => r.ms_with_friction, "apart ms" => r.ms_apart,
+        "over apart" => r.over_apart, "friction over apart" => r.friction_over_apart,
+        "s per s" => r.cost_per_simulated_second, "error %" => r.error_percent,
+        "off finer mesh %" => r.off_second_percent, "force N" => r.force, "depth mm" => r.depth_mm,
+        "ripple %" => r.ripple_percent, "T/(mu N)" => r.friction_ratio, "precision" => &r.precision,
+        "threads" => r.threads, "tets" => r.elements, "setting" => &r.setting, "note" => &r.note,
+    )
+    .note(
+        "force: on the upper block at the end of the hold; error: against the equilibrium of the same mesh (first row); off \
+         finer mesh: against that of two blocks of half the edge. depth: largest height of a vertex beyond the \
+         other face, measured by the same code for all. ms/step: median of the drag without friction, engines in turns. \
+         apart: the same blocks without contact, swinging undamped. ripple: largest less smallest force, off a parabola \
+         over time, over the mean while dragged without friction. T/(mu N): sideways over coefficient times vertical force \
+         while dragged with friction; where faces tilt, contact alone pushes sideways.",
+    );
+    vec![rows, touch, bodies]
 }
 
 /// Cost (s) and error (%) of a point; `refined`: against the refined mesh.

@@ -1,6 +1,6 @@
 //! Speed against error of the rivals, a chart for each scene.
 
-use super::{PeerReport, PeerRow};
+use super::{PeerReport, PeerRow, TouchRow};
 use crate::toolbox::plot::{ChartPanel, Series, panels};
 use crate::toolbox::prelude::*;
 
@@ -53,7 +53,7 @@ fn series<'a>(points: impl Iterator<Item = (&'a str, Option<f64>, Option<f64>)>)
 }
 
 impl PeerReport {
-    /// Charts of the largest beam of each rival and of the ball, which a page shows at once, and how many these are; then
+    /// Charts of the largest beam of each rival, of the ball and of two blocks, which a page shows at once, and how many these are; then
     /// of the other beams, and of all beams in one picture.
     ///
     /// # Errors
@@ -78,7 +78,7 @@ impl PeerReport {
             let known = first.iter().any(|s| beam(s) == beam(scene));
             if known { rest.push(scene) } else { first.push(scene) }
         }
-        let leading = first.len();
+        let mut leading = first.len();
         let beams: Vec<ChartPanel> = first
             .into_iter()
             .chain(rest)
@@ -96,7 +96,7 @@ impl PeerReport {
                 }
             })
             .collect();
-        let touched = self.touch.iter().filter_map(|r| {
+        let touched = |r: &TouchRow| {
             let row = PeerRow {
                 engine: r.engine.clone(),
                 setting: r.setting.clone(),
@@ -105,12 +105,12 @@ impl PeerReport {
             // contact has settings of its own: all of ours that take steps are one line of the legend
             let name = if r.engine == "Sinew" { Some("Sinew safe") } else { name(&row) };
             name.map(|n| (n, r.cost_per_simulated_second, r.error_percent))
-        });
-        let ball = ChartPanel {
-            name: "peers-ball".into(),
-            title: "Ball on a block: error of the held force".into(),
-            series: series(touched),
         };
+        let points = |rows: &[TouchRow]| series(rows.iter().filter_map(touched));
+        let contact = [
+            ("peers-ball", "Ball on a block: error of the held force", points(&self.touch)),
+            ("peers-blocks", "Two blocks: error of the held force", points(&self.bodies)),
+        ];
         let cost = "s of computation per simulated s";
         let axes = |error| [cost, error];
         let drawn = |panel: &ChartPanel| panel.series.iter().any(|s| !s.points.is_empty());
@@ -118,13 +118,14 @@ impl PeerReport {
             true => Vec::new(),
             false => panels("peers-beams", axes("error of the motion (%)"), &beams, false)?,
         };
-        if !drawn(&ball) {
-            return Ok((charts, leading));
+        for (name, title, series) in contact {
+            let panel = ChartPanel { name: name.into(), title: title.into(), series };
+            if drawn(&panel) {
+                let axes = axes("error (%), below 1e-4 at the floor");
+                charts.splice(leading..leading, panels(name, axes, &[panel], false)?);
+                leading += 1;
+            }
         }
-        charts.splice(
-            leading..leading,
-            panels("peers-ball", axes("error (%), below 1e-4 at the floor"), &[ball], false)?,
-        );
-        Ok((charts, leading + 1))
+        Ok((charts, leading))
     }
 }

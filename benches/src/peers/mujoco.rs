@@ -40,9 +40,9 @@ pub struct Reply {
 }
 
 impl Reply {
-    /// Whether the loaded mesh is ours.
-    fn same_mesh(&self, mesh: &Mesh) -> Result<()> {
-        let (nodes, elements) = (mesh.points.len(), mesh.tetrahedra.len());
+    /// Whether the loaded mesh is ours, so many times.
+    fn same_mesh(&self, mesh: &Mesh, copies: usize) -> Result<()> {
+        let (nodes, elements) = (copies * mesh.points.len(), copies * mesh.tetrahedra.len());
         if (self.nodes, self.elements) == (nodes, elements) {
             return Ok(());
         }
@@ -208,7 +208,7 @@ impl MuJoCo {
             "poisson": case.beam.material.poisson_ratio,
             "gravity": case.beam.gravity,
         }))?;
-        loaded.same_mesh(&case.beam.mesh)?;
+        loaded.same_mesh(&case.beam.mesh, 1)?;
         let middle = steps[steps.len() / 2];
         let mut settings: Vec<(f64, u32)> = steps.iter().map(|&h| (h, loaded.iterations)).collect();
         settings.push((middle, ENOUGH_ITERATIONS));
@@ -255,7 +255,7 @@ impl MuJoCo {
         Flex { process, version, key, remark: String::new() }
     }
 
-    /// Settings for the ball.
+    /// Settings for the ball or for two blocks.
     pub fn fingers(&mut self, block: &TouchBlock) -> Result<Vec<Box<dyn Finger>>> {
         let mesh = self.process.borrow().write("block.json", &block.file())?;
         Ok(touching()
@@ -314,17 +314,19 @@ impl Finger for MujocoPress {
         let (h, option, contact, _) = self.touching.clone();
         let loaded = self.flex.ask(json!({
             "op": "touch-load", "mesh": self.mesh, "young": block.material.young_modulus,
-            "poisson": block.material.poisson_ratio, "gravity": 0.0, "damping": DAMPING, "h": h,
-            "option": option, "contact": contact, "friction": friction, "radius": touch::RADIUS,
-            "at": touch::AT.to_array(),
+            "poisson": block.material.poisson_ratio, "gravity": block.gravity, "damping": block.damping,
+            "h": h, "option": option, "contact": contact, "friction": friction,
+            "radius": (!block.way.blocks).then_some(touch::RADIUS), "at": block.way.start.to_array(),
+            "held": block.way.blocks.then_some(&block.surface),
         }))?;
-        loaded.same_mesh(&block.mesh)
+        loaded.same_mesh(&block.mesh, block.blocks())
     }
 
     fn advance(&mut self, block: &TouchBlock, places: &[DVec3]) -> Result<TouchTurn> {
         let to: Vec<[f64; 3]> = places.iter().map(|x| x.to_array()).collect();
         let reply = self.flex.ask(json!({ "op": "touch", "places": to }))?;
-        let displacements = to_vectors(&reply.displacements, block.mesh.points.len())?;
+        let displacements =
+            to_vectors(&reply.displacements, block.blocks() * block.mesh.points.len())?;
         if [reply.milliseconds.len(), reply.forces.len()] != [places.len(); 2] {
             let given = reply.forces.len();
             let text = format!("MuJoCo flex: forces of {given} steps of {}", places.len());

@@ -13,6 +13,9 @@ use std::time::Instant;
 /// Its default step (s).
 pub const STEP: f64 = 1.0 / 60.0;
 
+/// Parts into which it cuts a step by default.
+const SUBSTEPS: usize = 4;
+
 /// Version in `Cargo.toml`; the crate does not tell its own.
 const VERSION: &str = "0.36";
 
@@ -60,12 +63,12 @@ fn double(x: Vector) -> DVec3 {
 }
 
 /// A setting with steps of `h` (s), in words.
-fn setting(solver: SoftBodySolver, iterations: usize, h: f64) -> String {
+fn setting(solver: SoftBodySolver, iterations: usize, h: f64, substeps: usize) -> String {
     let solver = match solver {
         SoftBodySolver::Constraints => "constraints (its default)".to_owned(),
         SoftBodySolver::Fem => format!("FEM, at most {iterations} CG iterations"),
     };
-    format!("corotational, {solver}, h = {} in its 4 substeps", milliseconds(h))
+    format!("corotational, {solver}, h = {} in {substeps} substeps", milliseconds(h))
 }
 
 /// A body of corotational tetrahedra that stays awake.
@@ -109,11 +112,15 @@ impl RapierRun {
     }
 }
 
+/// Displacements (m) of a body whose mesh stood at `start` (m).
+fn moved(mesh: &Mesh, body: &SoftBody, start: DVec3) -> Vec<DVec3> {
+    let places = mesh.points.iter().zip(body.particle_positions());
+    places.map(|(p, x)| double(x) - *p - start).collect()
+}
+
 /// Displacements (m) of a body that stayed finite.
 fn displacements(case: &BeamCase, body: &SoftBody) -> Result<Vec<DVec3>> {
-    let u: Vec<DVec3> = (case.beam.mesh.points.iter().zip(body.particle_positions()))
-        .map(|(p, x)| double(x) - *p)
-        .collect();
+    let u = moved(&case.beam.mesh, body, DVec3::ZERO);
     if u.iter().all(|u| u.is_finite()) {
         Ok(u)
     } else {
@@ -170,7 +177,7 @@ impl Rival for RapierRun {
     }
 
     fn row(&self, case: &BeamCase) -> PeerRow {
-        let setting = setting(self.solver, self.iterations, self.h);
+        let setting = setting(self.solver, self.iterations, self.h, SUBSTEPS);
         let mut row = case.row("Rapier", VERSION, setting);
         row.precision = "f32".into();
         row.note =
@@ -187,26 +194,40 @@ impl Rival for RapierRun {
 
 /// The constraint solver and the finite-element solver by default and, unless `quick`, the latter with enough
 /// iterations. Steps down to 1/240 s, 8 substeps, stiffer contact, undamped strain and 2 000 iterations were tried
-/// beside it: the force went from 11 % below the equilibrium of its energy to 5 % above, and settled no better.
+/// beside it: the force went from 11 % below the equilibrium of its energy to 5 % above, and settled no better. Two blocks have
+/// the constraint solver with four times the substeps too.
 pub fn fingers(block: &TouchBlock, quick: bool) -> Result<Vec<Box<dyn Finger>>> {
+    let [default, ..] = settings();
+    let more = block.way.blocks.then_some((default, 4 * SUBSTEPS));
     settings()
         .into_iter()
         .take(if quick { 2 } else { 3 })
-        .map(|(solver, iterations)| -> Result<Box<dyn Finger>> {
+        .map(|setting| (setting, SUBSTEPS))
+        .chain(more)
+        .map(|((solver, iterations), substeps)| -> Result<Box<dyn Finger>> {
             let scale = TouchScale::new(block, Model::Corotational)?;
             let masses = masses(&block.mesh, block.material.density);
-            Ok(Box::new(RapierPress { solver, iterations, scale, masses, world: None }))
+            Ok(Box::new(RapierPress { solver, iterations, substeps, scale, masses, world: None }))
         })
         .collect()
 }
 
-/// A world, its block and its ball.
-type Pressed = (PhysicsWorld, SoftBodyHandle, RigidBodyHandle);
+/// A world, its block, and its ball or second block.
+type Pressed = (PhysicsWorld, SoftBodyHandle, Comes);
+
+/// What comes to a block.
+#[derive(Clone, Copy)]
+enum Comes {
+    Ball(RigidBodyHandle),
+    /// Another block, as much higher (m) as the skins of both are thick: they meet before the surfaces do.
+    Block(SoftBodyHandle, f64),
+}
 
 struct RapierPress {
     solver: SoftBodySolver,
     /// Cap on conjugate-gradient iterations per substep.
     iterations: usize,
+    substeps: usize,
     scale: TouchScale,
     masses: Vec<f64>,
     world: Option<Pressed>,
@@ -221,11 +242,14 @@ impl RapierPress {
 
 impl Finger for RapierPress {
     fn row(&self, block: &TouchBlock) -> TouchRow {
-        let setting = setting(self.solver, self.iterations, STEP);
+        let setting = setting(self.solver, self.iterations, STEP, self.substeps);
         let row = block.row("Rapier", VERSION, setting);
-        let note = "its energy is corotational; it does not tell all of its contact force: that is what the clamp \
-                    feels, with the momentum of the block"
-            .into();
+        let mut note = "its energy is corotational; it does not tell all of its contact force: that is what the clamp \
+                        feels, with the momentum of the block"
+            .to_owned();
+        if block.way.blocks {
+            note += "; the upper block is higher by both skins, and depth counts from there";
+        }
         TouchRow { precision: "f32".into(), note, ..row }
     }
 
@@ -243,47 +267,76 @@ impl Finger for RapierPress {
 
     fn start(&mut self, block: &TouchBlock, friction: f64) -> Result<()> {
         let mut world = PhysicsWorld::new();
-        world.gravity = Vector::ZERO;
+        world.gravity = single(DVec3::Z * -block.gravity);
+        world.integration_parameters.num_solver_iterations = self.substeps;
         world.integration_parameters.dt = STEP as f32;
         world.integration_parameters.soft_bodies.fem.max_linear_iterations = self.iterations;
         let masses: Vec<f32> = self.masses.iter().map(|&m| m as f32).collect();
-        let builder = soft_body(&block.mesh, &masses, &block.material, block.fixed.clone())
-            .solver(self.solver)
-            .linear_damping(DAMPING as f32)
-            .surface_collider(ColliderBuilder::ball(0.05).density(0.0).friction(friction as f32));
-        // its skin meets the ball before the surface does: the ball is drawn in by as much
-        let radius = (UNIT * touch::RADIUS) as f32 - builder.particle_radius;
-        let block = world.insert_soft_body(builder);
-        let ball = RigidBodyBuilder::kinematic_position_based().translation(single(touch::AT));
-        let shape = ColliderBuilder::ball(radius).friction(friction as f32);
-        let (ball, _) = world.insert(ball, shape);
-        self.world = Some((world, block, ball));
+        let build = |mesh: &Mesh, fixed: &[u32]| {
+            soft_body(mesh, &masses, &block.material, fixed.to_vec())
+                .solver(self.solver)
+                .linear_damping(block.damping as f32)
+                .surface_collider(
+                    ColliderBuilder::ball(0.05).density(0.0).friction(friction as f32),
+                )
+        };
+        let lower = build(&block.mesh, &block.fixed);
+        let skin = lower.particle_radius;
+        let lower = world.insert_soft_body(lower);
+        let comes = if block.way.blocks {
+            let raised = 2.0 * f64::from(skin) / UNIT;
+            let mut mesh = block.mesh.clone();
+            mesh.points.iter_mut().for_each(|x| *x += block.way.start + DVec3::Z * raised);
+            Comes::Block(world.insert_soft_body(build(&mesh, &block.surface)), raised)
+        } else {
+            // its skin meets the ball before the surface does: the ball is drawn in by as much
+            let radius = (UNIT * touch::RADIUS) as f32 - skin;
+            let start = single(block.way.start);
+            let ball = RigidBodyBuilder::kinematic_position_based().translation(start);
+            let shape = ColliderBuilder::ball(radius).friction(friction as f32);
+            Comes::Ball(world.insert(ball, shape).0)
+        };
+        self.world = Some((world, lower, comes));
         Ok(())
     }
 
     fn advance(&mut self, block: &TouchBlock, places: &[DVec3]) -> Result<TouchTurn> {
-        let Some((mut world, soft, ball)) = self.world.take() else {
+        let Some((mut world, soft, comes)) = self.world.take() else {
             return Err(BenchError::Rival("Rapier: not started".into()));
         };
         let mut samples = Vec::with_capacity(places.len());
         let mut displacements = Vec::new();
         let mut before = self.momentum(&world.soft_bodies[soft]);
         for &place in places {
-            world.bodies[ball].set_next_kinematic_translation(single(place));
+            match comes {
+                Comes::Ball(ball) => {
+                    world.bodies[ball].set_next_kinematic_translation(single(place));
+                }
+                Comes::Block(upper, raised) => {
+                    let upper = &mut world.soft_bodies[upper];
+                    for &v in &block.surface {
+                        let x = block.mesh.points[v as usize] + place + DVec3::Z * raised;
+                        upper.set_particle_kinematic_target(v as usize, single(x));
+                    }
+                }
+            }
             let begin = Instant::now();
             world.step();
             let ms = begin.elapsed().as_secs_f64() * 1e3;
             let body = &world.soft_bodies[soft];
-            displacements = (block.mesh.points.iter().zip(body.particle_positions()))
-                .map(|(p, x)| double(x) - *p)
-                .collect();
+            displacements = moved(&block.mesh, body, DVec3::ZERO);
             let now = self.momentum(body);
             // the clamp holds what the ball presses, less what moves the block and what damps it
-            let force = self.scale.weigh(&displacements)? - (now - before) / STEP - DAMPING * now;
+            let inertia = (now - before) / STEP + block.damping * now;
+            let force = self.scale.weigh(&displacements)? - inertia;
             before = now;
             samples.push(Sample { ms, force, friction: None });
         }
-        self.world = Some((world, soft, ball));
+        if let Comes::Block(upper, raised) = comes {
+            let start = block.way.start + DVec3::Z * raised;
+            displacements.extend(moved(&block.mesh, &world.soft_bodies[upper], start));
+        }
+        self.world = Some((world, soft, comes));
         Ok(TouchTurn { samples, displacements })
     }
 }

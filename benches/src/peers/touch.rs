@@ -1,7 +1,8 @@
 //! Contact beside rivals: a rigid ball is pressed into a block, held and dragged, with the same mesh, material,
-//! lumped masses, damping and way of the ball in every engine.
+//! lumped masses, damping and way of the ball in every engine. The same for a second block in place of the ball is in
+//! [`bodies`].
 //!
-//! * **Truth**: the equilibrium of the St Venant-Kirchhoff body *on the same mesh* under the held ball, by
+//! * **Truth** of the ball: the equilibrium of the St Venant-Kirchhoff body *on the same mesh* under the held ball, by
 //!   converged Newton with exact contact (no penetration) of the vertices. An engine that lets the ball ride on
 //!   flat faces solves another discrete problem: every row is also held against the equilibrium of points on faces.
 //! * **Force**: what the engine says the ball feels. Where it does not say, what the clamp feels: elastic forces
@@ -9,6 +10,7 @@
 //! * **Turns**: all engines go through the same [`TURN`] of simulated time before the first goes on.
 
 use super::beam::BodyFile;
+use super::bodies;
 use super::rival::{DAMPING, milliseconds, say};
 use crate::toolbox::prelude::*;
 use crate::toolbox::stats::median;
@@ -24,7 +26,7 @@ pub const RADIUS: f64 = 0.02;
 pub const DEPTH: f64 = 0.006;
 /// Way (m) before the ball touches; with it the press takes two turns.
 pub const GAP: f64 = 0.004;
-/// Speed (m/s) of the press: far below the shear waves (1.9 m/s), so that the block follows.
+/// Speed (m/s) of the press: far below the shear waves (1.9 m/s, of two blocks 1.3 m/s), so that the block follows.
 const PRESS: f64 = 0.05;
 /// Time (s) of holding: with [`DAMPING`] the motion fades to 5e-5.
 const HOLD: f64 = 1.0;
@@ -38,13 +40,42 @@ pub const TURN: f64 = 0.1;
 const BALANCE: f64 = 1e-6;
 /// Coefficient of friction of the second run.
 pub const FRICTION: f64 = 0.3;
-/// Times (s) of the end of the press, of the hold and of the drag.
-pub const PHASES: [f64; 3] = {
-    let pressed = (GAP + DEPTH) / PRESS;
-    [pressed, pressed + HOLD, pressed + HOLD + DRAG[0] / DRAG[1]]
-};
+/// The way of the ball.
+pub const BALL: TouchWay =
+    TouchWay { start: AT, gap: GAP, depth: DEPTH, drag: DRAG, blocks: false };
 
-/// One engine in one setting under the ball.
+/// The way of what is pressed on a block: down along z, held there, then dragged along x.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct TouchWay {
+    /// Where it begins (m): centre of the ball, or corner of the second block where x, y and z are least.
+    pub start: DVec3,
+    /// Way (m) down before it touches.
+    pub gap: f64,
+    /// Way (m) from there into the block.
+    pub depth: f64,
+    /// Way (m) and speed (m/s) of the drag.
+    pub drag: [f64; 2],
+    /// A second block comes, held at its top, in place of a ball. What is dragged over its edge has ever less area in contact:
+    /// steps are timed in the drag alone, where both blocks move, and ripple is off a parabola.
+    pub blocks: bool,
+}
+
+impl TouchWay {
+    /// Times (s) of the end of the press, of the hold and of the drag.
+    pub const fn phases(&self) -> [f64; 3] {
+        let pressed = (self.gap + self.depth) / PRESS;
+        [pressed, pressed + HOLD, pressed + HOLD + self.drag[0] / self.drag[1]]
+    }
+
+    /// Place (m) at a time (s).
+    pub fn place(&self, t: f64) -> DVec3 {
+        let down = (PRESS * t).min(self.gap + self.depth);
+        let sideways = (self.drag[1] * (t - self.phases()[1])).clamp(0.0, self.drag[0]);
+        self.start + DVec3::new(sideways, 0.0, -down)
+    }
+}
+
+/// One engine in one setting under the ball, or with two blocks.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct TouchRow {
     /// Engine; `truth` for equilibria.
@@ -61,15 +92,16 @@ pub struct TouchRow {
     pub threads: usize,
     /// `"f64"` or `"f32"`.
     pub precision: String,
-    /// Force (N) on the ball at the end of the hold, against the press.
+    /// Force (N) on the ball or upper block at the end of the hold, against the press.
     pub force: Option<f64>,
-    /// Its error (%) against the truth, exact contact of the vertices.
+    /// Its error (%) against the truth on the same mesh: exact contact of the vertices; of two blocks, contact by default.
     pub error_percent: Option<f64>,
-    /// The same against the equilibrium whose points are on the faces, for engines that keep the faces out.
-    pub off_faces_percent: Option<f64>,
+    /// The same against a second equilibrium: that whose points are on the faces, for engines that keep the faces out; of
+    /// two blocks, that on a finer mesh.
+    pub off_second_percent: Option<f64>,
     /// Deepest penetration (mm) of a vertex of the surface at the end of any turn.
     pub depth_mm: Option<f64>,
-    /// Median time (ms) of a step once the ball is pressed in, without friction.
+    /// Median time (ms) of a step once the ball is pressed in, or while two blocks are dragged, without friction.
     pub ms_per_step: Option<f64>,
     /// The same with friction.
     pub ms_with_friction: Option<f64>,
@@ -77,48 +109,84 @@ pub struct TouchRow {
     pub cost_per_simulated_second: Option<f64>,
     /// Largest less smallest force over the mean (%) in the second half of the drag without friction.
     pub ripple_percent: Option<f64>,
-    /// Friction over coefficient times normal force (vector sums), mean of the second half of the drag.
+    /// Friction over coefficient times normal force (vector sums), mean of the second half of the drag. Of two blocks,
+    /// everything sideways counts as friction.
     pub friction_ratio: Option<f64>,
+    /// Median time (ms) of a step of two blocks that swing apart from each other.
+    pub ms_apart: Option<f64>,
+    /// `ms_per_step` over `ms_apart`.
+    pub over_apart: Option<f64>,
+    /// `ms_with_friction` over `ms_apart`.
+    pub friction_over_apart: Option<f64>,
     /// What else there is to know, in words.
     pub note: String,
 }
 
-/// The block.
+/// The block, and what is pressed on it.
+#[derive(Clone)]
 pub struct TouchBlock {
-    /// Its mesh.
+    /// Its mesh; a second block is the same, moved.
     pub mesh: Mesh,
     /// Its material.
     pub material: YoungPoisson,
-    /// Vertices of the clamp.
+    /// Vertices of the clamp; of a second block, those that meet the first.
     pub fixed: Vec<u32>,
-    /// Vertices of the surface that the ball meets.
+    /// Vertices of the surface that the ball or second block meets; of a second block, those that are held.
     pub surface: Vec<u32>,
+    /// What the ball or the second block does.
+    pub way: TouchWay,
+    /// Gravity (m/s^2) against z.
+    pub gravity: f64,
+    /// Mass-proportional damping (1/s).
+    pub damping: f64,
+    /// Cells along each edge.
+    pub cells: [usize; 3],
     name: String,
 }
 
 impl TouchBlock {
-    /// Of so many cells along each edge, six tetrahedra each.
+    /// Under a ball, of so many cells along each edge, six tetrahedra each.
     ///
     /// # Errors
     /// When a number of cells is zero.
     pub fn new(cells: [usize; 3]) -> Result<Self> {
-        let mesh = box_tets(SIZE, cells)?;
+        let [radius, depth] = [RADIUS, DEPTH].map(|x| 1e3 * x);
+        // soft tissue, as compressible as all three engines bear without locking
+        let material = YoungPoisson { young_modulus: 1e4, poisson_ratio: 0.4, density: 1000.0 };
+        Self::of(
+            SIZE,
+            cells,
+            material,
+            BALL,
+            format!("ball of {radius} mm, {depth} mm into a block"),
+        )
+    }
+
+    /// A box of such edges (m), clamped at z = 0; its edges complete the name.
+    ///
+    /// # Errors
+    /// When a number of cells is zero.
+    pub fn of(
+        size: DVec3,
+        cells: [usize; 3],
+        material: YoungPoisson,
+        way: TouchWay,
+        name: String,
+    ) -> Result<Self> {
+        let mesh = box_tets(size, cells)?;
         let at = |z: f64| {
             let rows = 0..mesh.points.len() as u32;
             rows.filter(|&v| mesh.points[v as usize].z == z).collect::<Vec<u32>>()
         };
-        let (fixed, surface) = (at(0.0), at(SIZE.z));
-        let name = format!(
-            "ball of {} mm, {} mm into a block {} x {} x {} m",
-            1e3 * RADIUS,
-            1e3 * DEPTH,
-            SIZE.x,
-            SIZE.y,
-            SIZE.z
-        );
-        // soft tissue, as compressible as all three engines bear without locking
-        let material = YoungPoisson { young_modulus: 1e4, poisson_ratio: 0.4, density: 1000.0 };
-        Ok(Self { mesh, material, fixed, surface, name })
+        let (fixed, surface) = (at(0.0), at(size.z));
+        let name = format!("{name} {} x {} x {} m", size.x, size.y, size.z);
+        let (gravity, damping) = (0.0, DAMPING);
+        Ok(Self { mesh, material, fixed, surface, way, gravity, damping, cells, name })
+    }
+
+    /// Number of blocks.
+    pub fn blocks(&self) -> usize {
+        1 + usize::from(self.way.blocks)
     }
 
     /// The form that rivals in other processes read.
@@ -126,15 +194,11 @@ impl TouchBlock {
         BodyFile::new(&self.mesh, self.material.density, self.fixed.clone())
     }
 
-    /// Place (m) of the ball at a time (s).
-    pub fn place(t: f64) -> DVec3 {
-        let down = (PRESS * t).min(GAP + DEPTH);
-        let sideways = (DRAG[1] * (t - PHASES[1])).clamp(0.0, DRAG[0]);
-        AT + DVec3::new(sideways, 0.0, -down)
-    }
-
-    /// How deep (m) a vertex of the surface is in the ball at a place, negative while apart.
+    /// How deep (m) a vertex of the surface is in the ball at a place or in the other block, negative while apart.
     pub fn depth(&self, u: &[DVec3], place: DVec3) -> f64 {
+        if self.way.blocks {
+            return bodies::depth(self, u);
+        }
         let x = |&v: &u32| self.mesh.points[v as usize] + u[v as usize];
         self.surface.iter().map(|v| RADIUS - x(v).distance(place)).fold(f64::NEG_INFINITY, f64::max)
     }
@@ -145,7 +209,7 @@ impl TouchBlock {
             engine: engine.into(),
             version: version.into(),
             scene: self.name.clone(),
-            elements: self.mesh.tetrahedra.len(),
+            elements: self.blocks() * self.mesh.tetrahedra.len(),
             setting,
             threads: 1,
             precision: "f64".into(),
@@ -167,9 +231,88 @@ impl TouchBlock {
         let body = simulation.add_body(&description)?;
         let rows = simulation.rows(body, "clamp", &self.fixed)?;
         let clamp = simulation.add_constraint(Constraint::hold("clamp", rows));
-        simulation.set_gravity(DVec3::ZERO);
+        simulation.set_gravity(DVec3::Z * -self.gravity);
         simulation.set_solver(solver);
         Ok((simulation, body, clamp))
+    }
+
+    /// The same with the ball, or with the second block, which has the friction of the ball.
+    fn world(
+        &self,
+        model: Model,
+        threads: usize,
+        solver: SolverSettings,
+        ball: Tool,
+    ) -> Result<TouchWorld> {
+        let (mut simulation, body, clamp) = self.simulation(model, threads, solver)?;
+        if !self.way.blocks {
+            let ball = simulation.add_tool(ball)?;
+            return Ok(TouchWorld {
+                simulation,
+                bodies: vec![body],
+                clamp,
+                comes: Comes::Ball(ball),
+            });
+        }
+        let mut mesh = self.mesh.clone();
+        mesh.points.iter_mut().for_each(|x| *x += self.way.start);
+        let upper =
+            BodyDescription { model, ..BodyDescription::new("upper", &mesh, self.material) };
+        let upper = simulation.add_body(&upper)?;
+        let rows = simulation.rows(upper, "hand", &self.surface)?;
+        let hand = simulation.add_constraint(Constraint::hold("hand", rows));
+        let pair = BodyContact::new("blocks", [body, upper]).with_friction(ball.friction);
+        let comes = Comes::Block { contact: simulation.add_body_contact(pair), hand };
+        Ok(TouchWorld { simulation, bodies: vec![body, upper], clamp, comes })
+    }
+}
+
+/// What comes to a block of ours.
+#[derive(Clone, Copy)]
+enum Comes {
+    Ball(Entity),
+    Block { contact: Entity, hand: Entity },
+}
+
+/// A block in a world of ours, and what comes to it.
+struct TouchWorld {
+    simulation: Simulation,
+    /// Lower and upper.
+    bodies: Vec<BodyHandle>,
+    clamp: Entity,
+    comes: Comes,
+}
+
+impl TouchWorld {
+    /// A step, at whose end the ball or the held side of the second block is there.
+    fn step_to(&mut self, block: &TouchBlock, place: DVec3) -> Result<()> {
+        match self.comes {
+            Comes::Ball(ball) => self.simulation.move_tool(ball, place)?,
+            Comes::Block { hand, .. } => {
+                self.simulation.set_target(hand, Pose::from(place - block.way.start))?;
+            }
+        }
+        self.simulation.step()?;
+        Ok(())
+    }
+
+    /// Force (N) on the ball or second block in the last step, and the part of it that is friction.
+    fn felt(&self) -> [DVec3; 2] {
+        match self.comes {
+            Comes::Ball(ball) => {
+                let felt = self.simulation.tool_report(ball).cloned().unwrap_or_default();
+                [felt.force, felt.friction]
+            }
+            Comes::Block { contact, .. } => {
+                let felt = self.simulation.body_contact_report(contact).copied();
+                [-felt.unwrap_or_default().force, DVec3::ZERO]
+            }
+        }
+    }
+
+    /// Displacements (m), body after body.
+    fn displacements(&mut self) -> Vec<DVec3> {
+        self.bodies.iter().flat_map(|&body| self.simulation.displacements(body)).collect()
     }
 }
 
@@ -188,7 +331,7 @@ pub struct Sample {
 pub struct TouchTurn {
     /// Its steps.
     pub samples: Vec<Sample>,
-    /// Displacements (m) at its end.
+    /// Displacements (m) at its end, those of a second block last.
     pub displacements: Vec<DVec3>,
 }
 
@@ -208,7 +351,7 @@ pub trait Finger {
     }
     /// Begins anew, at rest.
     fn start(&mut self, block: &TouchBlock, friction: f64) -> Result<()>;
-    /// Makes steps at whose ends the ball is at these places (m).
+    /// Makes steps at whose ends the ball or second block is at these places (m).
     fn advance(&mut self, block: &TouchBlock, places: &[DVec3]) -> Result<TouchTurn>;
     /// What the runs said.
     fn remark(&self) -> String {
@@ -249,46 +392,55 @@ pub struct TouchTruth {
     pub row: TouchRow,
 }
 
-/// The equilibrium of an energy: exact contact of the vertices, or points on faces.
-fn truth(block: &TouchBlock, model: Model, faces: Option<u32>) -> Result<TouchTruth> {
+/// The equilibrium of an energy: exact contact of the vertices, or points on faces; of two blocks, contact by default.
+pub(super) fn truth(block: &TouchBlock, model: Model, faces: Option<u32>) -> Result<TouchTruth> {
     let solver = SolverSettings {
         integrator: Integrator::QuasiStatic,
         linear_tolerance: 1e-8,
         max_newton_iterations: 300,
         ..Default::default()
     };
-    let (mut simulation, body, clamp) = block.simulation(model, 0, solver)?;
-    simulation.set_dt(1.0);
-    let start = AT - DVec3::Z * GAP;
+    let way = &block.way;
+    let start = way.start - DVec3::Z * way.gap;
     let mut tool = Tool::new("ball", Shape::Sphere { radius: RADIUS }, start);
-    match faces {
-        Some(n) => (tool.points, tool.stiffness) = (Points::Faces(n), Stiffness::Relative(500.0)),
-        None => tool = tool.exactly(),
-    }
-    let tool = simulation.add_tool(tool)?;
     let mut setting = format!("equilibrium of {}", model.name());
-    setting += &faces.map_or(", exact, vertices".into(), |n| {
-        format!(", {} points on every face, stiffness 500 E/edge", n * n)
-    });
-    // half a millimetre a step, and once more in place
-    for i in 1..=13 {
-        let down = (f64::from(i) / 12.0).min(1.0) * DEPTH;
-        let place = start - DVec3::Z * down;
-        simulation.move_tool(tool, place)?;
-        simulation.step()?;
+    match faces {
+        _ if way.blocks => setting += ", contact by default",
+        Some(n) => {
+            (tool.points, tool.stiffness) = (Points::Faces(n), Stiffness::Relative(500.0));
+            setting += &format!(", {} points on every face, stiffness 500 E/edge", n * n);
+        }
+        None => {
+            tool = tool.exactly();
+            setting += ", exact, vertices";
+        }
     }
+    let mut world = block.world(model, 0, solver, tool)?;
+    world.simulation.set_dt(1.0);
+    // a twelfth of the depth a step, and once more in place
+    for i in 1..=13 {
+        let down = (f64::from(i) / 12.0).min(1.0) * way.depth;
+        world.step_to(block, start - DVec3::Z * down)?;
+    }
+    let [force, _] = world.felt();
+    let u = world.displacements();
+    let TouchWorld { simulation, bodies, clamp, .. } = &mut world;
     let report = simulation.report().clone();
-    let felt = simulation.tool_report(tool).cloned().unwrap_or_default();
-    let u = simulation.displacements(body);
     simulation.evaluate();
-    let forces = simulation.elastic_forces(body).into_iter().zip(simulation.contact_forces(body));
-    let free = forces.enumerate().filter(|(v, _)| !block.fixed.contains(&(*v as u32)));
-    let (_, largest) = extremes(free.map(|(_, (elastic, contact))| (elastic + contact).length()));
-    let held = simulation.reaction(clamp).unwrap_or(DVec3::NAN);
-    let off = largest.max(felt.force.distance(held)) / felt.force.length();
-    let depth = block.depth(&u, start - DVec3::Z * DEPTH);
+    let mut largest = 0.0_f64;
+    for (body, held) in bodies.iter().zip([&block.fixed, &block.surface]) {
+        let forces =
+            simulation.elastic_forces(*body).into_iter().zip(simulation.contact_forces(*body));
+        let free = forces.enumerate().filter(|(v, _)| !held.contains(&(*v as u32)));
+        let (_, most) = extremes(free.map(|(_, (elastic, contact))| (elastic + contact).length()));
+        largest = largest.max(most);
+    }
+    let held = simulation.reaction(*clamp).unwrap_or(DVec3::NAN);
+    let off = largest.max(force.distance(held)) / force.length();
+    let depth = block.depth(&u, start - DVec3::Z * way.depth);
+    let exact = faces.is_none() && !way.blocks;
     // judged by what it is asked for, balance and no penetration, whatever the solver says of itself
-    if off.is_nan() || off > BALANCE || (faces.is_none() && depth.abs() > BALANCE * RADIUS) {
+    if off.is_nan() || off > BALANCE || (exact && depth.abs() > BALANCE * RADIUS) {
         let reason = format!(
             "out of balance by {off:.1e}, depth {depth:.1e} m, Newton step {:.1e} of the body, {} of its Newton and {} of \
              its contact loops at their cap",
@@ -299,9 +451,10 @@ fn truth(block: &TouchBlock, model: Model, faces: Option<u32>) -> Result<TouchTr
         return Err(BenchError::NoTruth { case: format!("{}, {setting}", block.name), reason });
     }
     let mut row = block.row("truth", env!("CARGO_PKG_VERSION"), setting);
-    row.force = Some(felt.force.z);
+    row.force = Some(force.z);
     row.depth_mm = Some(1e3 * depth);
-    let (least, _) = extremes(simulation.volume_ratios(body).into_iter());
+    let ratios = bodies.iter().flat_map(|&body| simulation.volume_ratios(body));
+    let (least, _) = extremes(ratios);
     row.note = format!(
         "every vertex and the clamp in balance to {off:.0e} of it, Newton step {:.0e} of the body; smallest J {least:.2}",
         report.newton_step
@@ -321,11 +474,13 @@ fn mean(values: impl Iterator<Item = f64>) -> f64 {
 /// A run of an engine, in samples by the time (s) of their ends.
 #[derive(Default)]
 pub struct Trace {
+    /// What was pressed, and how.
+    pub way: TouchWay,
     /// Its steps.
     pub samples: Vec<(f64, Sample)>,
     /// Deepest penetration (m).
     pub depth: f64,
-    /// The ball is in the surface as deep as if nothing had moved.
+    /// The ball or second block is in the surface as deep as if nothing had moved.
     pub through: bool,
     /// Displacements (m) at the end of the hold.
     pub held: Vec<DVec3>,
@@ -334,29 +489,61 @@ pub struct Trace {
 }
 
 impl Trace {
-    fn between(&self, from: f64, to: f64) -> impl Iterator<Item = &Sample> + Clone {
+    /// Steps that end in such a time (s).
+    pub fn between(&self, from: f64, to: f64) -> impl Iterator<Item = &Sample> + Clone {
         let inside = move |t: &f64| *t > from + 1e-9 && *t < to + 1e-9;
         self.samples.iter().filter(move |(t, _)| inside(t)).map(|(_, sample)| sample)
     }
 
     /// The second half of the drag.
     fn dragged(&self) -> impl Iterator<Item = &Sample> + Clone {
-        self.between(0.5 * (PHASES[1] + PHASES[2]), PHASES[2])
+        let [_, held, dragged] = self.way.phases();
+        self.between(0.5 * (held + dragged), dragged)
+    }
+
+    /// Median time (ms) of the steps that count.
+    fn cost(&self) -> Option<f64> {
+        let [pressed, held, dragged] = self.way.phases();
+        let from = if self.way.blocks { held } else { pressed };
+        let times: Vec<f64> = self.between(from, dragged).map(|s| s.ms).collect();
+        self.failed.is_none().then_some(median(&times)).flatten()
+    }
+
+    /// Largest less smallest vertical force over the mean (%) in the second half of the drag.
+    fn ripple(&self) -> f64 {
+        let forces: Vec<f64> = self.dragged().map(|s| s.force.z).collect();
+        let over = if self.way.blocks { bodies::off_parabola(&forces) } else { forces.clone() };
+        let (low, high) = extremes(over.into_iter());
+        100.0 * (high - low) / mean(forces.into_iter())
     }
 }
 
 /// Runs all engines through press, hold and drag, in turns.
 pub fn run(block: &TouchBlock, fingers: &mut [Box<dyn Finger + '_>], friction: f64) -> Vec<Trace> {
+    run_until(block, fingers, friction, block.way.phases()[2])
+}
+
+/// The first seconds of that.
+pub fn run_until(
+    block: &TouchBlock,
+    fingers: &mut [Box<dyn Finger + '_>],
+    friction: f64,
+    until: f64,
+) -> Vec<Trace> {
+    let way = block.way;
+    let [pressed, hold, _] = way.phases();
     let rest = vec![DVec3::ZERO; block.mesh.points.len()];
     let mut traces: Vec<Trace> = fingers
         .iter_mut()
         .map(|finger| {
             let failed = finger.start(block, friction).err().map(|e| e.to_string());
-            Trace { failed, depth: f64::NEG_INFINITY, ..Trace::default() }
+            Trace { way, failed, depth: f64::NEG_INFINITY, ..Trace::default() }
         })
         .collect();
-    for turn in 0..(PHASES[2] / TURN).round() as usize {
+    for turn in 0..(until / TURN).round() as usize {
         let end = TURN * (turn + 1) as f64;
+        // what would be the depth if nothing gave way
+        let whole = if way.blocks { way.depth } else { block.depth(&rest, way.place(end)) };
         for (finger, trace) in fingers.iter_mut().zip(&mut traces) {
             if trace.failed.is_some() {
                 continue;
@@ -364,7 +551,7 @@ pub fn run(block: &TouchBlock, fingers: &mut [Box<dyn Finger + '_>], friction: f
             let (h, done) = (finger.step(), trace.samples.len());
             let times = done + 1..=(end / h).round() as usize;
             let times: Vec<f64> = times.map(|i| h * i as f64).collect();
-            let places: Vec<DVec3> = times.iter().map(|&t| TouchBlock::place(t)).collect();
+            let places: Vec<DVec3> = times.iter().map(|&t| way.place(t)).collect();
             let finite = |t: &TouchTurn| {
                 t.displacements.iter().all(|u| u.is_finite())
                     && t.samples.iter().all(|s| s.force.is_finite())
@@ -372,17 +559,22 @@ pub fn run(block: &TouchBlock, fingers: &mut [Box<dyn Finger + '_>], friction: f
             match finger.advance(block, &places) {
                 Ok(turn) if finite(&turn) => {
                     trace.samples.extend(times.into_iter().zip(turn.samples));
-                    let depth = block.depth(&turn.displacements, TouchBlock::place(end));
+                    let depth = block.depth(&turn.displacements, way.place(end));
                     trace.depth = trace.depth.max(depth);
-                    trace.through |=
-                        end > PHASES[0] && depth > 0.9 * block.depth(&rest, TouchBlock::place(end));
-                    if (end - PHASES[1]).abs() < 1e-9 {
+                    trace.through |= end > pressed && depth > 0.9 * whole;
+                    if (end - hold).abs() < 1e-9 {
                         trace.held = turn.displacements;
                     }
                 }
                 Ok(_) => trace.failed = Some(format!("not finite at {end:.1} s")),
                 Err(error) => trace.failed = Some(format!("{error}, before {end:.1} s")),
             }
+        }
+    }
+    if way.blocks {
+        // engines divide the force in different ways where faces are not level: the same division for all
+        for (_, sample) in traces.iter_mut().flat_map(|trace| &mut trace.samples) {
+            sample.friction = Some(sample.force.with_z(0.0));
         }
     }
     traces
@@ -393,36 +585,33 @@ pub fn figures(
     row: &mut TouchRow,
     finger: &dyn Finger,
     truths: &[TouchTruth],
-    faces: &TouchRow,
+    second: &TouchRow,
     runs: [&Trace; 2],
     clamp: Option<f64>,
 ) {
     let [smooth, rough] = runs;
+    let [_, hold, end] = smooth.way.phases();
     for (trace, which) in [(smooth, "without"), (rough, "with")] {
         if let Some(reason) = &trace.failed {
             say(&mut row.note, format!("no figures {which} friction: {reason}"));
         }
     }
     let vertical = |s: &Sample| s.force.z;
-    let cost = |trace: &Trace| {
-        let times: Vec<f64> = trace.between(PHASES[0], PHASES[2]).map(|s| s.ms).collect();
-        trace.failed.is_none().then_some(median(&times)).flatten()
-    };
-    row.ms_per_step = cost(smooth);
-    row.ms_with_friction = cost(rough);
+    row.ms_per_step = smooth.cost();
+    row.ms_with_friction = rough.cost();
     if smooth.held.is_empty() {
         return;
     }
-    let settled = smooth.between(PHASES[1] - TURN, PHASES[1]).map(vertical);
+    let settled = smooth.between(hold - TURN, hold).map(vertical);
     let force = mean(settled.clone());
     let (low, high) = extremes(settled);
     let off = |truth: &TouchRow| truth.force.map(|truth| 100.0 * (force / truth - 1.0));
     row.force = Some(force);
     row.error_percent = truths.first().and_then(|t| off(&t.row));
-    row.off_faces_percent = off(faces);
+    row.off_second_percent = off(second);
     row.depth_mm = Some(1e3 * smooth.depth.max(rough.depth));
     if smooth.through {
-        say(&mut row.note, "the ball goes through the surface");
+        say(&mut row.note, "goes through the surface");
     }
     if (high - low) > 0.01 * force.abs() {
         let moves = 100.0 * (high - low) / force.abs();
@@ -442,9 +631,8 @@ pub fn figures(
     }
     if smooth.failed.is_none() {
         let total: f64 = smooth.samples.iter().map(|(_, s)| s.ms).sum();
-        row.cost_per_simulated_second = Some(1e-3 * total / PHASES[2]);
-        let (low, high) = extremes(smooth.dragged().map(vertical));
-        row.ripple_percent = Some(100.0 * (high - low) / mean(smooth.dragged().map(vertical)));
+        row.cost_per_simulated_second = Some(1e-3 * total / end);
+        row.ripple_percent = Some(smooth.ripple());
     }
     if rough.failed.is_none() {
         let ratios = rough.dragged().map(|s| {
@@ -469,28 +657,40 @@ pub fn figures(
 /// Lets the engines compete; the rows of the truths stand before theirs.
 ///
 /// # Errors
-/// When a truth does not converge.
+/// When a truth of the ball does not converge. Of two blocks, its row then says so.
 pub fn compete(block: &TouchBlock, fingers: &mut [Box<dyn Finger + '_>]) -> Result<Vec<TouchRow>> {
     let mut models = vec![Model::StVK];
     models.extend(fingers.iter().map(|f| f.energy()));
     let mut truths: Vec<TouchTruth> = Vec::new();
     for model in models {
         if truths.iter().all(|t| t.model != model) {
-            truths.push(truth(block, model, None)?);
+            truths.push(match block.way.blocks {
+                true => bodies::truth_or_reason(block, model)?,
+                false => truth(block, model, None)?,
+            });
         }
     }
     let mut rows: Vec<TouchRow> = truths.iter().map(|t| t.row.clone()).collect();
-    let mut faces = truth(block, Model::StVK, Some(4))?.row;
-    faces.error_percent = faces.force.zip(truths[0].row.force).map(|(a, b)| 100.0 * (a / b - 1.0));
-    rows.push(faces.clone());
+    let mut second = match block.way.blocks {
+        true => bodies::truth_or_reason(&bodies::finer(block)?, Model::StVK)?.row,
+        false => truth(block, Model::StVK, Some(4))?.row,
+    };
+    let off = second.force.zip(truths[0].row.force).map(|(a, b)| 100.0 * (a / b - 1.0));
+    second.error_percent = off;
+    rows.push(second.clone());
     let [smooth, rough] = [0.0, FRICTION].map(|friction| run(block, fingers, friction));
+    let apart = block.way.blocks.then(|| bodies::apart(block, fingers));
     for (i, finger) in fingers.iter().enumerate() {
         let mut row = finger.row(block);
-        let clamp = match smooth[i].held.as_slice() {
-            [] => None,
-            held => Some(TouchScale::new(block, finger.energy())?.weigh(held)?.z),
+        let clamp = match smooth[i].held.get(..block.mesh.points.len()) {
+            None => None,
+            Some(held) => Some(TouchScale::new(block, finger.energy())?.weigh(held)?.z),
         };
-        figures(&mut row, finger.as_ref(), &truths, &faces, [&smooth[i], &rough[i]], clamp);
+        figures(&mut row, finger.as_ref(), &truths, &second, [&smooth[i], &rough[i]], clamp);
+        row.ms_apart = apart.as_ref().and_then(|apart| apart[i]);
+        let over = |ms: Option<f64>| Some(ms? / row.ms_apart?);
+        [row.over_apart, row.friction_over_apart] =
+            [over(row.ms_per_step), over(row.ms_with_friction)];
         say(&mut row.note, finger.remark());
         rows.push(row);
     }
@@ -507,7 +707,7 @@ struct SinewFinger {
     exact: bool,
     points: Points,
     /// Built by a start.
-    world: Option<(Simulation, BodyHandle, Entity)>,
+    world: Option<TouchWorld>,
     /// Steps, and those whose contact or Newton did not converge.
     steps: u32,
     missed: u32,
@@ -516,41 +716,59 @@ struct SinewFinger {
 /// Default and safe steps of 10 ms with default contact, the default at the rivals' steps, the default energy, and
 /// converged Newton with exact contact and with points on faces.
 pub fn ours(quick: bool) -> Vec<Box<dyn Finger>> {
-    let settings = |integrator| SolverSettings {
-        integrator,
-        mass_damping: DAMPING,
-        ..SolverSettings::default()
+    let setting = |name, exact, points| -> Box<dyn Finger> {
+        let finger = SinewFinger::new(name, Model::StVK, tight(), 0.01);
+        Box::new(SinewFinger { exact, points, ..finger })
     };
-    let tight = SolverSettings { linear_tolerance: 1e-6, ..settings(Integrator::Newton) };
-    let auto = settings(Integrator::Auto);
-    let setting = |name, model, settings: &SolverSettings, h, exact, points| -> Box<dyn Finger> {
-        let settings = settings.clone();
-        let (steps, missed, world) = (0, 0, None);
-        Box::new(SinewFinger { name, model, settings, h, exact, points, world, steps, missed })
-    };
-    let svk = Model::StVK;
-    let usual = Points::Auto;
-    let mut all = vec![
-        setting("auto (default), StVK", svk, &auto, 0.01, false, usual),
-        setting("safe, StVK", svk, &settings(Integrator::Safe), 0.01, false, usual),
-        setting("newton, StVK, exact contact", svk, &tight, 0.01, true, Points::Vertex),
-        setting(
-            "newton, StVK, 16 points on every face",
-            svk,
-            &tight,
-            0.01,
-            false,
-            Points::Faces(4),
-        ),
-    ];
+    let mut all = usual(quick);
+    let exact = setting("newton, StVK, exact contact", true, Points::Vertex);
+    let faces = setting("newton, StVK, 16 points on every face", false, Points::Faces(4));
+    all.splice(2..2, [exact, faces]);
     if !quick {
-        all.push(setting("auto (default), StVK", svk, &auto, 0.002, false, usual));
-        all.push(setting("auto, default energy", Model::default(), &auto, 0.01, false, usual));
-    }
-    if cfg!(feature = "rapier") {
-        all.push(setting("auto (default), StVK", svk, &auto, 1.0 / 60.0, false, usual));
+        let (name, model) = ("auto, default energy", Model::default());
+        let auto = settings(Integrator::Auto);
+        all.push(Box::new(SinewFinger::new(name, model, auto, 0.01)));
     }
     all
+}
+
+/// Default and safe steps of 10 ms with default contact, and the default at the rivals' steps.
+fn usual(quick: bool) -> Vec<Box<dyn Finger>> {
+    let setting = |name, integrator, h| -> Box<dyn Finger> {
+        Box::new(SinewFinger::new(name, Model::StVK, settings(integrator), h))
+    };
+    let auto = "auto (default), StVK";
+    let mut all =
+        vec![setting(auto, Integrator::Auto, 0.01), setting("safe, StVK", Integrator::Safe, 0.01)];
+    if !quick {
+        all.push(setting(auto, Integrator::Auto, 0.002));
+    }
+    if cfg!(feature = "rapier") {
+        all.push(setting(auto, Integrator::Auto, 1.0 / 60.0));
+    }
+    all
+}
+
+fn settings(integrator: Integrator) -> SolverSettings {
+    SolverSettings { integrator, ..SolverSettings::default() }
+}
+
+fn tight() -> SolverSettings {
+    SolverSettings { linear_tolerance: 1e-6, ..settings(Integrator::Newton) }
+}
+
+/// The usual steps with two blocks, and converged ones.
+pub fn ours_with_blocks(quick: bool) -> Vec<Box<dyn Finger>> {
+    let mut all = usual(quick);
+    all.insert(2, Box::new(SinewFinger::new("newton, StVK", Model::StVK, tight(), 0.01)));
+    all
+}
+
+impl SinewFinger {
+    fn new(name: &'static str, model: Model, settings: SolverSettings, h: f64) -> Self {
+        let (exact, points) = (false, Points::Auto);
+        Self { name, model, settings, h, exact, points, world: None, steps: 0, missed: 0 }
+    }
 }
 
 impl Finger for SinewFinger {
@@ -569,33 +787,32 @@ impl Finger for SinewFinger {
     }
 
     fn start(&mut self, block: &TouchBlock, friction: f64) -> Result<()> {
-        let (mut simulation, body, _) = block.simulation(self.model, 1, self.settings.clone())?;
-        simulation.set_dt(self.h);
-        let ball = Tool::new("ball", Shape::Sphere { radius: RADIUS }, AT).with_friction(friction);
-        let mut ball = ball.with_points(self.points);
+        let ball = Tool::new("ball", Shape::Sphere { radius: RADIUS }, block.way.start);
+        let mut ball = ball.with_friction(friction).with_points(self.points);
         ball.exact = self.exact;
-        let ball = simulation.add_tool(ball)?;
-        self.world = Some((simulation, body, ball));
+        let settings = SolverSettings { mass_damping: block.damping, ..self.settings.clone() };
+        let mut world = block.world(self.model, 1, settings, ball)?;
+        world.simulation.set_dt(self.h);
+        self.world = Some(world);
         Ok(())
     }
 
-    fn advance(&mut self, _: &TouchBlock, places: &[DVec3]) -> Result<TouchTurn> {
-        let Some((simulation, body, ball)) = &mut self.world else {
+    fn advance(&mut self, block: &TouchBlock, places: &[DVec3]) -> Result<TouchTurn> {
+        let Some(world) = &mut self.world else {
             return Err(BenchError::Rival("Sinew: not started".into()));
         };
         let mut samples = Vec::with_capacity(places.len());
         for &place in places {
             let begin = Instant::now();
-            simulation.move_tool(*ball, place)?;
-            simulation.step()?;
+            world.step_to(block, place)?;
             let ms = begin.elapsed().as_secs_f64() * 1e3;
-            let felt = simulation.tool_report(*ball).cloned().unwrap_or_default();
-            samples.push(Sample { ms, force: felt.force, friction: Some(felt.friction) });
-            let report = simulation.report();
+            let [force, friction] = world.felt();
+            samples.push(Sample { ms, force, friction: Some(friction) });
+            let report = world.simulation.report();
             self.steps += 1;
             self.missed += u32::from(report.unconverged || report.contact.unconverged > 0);
         }
-        Ok(TouchTurn { samples, displacements: simulation.displacements(*body) })
+        Ok(TouchTurn { samples, displacements: world.displacements() })
     }
 
     fn remark(&self) -> String {

@@ -11,7 +11,7 @@ pub struct BenchOptions {
     #[arg(long = "tets", value_name = "N", value_delimiter = ',')]
     pub sizes: Vec<usize>,
     /// Only this case of the accuracy part (`elements` and `elements-liver` are the kinds of elements), kind of contact, or of `peers`
-    /// `beam` or `touch`; may be given several times.
+    /// `beam`, `touch` or `bodies`; may be given several times.
     #[arg(long = "case", value_name = "NAME")]
     pub cases: Vec<String>,
     /// Python with the package `mujoco`.
