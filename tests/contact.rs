@@ -2,9 +2,11 @@
 
 use crate::common::{Shortcuts, max_distance, max_length, sheet, soft, solver, two_blocks};
 use bevy_ecs::entity::Entity;
-use glam::{DQuat, DVec3, EulerRot};
+use glam::{DQuat, DVec2, DVec3, EulerRot};
 use sinew::engine::mesh::Mesh;
-use sinew::engine::mesh::generate::{box_hexahedra, box_tets, sphere_tets, tube_hexahedra};
+use sinew::engine::mesh::generate::{
+    box_hexahedra, box_tets, sphere_tets, triangle_grid, tube_hexahedra,
+};
 use sinew::engine::precision::Precision;
 use sinew::models::body::Integration;
 use sinew::models::body::sheet::MembraneDescription;
@@ -758,6 +760,51 @@ fn a_body_touches_itself_where_it_is_told_to() {
     assert_eq!(run(false).points, 0);
     let with = run(true);
     assert!(with.points > 100 && with.depth_over_edge < 0.35, "{with:?}");
+}
+
+/// A strip of cloth is laid over itself, whichever of its sides is up: one half comes to rest on the other.
+#[test]
+fn a_membrane_touches_itself_on_either_side() {
+    let mesh = triangle_grid(DVec2::new(0.2, 0.04), [20, 4]).unwrap();
+    let turned: Vec<[u32; 3]> = mesh.triangles.iter().map(|&[a, b, c]| [a, c, b]).collect();
+    for triangles in [&mesh.triangles, &turned] {
+        let mut simulation = Simulation::new(one_thread()).unwrap();
+        let membrane = MembraneDescription::new(triangles, 0.002, SOFT);
+        let body = simulation.add_body(&sheet(&mesh.points, membrane)).unwrap();
+        simulation.set_solver(solver!(Integrator::Auto, mass_damping = 20.0));
+        let hold = simulation.group_rows(body, &mesh, "x0").unwrap();
+        simulation.add_constraint(Constraint::hold("hold", hold));
+        let end = simulation.group_rows(body, &mesh, "x1").unwrap();
+        let end = simulation.add_constraint(Constraint::hold("end", end));
+        let table = Tool::ground("table", DVec3::NEG_Z * 0.001, DVec3::Z).with_friction(0.5);
+        simulation.add_tool(table).unwrap();
+        let own = simulation.add_body_contact(BodyContact::new("self", [body; 2]));
+        for step in 1..=200 {
+            let part = f64::from(step.min(150)) / 150.0;
+            let pose = Pose {
+                rotation: DQuat::from_rotation_y(-std::f64::consts::PI * part),
+                centre: DVec3::new(0.2, 0.0, 0.0),
+                translation: DVec3::new(-0.19, 0.003, 0.004) * part,
+            };
+            simulation.set_target(end, pose).unwrap();
+            simulation.step().unwrap();
+            let now = simulation.report().contact;
+            assert!(now.depth_over_edge < 0.35, "step {step}: {now:?}");
+        }
+        let report = simulation.body_contact_report(own).unwrap();
+        assert!(report.area > 2e-4, "{report:?}");
+        // what was laid over is above what it lies on
+        let x = simulation.positions(body);
+        let under = |p: &DVec3| (p.x - 0.06).abs() < 0.02;
+        let half = x.len() / 2;
+        let mean = |of: &[DVec3]| {
+            let own: Vec<f64> = of.iter().filter(|p| under(p)).map(|p| p.z).collect();
+            own.iter().sum::<f64>() / own.len() as f64
+        };
+        // vertices are in order of x
+        let [lower, upper] = [mean(&x[..half]), mean(&x[half..])];
+        assert!(upper > lower - 1e-4, "{upper} over {lower}");
+    }
 }
 
 #[test]

@@ -146,7 +146,7 @@ fn turned([a, b, c, d]: Facet) -> Facet {
 enum Place {
     /// Inside of a solid or behind a membrane, too deep to tell how it came there.
     Inside,
-    /// Beyond the rim of a membrane: there is nothing to touch.
+    /// Beyond the rim of a membrane, or of what is left of one beside its own points: there is nothing to touch.
     Beyond,
     /// Beside faces; of membranes on this side, of solids at this signed distance (m), each 0 where the other is nearest.
     Beside { side: f64, distance: f64 },
@@ -168,9 +168,13 @@ impl ContactSkin {
         let local = |reached: &Reached| reached.facet.map(VertexRow);
         let facets = |reached| NearFacet { rows: local(reached), distance: reached.distance };
         let facets: Vec<NearFacet> = reached.iter().map(facets).collect();
+        let found = beside(at, &facets, ROUNDING * self.edge, &x, rim);
+        if found.is_none() && nearest.membrane {
+            // on no side of it yet
+            return Place::Beyond;
+        }
         // one that is beside none touches none before it has come to the nearest
-        let distance = beside(at, &facets, ROUNDING * self.edge, &x, rim)
-            .map_or(nearest.distance, |found| found.distance);
+        let distance = found.map_or(nearest.distance, |found| found.distance);
         if !nearest.membrane {
             // inside or on the far side of a body
             return match memory.pressure == 0.0 && distance < -DEEP * self.edge {
