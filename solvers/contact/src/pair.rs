@@ -15,7 +15,7 @@ pub struct BodyContact {
     /// Name for reports and probes.
     pub name: String,
     /// Indices into [`Topology::bodies`](sinew_engine::topology::Topology::bodies); the same one twice for a body that
-    /// touches itself, where faces within two edges at rest are left out.
+    /// touches itself, where faces within two edges of a point at rest, and those that it is deep behind, are left out.
     pub bodies: [usize; 2],
     /// Coefficient of friction (Coulomb), 0 for none.
     pub friction: f64,
