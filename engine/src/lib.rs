@@ -27,6 +27,7 @@ pub mod row;
 pub mod scalar;
 pub mod schedule;
 pub mod sets;
+pub mod simd;
 pub mod step;
 pub mod substep;
 pub mod surface;

@@ -1,6 +1,7 @@
 //! Symmetric sparse matrix of 3x3 blocks on the edge graph, upper half stored.
 
-use crate::scalar::{Scalar, mat_transpose_vec, mat_vec, xyz};
+use crate::scalar::{Row, Scalar};
+use crate::simd::{VectorKernel, vectorised};
 use crate::topology::Topology;
 use crate::workers::Workers;
 use bevy_ecs::prelude::Resource;
@@ -30,7 +31,7 @@ pub struct Tangent<S: Scalar> {
 }
 
 impl<S: Scalar> Tangent<S> {
-    /// `y = K x`; the fourth entries of `y` are zero.
+    /// `y = K x`; the fourth entries of `x` must be zero, those of `y` are.
     pub fn multiply(
         &self,
         topology: &Topology,
@@ -215,7 +216,7 @@ impl<S: Scalar> BlockMatrix<S> {
         }
     }
 
-    /// `y = A x`; the fourth entries of `y` are zero.
+    /// `y = A x`; the fourth entries of `x` must be zero, those of `y` are.
     pub fn multiply(
         &self,
         topology: &Topology,
@@ -240,6 +241,7 @@ impl<S: Scalar> BlockMatrix<S> {
         x: &[[S; 4]],
         y: &mut [[S; 4]],
     ) {
+        debug_assert!(x.iter().all(|x| x[3] == S::ZERO), "a fourth entry is not zero");
         spans.prepare(topology);
         let body_rows = &topology.bodies[body];
         let offset = body_rows.vertices.start as usize;
@@ -247,14 +249,15 @@ impl<S: Scalar> BlockMatrix<S> {
         let own = spans.bodies[body].clone();
         let spans = &mut spans.spans[own];
         if let [only] = spans {
-            self.multiply_rows(topology, &only.rows, x, offset, y, offset);
-            return;
+            let (rows, x, y) = (only.rows.clone(), (x, offset), (y, offset));
+            return vectorised(MultiplyRows { matrix: self, topology, rows, x, y });
         }
         workers.for_each(spans, work, |_, span| {
             // the transposed part reaches beyond the range: private array over its span
             let mut result = std::mem::take(&mut span.result);
             result.resize(span.reach - span.rows.start, [S::ZERO; 4]);
-            self.multiply_rows(topology, &span.rows, x, offset, &mut result, span.rows.start);
+            let (rows, x, y) = (span.rows.clone(), (x, offset), (&mut *result, span.rows.start));
+            vectorised(MultiplyRows { matrix: self, topology, rows, x, y });
             span.result = result;
         });
         let spans = &*spans;
@@ -277,36 +280,78 @@ impl<S: Scalar> BlockMatrix<S> {
         });
     }
 
-    /// Rows `rows` of the upper half and their transposes into `y`; the first entries of `x` and `y`
-    /// are rows `x0` and `y0`.
-    fn multiply_rows(
-        &self,
-        topology: &Topology,
-        rows: &Range<usize>,
-        x: &[[S; 4]],
-        x0: usize,
-        y: &mut [[S; 4]],
-        y0: usize,
-    ) {
+}
+
+/// Rows `rows` of the upper half and their transposes into `y`; the first entries of `x` and `y` are rows `x0` and `y0`.
+struct MultiplyRows<'a, S> {
+    matrix: &'a BlockMatrix<S>,
+    topology: &'a Topology,
+    rows: Range<usize>,
+    x: (&'a [[S; 4]], usize),
+    y: (&'a mut [[S; 4]], usize),
+}
+
+impl<S: Scalar> VectorKernel for MultiplyRows<'_, S> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Self { matrix, topology, rows, x: (x, x0), y: (y, y0) } = self;
+        let BlockMatrix { diagonal, off_diagonal } = matrix;
         y.fill([S::ZERO; 4]);
-        for row in rows.clone() {
-            let xr = xyz(x[row - x0]);
-            let mut sum = mat_vec(&self.diagonal[row], xr);
+        for row in rows {
+            let own = &x[row - x0];
+            let mut sum = last_rows(&diagonal[row]).map(|m| m * S::Row::new(*own));
             let range = topology.edge_start[row] as usize..topology.edge_start[row + 1] as usize;
-            for (edge, m) in topology.edges[range.clone()].iter().zip(&self.off_diagonal[range]) {
-                let column = edge[1] as usize;
-                let a = mat_vec(m, xyz(x[column - x0]));
-                let b = mat_transpose_vec(m, xr);
-                let t = &mut y[column - y0];
+            for at in range {
+                let m = match off_diagonal.get(at..at + 2) {
+                    Some(pair) => rows_of(pair),
+                    None => last_rows(&off_diagonal[at]),
+                };
+                let column = topology.edges[at][1] as usize;
+                let other = S::Row::new(x[column - x0]);
                 for k in 0..3 {
-                    sum[k] += a[k];
-                    t[k] += b[k];
+                    sum[k] = sum[k] + m[k] * other;
                 }
+                let t = &mut y[column - y0];
+                *t = (S::Row::new(*t) + weighted(m, own)).to_array();
             }
             let t = &mut y[row - y0];
-            for k in 0..3 {
-                t[k] += sum[k];
-            }
+            *t = (S::Row::new(*t) + S::Row::sums(sum)).to_array();
         }
+        // what came along with rows of blocks
+        y.iter_mut().for_each(|y| y[3] = S::ZERO);
     }
+}
+
+/// Blocks without padding at `range`, each with the one behind it.
+#[inline(always)]
+pub fn in_pairs<T>(
+    blocks: &[[T; 9]],
+    range: Range<usize>,
+) -> impl DoubleEndedIterator<Item = &[[T; 9]]> + ExactSizeIterator {
+    blocks[range.start..range.end + 1].windows(2)
+}
+
+/// Rows of the first block of a pair, each with the number that follows: a product with a vector whose fourth entry is
+/// zero does not see it, and the fourth entry of a transposed product means nothing.
+#[inline(always)]
+pub fn rows_of<T: Scalar>(pair: &[[T; 9]]) -> [T::Row; 3] {
+    let row = |from: usize| {
+        let row: &[T; 4] = pair.as_flattened()[from..from + 4].try_into().expect("four numbers");
+        T::Row::new(*row)
+    };
+    [row(0), row(3), row(6)]
+}
+
+/// `m^T x`: the rows of `m` weighted by the first entries of `x`.
+#[inline(always)]
+pub fn weighted<T: Scalar>(m: [T::Row; 3], x: &[T; 4]) -> T::Row {
+    m[0] * T::Row::splat(x[0]) + m[1] * T::Row::splat(x[1]) + m[2] * T::Row::splat(x[2])
+}
+
+/// Rows of a block that nothing follows.
+#[inline(always)]
+fn last_rows<S: Scalar>(m: &[S; 9]) -> [S::Row; 3] {
+    rows_of(&[*m, [S::ZERO; 9]])
 }

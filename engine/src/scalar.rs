@@ -101,14 +101,52 @@ pub trait Scalar:
     const EPSILON: Self;
     /// `"f32"` or `"f64"`.
     const NAME: &'static str;
+    /// Four of them.
+    type Row: Row<Self>;
     /// Exact widening.
     fn to_f64(self) -> f64;
     /// Neither infinite nor NaN.
     fn is_finite(self) -> bool;
 }
 
+/// Four numbers in one register, where the machine has such: a row of a 3x3 block or of a field, and one number more.
+/// Operations are entry by entry and round like those of single numbers.
+pub trait Row<S>:
+    Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Send + Sync + 'static
+{
+    /// From four numbers that lie in memory: built from computed ones it would wait for them to get there.
+    fn new(x: [S; 4]) -> Self;
+    /// The same number four times.
+    fn splat(x: S) -> Self;
+    /// The numbers.
+    fn to_array(self) -> [S; 4];
+    /// Sums of the entries of three rows and a zero; each is `(x[0] + x[2]) + (x[1] + x[3])`.
+    fn sums(rows: [Self; 3]) -> Self;
+}
+
 macro_rules! scalar {
-    ($t:ident) => {
+    ($t:ident, $row:ty, $matrix:ty) => {
+        impl Row<$t> for $row {
+            #[inline(always)]
+            fn new(x: [$t; 4]) -> Self {
+                // one load, where entries one by one would be shuffled together
+                bytemuck::must_cast(x)
+            }
+            #[inline(always)]
+            fn splat(x: $t) -> Self {
+                Self::splat(x)
+            }
+            #[inline(always)]
+            fn to_array(self) -> [$t; 4] {
+                bytemuck::must_cast(self)
+            }
+            #[inline(always)]
+            fn sums([x, y, z]: [Self; 3]) -> Self {
+                let m = <$matrix>::from_cols(x, y, z, Self::ZERO).transpose();
+                (m.x_axis + m.z_axis) + (m.y_axis + m.w_axis)
+            }
+        }
+
         impl Real for $t {
             type Mask = bool;
             const ZERO: Self = 0.0;
@@ -167,6 +205,7 @@ macro_rules! scalar {
         impl Scalar for $t {
             const EPSILON: Self = $t::EPSILON;
             const NAME: &'static str = stringify!($t);
+            type Row = $row;
             #[inline(always)]
             fn to_f64(self) -> f64 {
                 self as f64
@@ -178,8 +217,8 @@ macro_rules! scalar {
         }
     };
 }
-scalar!(f32);
-scalar!(f64);
+scalar!(f32, glam::Vec4, glam::Mat4);
+scalar!(f64, glam::DVec4, glam::DMat4);
 
 /// Calls the generic `$function` for `f64` or `f32`, whichever `$S` is, through two functions that are
 /// not generic: it is then compiled in the crate that holds it and not again in every crate and test that
@@ -240,10 +279,4 @@ pub fn xyz<S: Copy>(a: [S; 4]) -> [S; 3] {
 #[inline(always)]
 pub fn mat_vec<S: Real>(m: &[S; 9], v: [S; 3]) -> [S; 3] {
     [dot([m[0], m[1], m[2]], v), dot([m[3], m[4], m[5]], v), dot([m[6], m[7], m[8]], v)]
-}
-
-/// Transpose of a row-major 3x3 matrix times vector.
-#[inline(always)]
-pub fn mat_transpose_vec<S: Real>(m: &[S; 9], v: [S; 3]) -> [S; 3] {
-    [dot([m[0], m[3], m[6]], v), dot([m[1], m[4], m[7]], v), dot([m[2], m[5], m[8]], v)]
 }

@@ -15,16 +15,16 @@ use crate::cholesky::{FactorPiece, FactorValues, IncompleteCholesky};
 use crate::coarse::{CoarseSpace, CoarseValues, Motion};
 use crate::low_rank::Correction;
 use crate::settings::Preconditioner;
-use crate::simd::{VectorKernel, vectorised};
+use sinew_engine::simd::{VectorKernel, vectorised};
 use crate::system::{
-    Pattern, ShiftedTangent, SystemMatrix, accumulate, add4, for_off_diagonal, ranges, scale4, sub4,
+    Pattern, ShiftedTangent, SystemMatrix, add4, dot, for_off_diagonal, ranges,
 };
 use glam::DVec3;
 use memory::SharedValues;
 use serde::{Deserialize, Serialize};
 use sinew_engine::isoparametric::MIDDLES;
 use sinew_engine::layout::UNUSED;
-use sinew_engine::scalar::Scalar;
+use sinew_engine::scalar::{Row, Scalar};
 use sinew_engine::topology::Topology;
 use sinew_engine::vertex::FixedAxes;
 use sinew_engine::workers::Workers;
@@ -530,16 +530,16 @@ impl<T: Scalar> ConjugateGradients<T> {
             update.iter().for_each(|own| correction.rows.extend_from_slice(&own.z));
             if let Some(space) = coarse {
                 for (row, z) in correction.rows.iter_mut().enumerate() {
-                    *z = add4(*z, space.moved(row, motions, matrix.held[row]));
+                    let motion = space.moved(row, motions, matrix.held[row]);
+                    *z = (T::Row::new(*z) + motion).to_array();
                 }
             }
             correction.complete(&matrix.low_rank);
-            let mut whole = [0.0; 4];
+            rz = 0.0;
             for (piece, own) in pattern.pieces.iter().zip(update) {
                 own.z.copy_from_slice(&correction.rows[piece.rows.clone()]);
-                own.r.iter().zip(&own.z).for_each(|(r, z)| accumulate(&mut whole, *r, *z));
+                rz += dot(&own.r, &own.z);
             }
-            rz = whole.iter().sum();
         }
         (rr, rz)
     }
@@ -605,7 +605,7 @@ impl<T: Scalar> VectorKernel for Multiply<'_, T> {
     #[inline(always)]
     fn run(self) {
         let Self { matrix, pattern, update, coarse, motions, beta, index, own } = self;
-        let piece = &pattern.pieces[index];
+        let (piece, beta) = (&pattern.pieces[index], T::Row::splat(beta));
         let mut at = piece.rows.start;
         // own rows, and those of later pieces that the blocks reach
         for (other, later) in update[index..].iter().zip(&pattern.pieces[index..]) {
@@ -619,13 +619,14 @@ impl<T: Scalar> VectorKernel for Multiply<'_, T> {
             match coarse {
                 None => {
                     for (p, z) in p.iter_mut().zip(z) {
-                        *p = add4(*z, scale4(*p, beta));
+                        *p = (T::Row::new(*z) + T::Row::new(*p) * beta).to_array();
                     }
                 }
                 Some(coarse) => {
                     for (i, (p, z)) in p.iter_mut().zip(z).enumerate() {
                         let motion = coarse.moved(at + i, motions, matrix.held[at + i]);
-                        *p = add4(add4(*z, motion), scale4(*p, beta));
+                        let z = T::Row::new(*z) + motion;
+                        *p = (z + T::Row::new(*p) * beta).to_array();
                     }
                 }
             }
@@ -654,11 +655,13 @@ impl<T: Scalar> VectorKernel for Update<'_, T> {
         let Self { pattern, product, ahead, alpha, index, own } = self;
         let rows = &pattern.pieces[index].rows;
         if let Some(alpha) = alpha {
+            // what `q` has in its fourth entries ends here
+            let alpha = T::Row::new([alpha, alpha, alpha, T::ZERO]);
             for (x, p) in own.x.iter_mut().zip(&product[index].p) {
-                *x = add4(*x, scale4(*p, alpha));
+                *x = (T::Row::new(*x) + T::Row::new(*p) * alpha).to_array();
             }
             for (r, q) in own.r.iter_mut().zip(&product[index].q) {
-                *r = sub4(*r, scale4(*q, alpha));
+                *r = (T::Row::new(*r) - T::Row::new(*q) * alpha).to_array();
             }
             for (piece, other) in pattern.pieces[..index].iter().zip(product) {
                 if piece.reach <= rows.start {
@@ -666,7 +669,7 @@ impl<T: Scalar> VectorKernel for Update<'_, T> {
                 }
                 let q = &other.q[rows.start - piece.rows.start..];
                 for (r, q) in own.r.iter_mut().zip(q) {
-                    *r = sub4(*r, scale4(*q, alpha));
+                    *r = (T::Row::new(*r) - T::Row::new(*q) * alpha).to_array();
                 }
             }
         }
@@ -675,9 +678,7 @@ impl<T: Scalar> VectorKernel for Update<'_, T> {
             own.precondition(factor, space, rows.start, &r);
             own.r = r;
         }
-        let mut rr = [0.0; 4];
-        own.r.iter().for_each(|r| accumulate(&mut rr, *r, *r));
-        own.rr = rr.iter().sum();
+        own.rr = dot(&own.r, &own.r);
     }
 }
 
@@ -711,9 +712,7 @@ impl<T: Scalar> UpdatePiece<T> {
         r: &[[T; 4]],
     ) {
         factor.apply(r, &mut self.z);
-        let mut rz = [0.0; 4];
-        r.iter().zip(&self.z).for_each(|(r, z)| accumulate(&mut rz, *r, *z));
-        self.rz = rz.iter().sum();
+        self.rz = dot(r, &self.z);
         if let Some(space) = space {
             self.coarse.fill([T::ZERO; 8]);
             space.restrict(first, r, self.nodes.start, &mut self.coarse);
@@ -739,7 +738,7 @@ impl<T: Scalar> Padded<T> for [T; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::system::{Piece, product};
+    use crate::system::{Piece, product, sub4};
     use proptest::prelude::*;
 
     fn noise(seed: u64) -> impl FnMut() -> f64 {
@@ -778,14 +777,15 @@ mod tests {
                 let d = (rest[i] - rest[j]).normalize().to_array();
                 let k = 1.0 + next();
                 column.push(j as u32);
-                let mut block = [[0.0; 4]; 3];
+                let mut block = [0.0; 9];
                 for r in 0..3 {
                     for c in 0..3 {
-                        block[r][c] = -k * d[r] * d[c];
-                        matrix.diagonal[i][r][c] -= block[r][c];
-                        matrix.diagonal[j][r][c] -= block[r][c];
+                        let entry = &mut block[3 * r + c];
+                        *entry = -k * d[r] * d[c];
+                        matrix.diagonal[i][r][c] -= *entry;
+                        matrix.diagonal[j][r][c] -= *entry;
                         if matrix.held[i].holds(r) || matrix.held[j].holds(c) {
-                            block[r][c] = 0.0;
+                            *entry = 0.0;
                         }
                     }
                 }
@@ -793,6 +793,7 @@ mod tests {
             }
             start.push(column.len() as u32);
         }
+        matrix.upper.push([0.0; 9]);
         for (m, held) in matrix.diagonal.iter_mut().zip(&matrix.held) {
             for (r, c) in (0..9).map(|i| (i / 3, i % 3)) {
                 if held.holds(r) || held.holds(c) {
@@ -942,7 +943,7 @@ mod tests {
                 let mut motions = Vec::new();
                 space.motions(&forces, &mut motions);
                 let z: Vec<_> =
-                    (0..r.len()).map(|i| space.moved(i, &motions, matrix.held[i])).collect();
+                    (0..r.len()).map(|i| space.moved(i, &motions, matrix.held[i]).to_array()).collect();
                 let left: Vec<_> =
                     r.iter().zip(times(&pattern, &matrix, &z)).map(|(r, y)| sub4(*r, y)).collect();
                 let mut forces = vec![[0.0; 8]; space.nodes()];
@@ -968,8 +969,8 @@ mod tests {
                 let j = pattern.column[at] as usize;
                 let m = &matrix.upper[at];
                 for (r, c) in (0..9).map(|i| (i / 3, i % 3)) {
-                    y[i][r] += m[r][c] * x[j][c];
-                    y[j][c] += m[r][c] * x[i][r];
+                    y[i][r] += m[3 * r + c] * x[j][c];
+                    y[j][c] += m[3 * r + c] * x[i][r];
                 }
             }
         }

@@ -7,13 +7,14 @@
 //! breaks down is factorised again with its off-diagonal blocks made smaller against the diagonal
 //! (the same as a shift of the diagonal), and at last without them: block Jacobi.
 
-use crate::simd::{VectorKernel, vectorised};
+use sinew_engine::simd::{VectorKernel, vectorised};
 use crate::system::{
-    Block, Pattern, Piece, SystemMatrix, add4, definite_inverse, diagonal_inverse, mul4, sub4,
-    sum4, transpose_product, zero_block,
+    Block, Pattern, Piece, SystemMatrix, definite_inverse, diagonal_inverse, packed, padded,
+    sub4, transpose_product,
 };
 use serde::{Deserialize, Serialize};
-use sinew_engine::scalar::Scalar;
+use sinew_engine::matrix::{in_pairs, rows_of, weighted};
+use sinew_engine::scalar::{Row, Scalar};
 use sinew_engine::workers::Workers;
 
 /// Off-diagonal factors tried one after the other; 0 is block Jacobi.
@@ -38,7 +39,8 @@ pub struct FactorPiece<T> {
     target: Vec<u32>,
     /// Inverse diagonal blocks.
     inverse: Vec<Block<T>>,
-    upper: Vec<Block<T>>,
+    /// Blocks without padding, and one of zeros after them.
+    upper: Vec<[T; 9]>,
     /// Restarts of the last factorisation.
     pub breakdowns: u32,
 }
@@ -48,7 +50,7 @@ pub struct FactorPiece<T> {
 #[serde(bound = "T: Scalar")]
 pub struct FactorValues<T> {
     inverse: Vec<Block<T>>,
-    upper: Vec<Block<T>>,
+    upper: Vec<[T; 9]>,
 }
 
 impl<T: Scalar> IncompleteCholesky<T> {
@@ -64,7 +66,7 @@ impl<T: Scalar> IncompleteCholesky<T> {
     /// Takes the numbers of factors over; false, where these have another symbolic part.
     pub fn recall(&mut self, values: &[FactorValues<T>]) -> bool {
         let fits = |(p, v): (&FactorPiece<T>, &FactorValues<T>)| {
-            v.inverse.len() + 1 == p.start.len() && v.upper.len() == p.column.len()
+            v.inverse.len() + 1 == p.start.len() && v.upper.len() == p.column.len() + 1
         };
         if self.pieces.len() != values.len() || !self.pieces.iter().zip(values).all(fits) {
             return false;
@@ -165,22 +167,18 @@ impl<T: Scalar> FactorPiece<T> {
         self.inverse.extend_from_slice(&matrix.diagonal[piece.rows.clone()]);
         self.upper.clear();
         if jacobi {
-            self.upper.resize(self.column.len(), zero_block());
+            self.upper.resize(self.column.len() + 1, [T::ZERO; 9]);
             for m in &mut self.inverse {
                 *m = definite_inverse(m).unwrap_or_else(|| diagonal_inverse(m));
             }
             return true;
         }
+        let mut upper: Vec<Block<T>> = Vec::with_capacity(self.column.len());
         for row in 0..n {
             let first = pattern.start[piece.rows.start + row] as usize;
             let inside = (self.start[row + 1] - self.start[row]) as usize;
             let own = &matrix.upper[first..first + inside];
-            if damping == T::ONE {
-                self.upper.extend_from_slice(own);
-            } else {
-                let damp = |m: &Block<T>| m.map(|r| r.map(|x| x * damping));
-                self.upper.extend(own.iter().map(damp));
-            }
+            upper.extend(own.iter().map(|m| padded(&m.map(|x| x * damping))));
         }
         let mut scaled: Vec<Block<T>> = Vec::new();
         let mut pair = 0;
@@ -188,7 +186,7 @@ impl<T: Scalar> FactorPiece<T> {
             let Some(inverse) = definite_inverse(&self.inverse[row]) else { return false };
             self.inverse[row] = inverse;
             let range = self.start[row] as usize..self.start[row + 1] as usize;
-            let (own, rest) = self.upper[range.start..].split_at_mut(range.len());
+            let (own, rest) = upper[range.start..].split_at_mut(range.len());
             scaled.clear();
             // the inverse is symmetric: its columns are its rows
             scaled.extend(own.iter().map(|m| inverse.map(|r| transpose_product(m, r))));
@@ -203,8 +201,9 @@ impl<T: Scalar> FactorPiece<T> {
                     }
                 }
             }
-            own.copy_from_slice(&scaled);
+            self.upper.extend(scaled.iter().map(packed));
         }
+        self.upper.push([T::ZERO; 9]);
         true
     }
 
@@ -229,22 +228,25 @@ impl<T: Scalar> FactorPiece<T> {
         for row in 0..n {
             let x = z[row];
             let range = self.start[row] as usize..self.start[row + 1] as usize;
-            for (m, &column) in self.upper[range.clone()].iter().zip(&self.column[range]) {
+            let upper = in_pairs(&self.upper, range.clone());
+            for (m, &column) in upper.zip(&self.column[range]) {
                 let t = &mut z[column as usize];
-                *t = sub4(*t, transpose_product(m, x));
+                *t = (T::Row::new(*t) - weighted(rows_of(m), &x)).to_array();
             }
         }
         for row in (0..n).rev() {
             let range = self.start[row] as usize..self.start[row + 1] as usize;
-            let mut sum = [[T::ZERO; 4]; 3];
-            for (m, &column) in self.upper[range.clone()].iter().zip(&self.column[range]) {
-                let y = z[column as usize];
+            let upper = in_pairs(&self.upper, range.clone());
+            let mut sum = [T::Row::splat(T::ZERO); 3];
+            // the nearest rows are the last to be known
+            for (m, &column) in upper.zip(&self.column[range]).rev() {
+                let (m, y) = (rows_of(m), T::Row::new(z[column as usize]));
                 for k in 0..3 {
-                    sum[k] = add4(sum[k], mul4(m[k], y));
+                    sum[k] = sum[k] + m[k] * y;
                 }
             }
-            let gathered = [sum4(sum[0]), sum4(sum[1]), sum4(sum[2]), T::ZERO];
-            z[row] = sub4(transpose_product(&self.inverse[row], z[row]), gathered);
+            let own = weighted(self.inverse[row].map(T::Row::new), &z[row]);
+            z[row] = (own - T::Row::sums(sum)).to_array();
         }
     }
 }

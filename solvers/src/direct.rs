@@ -1,7 +1,7 @@
 //! Sparse direct factorisation, for equilibria, constant matrices and as a reference. The factor is
 //! kept while the matrix stays the same, number by number.
 
-use crate::system::{Block, Pattern, RankOnes, SystemMatrix};
+use crate::system::{Block, Pattern, RankOnes, SystemMatrix, padded};
 use faer::linalg::solvers::Solve;
 use faer::sparse::linalg::solvers::{Llt, SymbolicLlt};
 use faer::sparse::{SparseColMatRef, SymbolicSparseColMat};
@@ -145,7 +145,7 @@ impl Symbolic {
         };
         for row in 0..pattern.len() {
             for block in pattern.blocks(row) {
-                upper[place(row, pattern.column[block])] = dense(&matrix.upper[block]);
+                upper[place(row, pattern.column[block])] = dense(&padded(&matrix.upper[block]));
             }
         }
         let ones = &matrix.low_rank;

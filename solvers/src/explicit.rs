@@ -21,7 +21,7 @@
 
 use crate::burst::check_pressures;
 use crate::settings::{Integrator, SolverSettings};
-use crate::simd::{VectorKernel, vectorised};
+use sinew_engine::simd::{VectorKernel, vectorised};
 use crate::stability::StabilityLimit;
 use crate::state::{
     NodeState, Rows, book_momentum, dot3, evaluate, position, read_force, read_rest, vector,

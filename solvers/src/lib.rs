@@ -17,7 +17,6 @@ pub mod memory;
 mod orphan;
 pub mod recovery;
 pub mod settings;
-mod simd;
 pub mod stability;
 pub mod state;
 pub mod support;

@@ -67,6 +67,16 @@ pub struct LinearSolver<S: Scalar> {
     /// The residual is that of the last solution.
     residual_holds: bool,
     correction: Rows<S>,
+    ways: Vec<Way<S>>,
+}
+
+/// A direction without energy in common with those before it.
+#[derive(Clone, Debug, Default)]
+struct Way<S> {
+    along: Rows<S>,
+    /// `A along`, and its scalar product with `along`.
+    product: Rows<S>,
+    curvature: f64,
 }
 
 #[derive(Clone, Debug, Default)]
@@ -175,15 +185,15 @@ impl<S: Scalar> LinearSolver<S> {
         self.solve_along(system, rest, bodies, b, (x, &[]), options)
     }
 
-    /// [`Self::solve`] that searches along `seed` first, unless it is empty: such as the way in which the last solution
-    /// left its start. Held entries of it must be zero.
+    /// [`Self::solve`] that searches along `seeds` first: such as the ways in which the last solutions left their starts.
+    /// Held entries of them must be zero.
     pub fn solve_along(
         &mut self,
         system: &ShiftedTangent<'_, S>,
         rest: &[DVec3],
         bodies: Range<usize>,
         b: &[[S; 4]],
-        (x, seed): (&mut [[S; 4]], &[[S; 4]]),
+        (x, seeds): (&mut [[S; 4]], &[Rows<S>]),
         options: &LinearOptions,
     ) -> CgOutcome {
         if self.revision != system.topology.revision {
@@ -215,7 +225,7 @@ impl<S: Scalar> LinearSolver<S> {
             bodies,
             group,
             b,
-            seed,
+            seeds,
             options,
             same_type,
             mixed: options.precision == LinearPrecision::Mixed || same_type,
@@ -329,8 +339,8 @@ struct LinearSolve<'a, S: Scalar> {
     /// Place of the solver of these bodies.
     group: usize,
     b: &'a [[S; 4]],
-    /// First direction, or empty.
-    seed: &'a [[S; 4]],
+    /// First directions.
+    seeds: &'a [Rows<S>],
     options: &'a LinearOptions,
     /// The state is in `f32` itself.
     same_type: bool,
@@ -360,7 +370,7 @@ impl<S: Scalar> LinearSolve<'_, S> {
         self.outcome.reference = self.reference;
         let own = self.options.own_tolerance * norm_r / self.reference;
         self.tolerance = self.options.tolerance.max(own);
-        if self.search_along_seed(x) {
+        if self.search_along_seeds(x) {
             norm_r = norm(&self.solver.residual);
         }
         loop {
@@ -371,31 +381,41 @@ impl<S: Scalar> LinearSolve<'_, S> {
         }
     }
 
-    /// Takes as much of the seed as lowers the energy most, which counts as an iteration; whether that can be told. In the
-    /// number type of the state: rounded to `f32`, what is left of two velocities would change with the units.
-    fn search_along_seed(&mut self, x: &mut [[S; 4]]) -> bool {
-        let Self { seed, system, .. } = *self;
-        if seed.is_empty() || self.outcome.preconditioner == Preconditioner::Direct {
+    /// Takes as much of the seeds as lowers the energy most, each of which counts as an iteration; whether there are such
+    /// that tell. In the number type of the state: rounded to `f32`, what is left of two velocities would change with the
+    /// units.
+    fn search_along_seeds(&mut self, x: &mut [[S; 4]]) -> bool {
+        let Self { seeds, system, .. } = *self;
+        if self.outcome.preconditioner == Preconditioner::Direct {
             return false;
         }
-        let LinearSolver { spans, damped, residual, correction: product, .. } = &mut *self.solver;
-        product.resize(seed.len(), [S::ZERO; 4]);
-        system.multiply(spans, damped, self.bodies.clone(), seed, product);
-        let dot = |other: &[[S; 4]]| seed.iter().zip(other).map(|(s, o)| dot3(s, o)).sum::<f64>();
-        let curvature = dot(product);
-        let length = dot(residual) / curvature;
-        if !(curvature > 0.0 && length.is_finite()) {
-            return false;
-        }
-        let length = S::from_f64(length);
-        for (row, (s, q)) in seed.iter().zip(&*product).enumerate() {
-            for k in 0..3 {
-                x[row][k] += length * s[k];
-                residual[row][k] -= length * q[k];
+        let LinearSolver { spans, damped, residual, ways, .. } = &mut *self.solver;
+        ways.truncate(seeds.len());
+        ways.resize_with(seeds.len(), Default::default);
+        let mut used = 0;
+        for seed in seeds {
+            let (before, own) = ways.split_at_mut(used);
+            let Way { along, product, curvature } = &mut own[0];
+            along.clone_from(seed);
+            product.resize(seed.len(), [S::ZERO; 4]);
+            system.multiply(spans, damped, self.bodies.clone(), along, product);
+            // of earlier seeds nothing is left in it
+            let whole = dot(along, product);
+            for way in before {
+                let part = S::from_f64(dot(&way.along, product) / way.curvature);
+                subtract(along, part, &way.along);
+                subtract(product, part, &way.product);
+            }
+            *curvature = dot(along, product);
+            let length = dot(along, residual) / *curvature;
+            if *curvature > SAME_WAY * S::EPSILON.to_f64() * whole && length.is_finite() {
+                subtract(x, S::from_f64(-length), along);
+                subtract(residual, S::from_f64(length), product);
+                used += 1;
             }
         }
-        self.outcome.iterations += 1;
-        true
+        self.outcome.iterations += used as u32;
+        used > 0
     }
 
     /// One round; `norm_r` is the norm of the residual before it and becomes that after it. Returns how the
@@ -517,6 +537,23 @@ impl<S: Scalar> LinearSolve<'_, S> {
 const SINGLE_REDUCTION: f64 = 1e-5;
 /// A round that reduces the residual by less than this is the last one in `f32`.
 const STALLED: f64 = 0.5;
+
+/// Curvature in multiples of rounding below which two seeds point the same way.
+const SAME_WAY: f64 = 1e4;
+
+/// `y -= factor x`.
+fn subtract<S: Scalar>(y: &mut [[S; 4]], factor: S, x: &[[S; 4]]) {
+    for (y, x) in y.iter_mut().zip(x) {
+        for k in 0..3 {
+            y[k] -= factor * x[k];
+        }
+    }
+}
+
+/// Scalar product.
+fn dot<S: Scalar>(x: &[[S; 4]], y: &[[S; 4]]) -> f64 {
+    x.iter().zip(y).map(|(x, y)| dot3(x, y)).sum()
+}
 
 /// Euclidean norm.
 fn norm<S: Scalar>(x: &[[S; 4]]) -> f64 {

@@ -2,17 +2,18 @@
 //! preconditioners see it: inertia, tangent and damping added up in one pass, held unknowns eliminated, in
 //! the number type of the solve.
 //!
-//! Only the upper half is stored. Rows of blocks are padded to four numbers, so that both halves of
-//! the product are vector operations on whole rows: `A_ij x_j` accumulates row by row and is summed
-//! across once per block row, `A_ij^T x_i` adds multiples of the rows of `A_ij`. The code is plain
-//! loops over four numbers without fused operations, so that every instruction set gives the same bits.
+//! Only the upper half is stored, without padding: large bodies wait for memory. Rows of blocks are read four
+//! numbers at a time, so that both halves of the product are vector operations on whole rows: `A_ij x_j`
+//! accumulates row by row and is summed across once per block row, `A_ij^T x_i` adds multiples of the rows of
+//! `A_ij`. What the fourth number brings along, of the row that follows, meets a zero or is thrown away. The code
+//! is plain loops over four numbers without fused operations, so that every instruction set gives the same bits.
 
 use crate::state::{Rows, vector};
 use glam::{DMat3, DVec3};
 use serde::{Deserialize, Serialize};
 use sinew_contact::set::{ContactBlocks, Coupling};
-use sinew_engine::matrix::{BlockMatrix, LowRank, ProductSpans};
-use sinew_engine::scalar::Scalar;
+use sinew_engine::matrix::{BlockMatrix, LowRank, ProductSpans, in_pairs, rows_of, weighted};
+use sinew_engine::scalar::{Row, Scalar};
 use sinew_engine::topology::Topology;
 use sinew_engine::vertex::FixedAxes;
 use sinew_engine::workers::Workers;
@@ -48,6 +49,18 @@ pub struct ShiftedTangent<'a, S> {
 /// A 3x3 block, rows padded by a zero.
 pub type Block<T> = [[T; 4]; 3];
 
+/// A block with padded rows.
+#[inline(always)]
+pub(crate) fn padded<T: Scalar>(m: &[T; 9]) -> Block<T> {
+    [[m[0], m[1], m[2], T::ZERO], [m[3], m[4], m[5], T::ZERO], [m[6], m[7], m[8], T::ZERO]]
+}
+
+/// A block without padding.
+#[inline(always)]
+pub(crate) fn packed<T: Scalar>(m: &Block<T>) -> [T; 9] {
+    [m[0][0], m[0][1], m[0][2], m[1][0], m[1][1], m[1][2], m[2][0], m[2][1], m[2][2]]
+}
+
 /// The zero block.
 #[inline(always)]
 pub(crate) fn zero_block<T: Scalar>() -> Block<T> {
@@ -78,12 +91,6 @@ pub(crate) fn scale4<T: Scalar>(a: [T; 4], s: T) -> [T; 4] {
     [a[0] * s, a[1] * s, a[2] * s, a[3] * s]
 }
 
-/// Sum of the entries.
-#[inline(always)]
-pub(crate) fn sum4<T: Scalar>(a: [T; 4]) -> T {
-    (a[0] + a[2]) + (a[1] + a[3])
-}
-
 /// `m^T x`: the rows of `m` weighted by the entries of `x`.
 #[inline(always)]
 pub(crate) fn transpose_product<T: Scalar>(m: &Block<T>, x: [T; 4]) -> [T; 4] {
@@ -93,7 +100,7 @@ pub(crate) fn transpose_product<T: Scalar>(m: &Block<T>, x: [T; 4]) -> [T; 4] {
 /// `m x`.
 #[cfg(test)]
 pub(crate) fn product<T: Scalar>(m: &Block<T>, x: [T; 4]) -> [T; 4] {
-    [sum4(mul4(m[0], x)), sum4(mul4(m[1], x)), sum4(mul4(m[2], x)), T::ZERO]
+    T::Row::sums(m.map(|row| T::Row::new(mul4(row, x)))).to_array()
 }
 
 /// Scalar product in `f64`, four partial sums.
@@ -102,6 +109,23 @@ pub(crate) fn accumulate<T: Scalar>(sum: &mut [f64; 4], a: [T; 4], b: [T; 4]) {
     for k in 0..4 {
         sum[k] += a[k].to_f64() * b[k].to_f64();
     }
+}
+
+/// Scalar product in `f64`; fourth entries of one of both must be zero. Four sums of rows, so that none waits for the last one.
+#[inline(always)]
+pub(crate) fn dot<T: Scalar>(a: &[[T; 4]], b: &[[T; 4]]) -> f64 {
+    let mut sums = [[0.0; 4]; 4];
+    let (a, a_left) = a.as_chunks::<4>();
+    let (b, b_left) = b.as_chunks::<4>();
+    for (a, b) in a.iter().zip(b) {
+        for i in 0..4 {
+            accumulate(&mut sums[i], a[i], b[i]);
+        }
+    }
+    for (a, b) in a_left.iter().zip(b_left) {
+        accumulate(&mut sums[0], *a, *b);
+    }
+    sums.as_flattened().iter().sum()
 }
 
 /// Rows that a task works on, cut by size alone.
@@ -262,8 +286,9 @@ impl<T: Scalar> RankOnes<T> {
 pub struct SystemMatrix<T> {
     /// Diagonal blocks.
     pub diagonal: Vec<Block<T>>,
-    /// Upper off-diagonal blocks in the order of [`Pattern::column`].
-    pub upper: Vec<Block<T>>,
+    /// Upper off-diagonal blocks, row-major, in the order of [`Pattern::column`], and one of zeros after them: the last
+    /// row is read with the number behind it.
+    pub upper: Vec<[T; 9]>,
     /// The low-rank part, a list of vectors: of the tangent or, where it has none, of contact.
     pub low_rank: RankOnes<T>,
     /// Vectors of the tangent.
@@ -325,7 +350,7 @@ impl<T: Scalar> SystemMatrix<T> {
         self.held.clear();
         self.held.extend_from_slice(&system.fixed[rows.clone()]);
         self.diagonal.resize(rows.len(), zero_block());
-        self.upper.resize(blocks.len(), zero_block());
+        self.upper.resize(blocks.len() + 1, [T::ZERO; 9]);
 
         // diagonal blocks
         let c_k = system.tangent_factor.to_f64() * self.factor;
@@ -349,7 +374,8 @@ impl<T: Scalar> SystemMatrix<T> {
         });
         // blocks above the diagonal
         let (edges, offset) = (&system.topology.edges, rows.start);
-        workers.for_chunks(&mut self.upper, CHUNK, blocks.len() * 6, |first, own| {
+        let upper = &mut self.upper[..blocks.len()];
+        workers.for_chunks(upper, CHUNK, blocks.len() * 6, |first, own| {
             for (i, m) in own.iter_mut().enumerate() {
                 let index = blocks.start + first + i;
                 let damping = system.damping.map(|(c, _)| &c.off_diagonal[index]);
@@ -360,7 +386,7 @@ impl<T: Scalar> SystemMatrix<T> {
                 if a.0 | b.0 != 0 {
                     mask(&mut entries, a, b, 0.0);
                 }
-                *m = block(&entries);
+                *m = entries.map(T::from_f64);
             }
         });
         // low-rank part
@@ -393,7 +419,7 @@ impl<T: Scalar> SystemMatrix<T> {
             self.add_to_diagonal(row - first, m);
         }
         // with volumes of clusters they would couple all with all
-        let product = 2 * self.upper.len() + self.diagonal.len();
+        let product = 2 * (self.upper.len() - 1) + self.diagonal.len();
         let as_vectors = self.own_vectors == 0 && is_narrow(&contact.couplings, product);
         let root = self.factor.sqrt();
         for coupling in &contact.couplings {
@@ -429,7 +455,8 @@ impl<T: Scalar> SystemMatrix<T> {
     }
 
     /// Rows of one piece of the upper half and their transposes: `q = A_piece p`; both vectors hold
-    /// the rows from the piece's first to its reach. Returns `p . q`.
+    /// the rows from the piece's first to its reach. Fourth entries of `p` must be zero, those of `q` mean nothing.
+    /// Returns `p . q`.
     #[inline(always)]
     pub fn multiply_piece(
         &self,
@@ -443,26 +470,23 @@ impl<T: Scalar> SystemMatrix<T> {
         let (p, q) = (&p[..length], &mut q[..length]);
         q.fill([T::ZERO; 4]);
         for row in piece.rows.clone() {
-            let x = p[row - base];
-            let d = &self.diagonal[row];
-            let mut sum = [mul4(d[0], x), mul4(d[1], x), mul4(d[2], x)];
+            let x = &p[row - base];
+            let mut sum = self.diagonal[row].map(|d| T::Row::new(d) * T::Row::new(*x));
             let blocks = pattern.blocks(row);
-            for (m, &column) in self.upper[blocks.clone()].iter().zip(&pattern.column[blocks]) {
+            let upper = in_pairs(&self.upper, blocks.clone());
+            for (m, &column) in upper.zip(&pattern.column[blocks]) {
+                let m = rows_of(m);
                 let local = column as usize - base;
-                let y = p[local];
+                let y = T::Row::new(p[local]);
                 for k in 0..3 {
-                    sum[k] = add4(sum[k], mul4(m[k], y));
+                    sum[k] = sum[k] + m[k] * y;
                 }
-                q[local] = add4(q[local], transpose_product(m, x));
+                q[local] = (T::Row::new(q[local]) + weighted(m, x)).to_array();
             }
-            let own = [sum4(sum[0]), sum4(sum[1]), sum4(sum[2]), T::ZERO];
-            q[row - base] = add4(q[row - base], own);
+            let own = &mut q[row - base];
+            *own = (T::Row::new(*own) + T::Row::sums(sum)).to_array();
         }
-        let mut dot = [0.0; 4];
-        for (p, q) in p.iter().zip(&*q) {
-            accumulate(&mut dot, *p, *q);
-        }
-        dot.iter().sum()
+        dot(p, q)
     }
 }
 
@@ -633,8 +657,7 @@ fn mask(m: &mut [f64; 9], row: FixedAxes, column: FixedAxes, diagonal: f64) {
 
 #[inline(always)]
 fn block<T: Scalar>(m: &[f64; 9]) -> Block<T> {
-    let t = |k: usize| T::from_f64(m[k]);
-    [[t(0), t(1), t(2), T::ZERO], [t(3), t(4), t(5), T::ZERO], [t(6), t(7), t(8), T::ZERO]]
+    padded(&m.map(T::from_f64))
 }
 
 /// Inverse of a symmetric 3x3 block if it is positive definite with a margin against rounding.

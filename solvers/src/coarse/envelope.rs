@@ -1,6 +1,6 @@
 //! Cholesky factor of a symmetric matrix of 6x6 blocks within its envelope.
 
-use crate::simd::VectorKernel;
+use sinew_engine::simd::VectorKernel;
 use sinew_engine::scalar::Scalar;
 
 /// Unknowns of a node.
@@ -160,11 +160,16 @@ impl<T: Scalar> Envelope<T> {
     fn solve(&mut self, x: &mut [Node<T>]) {
         for row in 0..self.len() {
             let f = self.profile.0[row] as usize;
-            let mut own = x[row];
+            // three sums, so that none has to wait for the last one
+            let mut sums = [x[row], [T::ZERO; 8], [T::ZERO; 8]];
             for (block, y) in self.lower[self.start[row]..].iter().zip(&x[f..row]) {
                 for k in 0..MODES {
-                    own = subtract_scaled(own, block[k], y[k]);
+                    sums[k % 3] = subtract_scaled(sums[k % 3], block[k], y[k]);
                 }
+            }
+            let mut own = [T::ZERO; 8];
+            for k in 0..MODES {
+                own[k] = sums[0][k] + sums[1][k] + sums[2][k];
             }
             let mut out = [T::ZERO; 8];
             for k in 0..MODES {

@@ -10,12 +10,12 @@
 //! Unknowns are numbered along the body, so that the Galerkin matrix has a narrow envelope, in which its Cholesky factor
 //! stays. Motions that held vertices or a degenerate aggregate leave without stiffness have no pivot and are left out.
 
-use crate::simd::{VectorKernel, vectorised};
-use crate::system::{Pattern, SystemMatrix, add4, mul4, scale4, sub4};
+use sinew_engine::simd::{VectorKernel, vectorised};
+use crate::system::{Pattern, SystemMatrix, mul4, padded, scale4, sub4};
 use envelope::{Columns, Envelope, FactoriseEnvelope, MODES, Profile, SolveEnvelope};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
-use sinew_engine::scalar::Scalar;
+use sinew_engine::scalar::{Row, Scalar};
 use sinew_engine::vertex::FixedAxes;
 use sinew_engine::workers::Workers;
 
@@ -215,28 +215,31 @@ impl<T: Scalar> CoarseSpace<T> {
 
     /// Motion of a row, of which some unknowns are held.
     #[inline(always)]
-    pub fn moved(&self, row: usize, motions: &[Motion<T>], held: FixedAxes) -> [T; 4] {
-        let mut motion = self.prolong(row, motions);
-        if held.0 != 0 {
-            for k in (0..3).filter(|&k| held.holds(k)) {
-                motion[k] = T::ZERO;
-            }
+    pub fn moved(&self, row: usize, motions: &[Motion<T>], held: FixedAxes) -> T::Row {
+        let motion = self.prolong(row, motions);
+        if held.0 == 0 {
+            return motion;
         }
-        motion
+        let mut motion = motion.to_array();
+        for k in (0..3).filter(|&k| held.holds(k)) {
+            motion[k] = T::ZERO;
+        }
+        T::Row::new(motion)
     }
 
     /// Motion of a row, held unknowns included.
     #[inline(always)]
-    fn prolong(&self, row: usize, motions: &[Motion<T>]) -> [T; 4] {
+    fn prolong(&self, row: usize, motions: &[Motion<T>]) -> T::Row {
         match &self.span {
             Span::Rigid { aggregate, arm } => {
-                let [translation, yzx, zxy] = motions[aggregate[row] as usize];
-                let [arm_yzx, arm_zxy] = arm[row];
-                add4(translation, sub4(mul4(yzx, arm_zxy), mul4(zxy, arm_yzx)))
+                let motion = &motions[aggregate[row] as usize];
+                let [translation, yzx, zxy] = [0, 1, 2].map(|k| T::Row::new(motion[k]));
+                let [arm_yzx, arm_zxy] = [0, 1].map(|k| T::Row::new(arm[row][k]));
+                translation + (yzx * arm_zxy - zxy * arm_yzx)
             }
             Span::Corners { ends } => {
-                let [a, b] = ends[row].map(|end| motions[end as usize / 2][end as usize % 2]);
-                scale4(add4(a, b), T::from_f64(0.5))
+                let of = |end: u32| T::Row::new(motions[end as usize / 2][end as usize % 2]);
+                (of(ends[row][0]) + of(ends[row][1])) * T::Row::splat(T::from_f64(0.5))
             }
         }
     }
@@ -427,7 +430,7 @@ fn galerkin<T: Scalar>(terms: &[Term], span: &Span<T>, matrix: &SystemMatrix<T>)
             }
             m
         } else {
-            matrix.upper[term.block as usize]
+            padded(&matrix.upper[term.block as usize])
         };
         // only one half of the matrix is stored: a block off the diagonal stands for its transpose, too
         match span {

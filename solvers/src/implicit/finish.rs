@@ -109,6 +109,7 @@ impl<S: Scalar> Step<'_, S> {
         std::mem::swap(&mut history.u, iterate);
         std::mem::swap(&mut history.v, velocity);
         std::mem::swap(&mut history.increment, increment);
+        std::mem::swap(&mut history.v_older, &mut history.v_before);
         std::mem::swap(&mut history.v_before, &mut node.v);
         history.mass.clone_from(&node.mass);
         history.fixed.clone_from(&node.fixed);

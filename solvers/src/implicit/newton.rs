@@ -232,10 +232,10 @@ impl<S: Scalar> Step<'_, S> {
         } else {
             self.scratch.direction[rows.clone()].fill([S::ZERO; 4]);
         }
-        let seed = self.scratch.seed(body, warm_start);
+        let seeds = self.scratch.seeds(body, warm_start);
         let ImplicitScratch { linear, rest, node, residual, direction, damping, .. } =
             &mut *self.scratch;
-        let (b, x) = (&residual[rows.clone()], (&mut direction[rows.clone()], &*seed));
+        let (b, x) = (&residual[rows.clone()], (&mut direction[rows.clone()], &*seeds));
         let options = self.settings.linear_options();
         let system = system_matrix(self.world, weights, node, damping);
         let outcome = linear.solve_along(&system, rest, body.bodies.clone(), b, x, &options);
@@ -355,20 +355,26 @@ impl<S: Scalar> ImplicitScratch<S> {
         }
     }
 
-    /// How far (m) inertia alone was left in the last step, and so, nearly, will be in this one: the change of velocities
-    /// over its length. Empty where the last step does not lead to this one.
-    pub(super) fn seed(&self, body: &BodyStep, warm_start: bool) -> Rows<S> {
+    /// How far (m) inertia alone was left in the last two steps, which tells nearly how far it will be in this one: the
+    /// changes of velocities over its length. Empty where the last step does not lead to this one.
+    pub(super) fn seeds(&self, body: &BodyStep, warm_start: bool) -> Vec<Rows<S>> {
         if !(warm_start && body.past.same_state && body.weights.inertia > 0.0) {
-            return Rows::new();
+            return Vec::new();
         }
         let (rows, h) = (body.rows.clone(), S::from_f64(1.0 / body.weights.rate));
-        let mut seed = vec![[S::ZERO; 4]; rows.len()];
-        for (own, row) in seed.iter_mut().zip(rows) {
-            for k in self.node.free_axes(row) {
-                own[k] = h * (self.node.v[row][k] - self.history.v_before[row][k]);
+        let end = rows.end;
+        let (v_before, v_older) = (&self.history.v_before, &self.history.v_older);
+        let seed = |(new, old): (&Rows<S>, &Rows<S>)| {
+            let mut seed = vec![[S::ZERO; 4]; rows.len()];
+            for (own, row) in seed.iter_mut().zip(rows.clone()) {
+                for k in self.node.free_axes(row) {
+                    own[k] = h * (new[row][k] - old[row][k]);
+                }
             }
-        }
-        seed
+            seed
+        };
+        let steps = [(&self.node.v, v_before), (v_before, v_older)];
+        steps.into_iter().filter(|(_, old)| old.len() >= end).map(seed).collect()
     }
 
     /// Largest Newton step of a body over its size.

@@ -226,7 +226,7 @@ impl<S: Scalar> Step<'_, S> {
             self.scratch.direction[rows.clone()].fill([S::ZERO; 4]);
         }
         // friction of bodies on each other has several outcomes, among which it would choose
-        let mut seed = self.scratch.seed(&body, warm_start && !contact.joins(&bodies));
+        let mut seeds = self.scratch.seeds(&body, warm_start && !contact.joins(&bodies));
         let n = self.scratch.node.len();
         let touch = &mut self.scratch.touch;
         for field in [
@@ -291,9 +291,9 @@ impl<S: Scalar> Step<'_, S> {
             let mut system = system_matrix(self.world, &body.weights, node, damping);
             system.contact = Some(&blocks);
             let (b, x) = (&touch.left[rows.clone()], &mut touch.round[rows.clone()]);
-            let seed = std::mem::take(&mut seed);
+            let seeds = std::mem::take(&mut seeds);
             let outcome =
-                linear.solve_along(&system, rest, bodies.clone(), b, (x, &seed), &options);
+                linear.solve_along(&system, rest, bodies.clone(), b, (x, &seeds), &options);
             options.reference = options.reference.max(outcome.reference);
             options.same_matrix = true;
             solved = outcome.residual <= self.settings.linear_tolerance;

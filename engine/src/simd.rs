@@ -7,7 +7,7 @@
 
 /// A piece of work whose code is worth compiling for wider vectors. `run` and all that it calls must be
 /// inlined (`#[inline(always)]`): a function that is not keeps the instruction set of the build.
-pub(crate) trait VectorKernel {
+pub trait VectorKernel {
     /// Result.
     type Output;
     /// Does the work.
@@ -16,7 +16,7 @@ pub(crate) trait VectorKernel {
 
 /// Runs a kernel with the widest vectors that this machine has.
 #[cfg(target_arch = "x86_64")]
-pub(crate) fn vectorised<K: VectorKernel>(kernel: K) -> K::Output {
+pub fn vectorised<K: VectorKernel>(kernel: K) -> K::Output {
     #[target_feature(enable = "avx")]
     fn avx<K: VectorKernel>(kernel: K) -> K::Output {
         kernel.run()
@@ -32,7 +32,7 @@ pub(crate) fn vectorised<K: VectorKernel>(kernel: K) -> K::Output {
 
 /// Runs a kernel with the vectors of the build.
 #[cfg(not(target_arch = "x86_64"))]
-pub(crate) fn vectorised<K: VectorKernel>(kernel: K) -> K::Output {
+pub fn vectorised<K: VectorKernel>(kernel: K) -> K::Output {
     kernel.run()
 }
 
