@@ -204,22 +204,22 @@ fn corners_halve_the_iterations_of_ten_node_beams() {
     }
 }
 
-/// A first direction that is known saves the way there, at any length and sign; one that leads nowhere costs a product. What
-/// is held stays so.
+/// First directions that are known save the way there, at any length and sign, and so do several that it is a sum of; one that
+/// leads nowhere costs a product, one that is there already nothing more. What is held stays so.
 #[test]
-fn a_known_direction_is_searched_first() {
+fn known_directions_are_searched_first() {
     let case = Case::<f64>::new([20, 6, 7], Precision::F64, 1);
     let system = case.system(1e4);
     for preconditioner in PRECONDITIONERS {
         for precision in PRECISIONS {
             let options = LinearOptions { preconditioner, precision, ..Default::default() };
             let (solution, alone) = case.solve(&mut LinearSolver::default(), 1e4, &options);
-            let along = |seed: &[[f64; 4]]| {
+            let along = |seeds: &[Vec<[f64; 4]>]| {
                 let mut x = vec![[0.0; 4]; case.b.len()];
                 let mut solver = LinearSolver::default();
                 let b = &case.b;
                 let outcome =
-                    solver.solve_along(&system, &case.rest, 0..1, b, (&mut x, seed), &options);
+                    solver.solve_along(&system, &case.rest, 0..1, b, (&mut x, seeds), &options);
                 assert_eq!(outcome.status, CgStatus::Converged, "{options:?} {outcome:?}");
                 let held = x
                     .iter()
@@ -229,14 +229,24 @@ fn a_known_direction_is_searched_first() {
                 outcome.iterations
             };
             let scaled: Vec<_> = solution.iter().map(|x| x.map(|x| -3.0 * x)).collect();
-            assert!(along(&scaled) <= 2, "{options:?}");
+            assert!(along(std::slice::from_ref(&scaled)) <= 2, "{options:?}");
             let elsewhere: Vec<_> = case
                 .fixed
                 .iter()
                 .map(|fixed| [0, 1, 2, 3].map(|k| f64::from(u8::from(k < 3 && !fixed.holds(k)))))
                 .collect();
-            assert!(along(&elsewhere) <= alone.iterations + 4, "{options:?} {alone:?}");
-            assert_eq!(along(&vec![[0.0; 4]; case.b.len()]), alone.iterations, "{options:?}");
+            let zero = vec![[0.0; 4]; case.b.len()];
+            let sum = |a: &[[f64; 4]], b: &[[f64; 4]]| -> Vec<[f64; 4]> {
+                let add = |(a, b): (&[f64; 4], &[f64; 4])| [0, 1, 2, 3].map(|k| a[k] + b[k]);
+                a.iter().zip(b).map(add).collect()
+            };
+            let both = sum(&scaled, &elsewhere);
+            assert!(along(&[zero.clone(), both.clone(), elsewhere.clone()]) <= 3, "{options:?}");
+            assert!(along(&[scaled.clone(), scaled.clone(), scaled]) <= 2, "{options:?}");
+            let once = along(std::slice::from_ref(&elsewhere));
+            assert!(once <= alone.iterations + 4, "{options:?} {alone:?}");
+            assert_eq!(along(&[elsewhere.clone(), elsewhere]), once, "{options:?}");
+            assert_eq!(along(&[zero]), alone.iterations, "{options:?}");
         }
     }
 }

@@ -22,10 +22,11 @@ pub(crate) struct StepHistory<S> {
     pub v: Rows<S>,
     pub mass: Vec<S>,
     pub fixed: Vec<FixedAxes>,
-    /// Displacement (m) during it, and velocities (m/s) at its start and a step before that.
+    /// Displacement (m) during it, and velocities (m/s) at its start.
     pub increment: Rows<S>,
     pub v_before: Rows<S>,
-    pub v_older: Rows<S>,
+    /// Velocities (m/s) one and two steps before that.
+    pub v_older: [Rows<S>; 2],
     /// Its length (s).
     pub dt: f64,
     /// The history of a group of bodies stands at the place of its first body; those of the others are empty.
@@ -163,8 +164,8 @@ impl<S: Scalar> StepHistory<S> {
         // bodies may have come since
         let (own, own_bodies) = (self.u.len(), self.bodies.len());
         let lengths = [&self.v, &self.increment, &self.v_before].map(|field| field.len() == own);
-        // one step has no step before it
-        let older = [0, own].contains(&self.v_older.len());
+        // the first steps have none before them
+        let older = self.v_older.iter().all(|v| [0, own].contains(&v.len()));
         let groups = self.groups.iter().map(|group| group.start..group.end);
         lengths == [true; 3]
             && older

@@ -99,6 +99,10 @@ impl<S: Scalar> NodeState<S> {
         let mut sum = [0.0; 2];
         for row in rows {
             let half_mass = 0.5 * self.mass[row].to_f64();
+            if self.fixed[row].0 == 0 {
+                sum[0] += half_mass * dot3(&v[row], &v[row]);
+                continue;
+            }
             for k in 0..3 {
                 let speed = v[row][k].to_f64();
                 sum[usize::from(!self.free(row, k))] += half_mass * speed * speed;

@@ -157,7 +157,7 @@ impl<'a, S: Scalar> TetrahedronColumns<'a, S> {
             return e;
         }
         Element {
-            volume: L::ONE,
+            volume: L::splat(S::ONE),
             lambda: e.lambda * volume,
             mu: e.mu * volume,
             compression: e.compression * volume,

@@ -109,7 +109,8 @@ impl<S: Scalar> Step<'_, S> {
         std::mem::swap(&mut history.u, iterate);
         std::mem::swap(&mut history.v, velocity);
         std::mem::swap(&mut history.increment, increment);
-        std::mem::swap(&mut history.v_older, &mut history.v_before);
+        history.v_older.rotate_right(1);
+        std::mem::swap(&mut history.v_older[0], &mut history.v_before);
         std::mem::swap(&mut history.v_before, &mut node.v);
         history.mass.clone_from(&node.mass);
         history.fixed.clone_from(&node.fixed);

@@ -355,26 +355,28 @@ impl<S: Scalar> ImplicitScratch<S> {
         }
     }
 
-    /// How far (m) inertia alone was left in the last two steps, which tells nearly how far it will be in this one: the
-    /// changes of velocities over its length. Empty where the last step does not lead to this one.
+    /// How far (m) inertia alone was left in the last two steps, which tells nearly how far it will be in this one: by changes
+    /// of velocities over its length, one for each step, one more where inertia goes by the step before. Empty where the
+    /// last step does not lead to this one.
     pub(super) fn seeds(&self, body: &BodyStep, warm_start: bool) -> Vec<Rows<S>> {
         if !(warm_start && body.past.same_state && body.weights.inertia > 0.0) {
             return Vec::new();
         }
         let (rows, h) = (body.rows.clone(), S::from_f64(1.0 / body.weights.rate));
         let end = rows.end;
-        let (v_before, v_older) = (&self.history.v_before, &self.history.v_older);
-        let seed = |(new, old): (&Rows<S>, &Rows<S>)| {
+        let [older, oldest] = &self.history.v_older;
+        let v = [&self.node.v, &self.history.v_before, older, oldest];
+        let count = if body.uses_bdf2() { 3 } else { 2 };
+        let seed = |v: &[&Rows<S>]| {
             let mut seed = vec![[S::ZERO; 4]; rows.len()];
             for (own, row) in seed.iter_mut().zip(rows.clone()) {
                 for k in self.node.free_axes(row) {
-                    own[k] = h * (new[row][k] - old[row][k]);
+                    own[k] = h * (v[0][row][k] - v[1][row][k]);
                 }
             }
             seed
         };
-        let steps = [(&self.node.v, v_before), (v_before, v_older)];
-        steps.into_iter().filter(|(_, old)| old.len() >= end).map(seed).collect()
+        v.windows(2).take(count).take_while(|v| v[1].len() >= end).map(seed).collect()
     }
 
     /// Largest Newton step of a body over its size.
