@@ -337,8 +337,9 @@ impl<S: Scalar> LawBuffer<S> {
         });
     }
 
-    /// Adds the tangent blocks of all ranges to `total`, range by range for each block.
-    pub fn add_tangent_to(&self, workers: &Workers, total: &mut BlockMatrix<S>) {
+    /// Adds the tangent blocks of all ranges to `total`, range by range for each block; to zero instead of what is there, if
+    /// that is `stale`.
+    pub fn add_tangent_to(&self, workers: &Workers, total: &mut BlockMatrix<S>, stale: bool) {
         let work = self.spans.iter().map(|s| s.blocks.len()).sum::<usize>() * 6;
         let add = |first: usize, into: &mut [[S; 9]], range: &Range<usize>, from: &[[S; 9]]| {
             let low = range.start.max(first);
@@ -354,9 +355,15 @@ impl<S: Scalar> LawBuffer<S> {
             }
         };
         workers.for_chunks(&mut total.diagonal, ROW_CHUNK, work / 7, |first, rows| {
+            if stale {
+                rows.fill([S::ZERO; 9]);
+            }
             self.spans.iter().for_each(|s| add(first, rows, &s.rows, &s.diagonal));
         });
         workers.for_chunks(&mut total.off_diagonal, ROW_CHUNK, work, |first, blocks| {
+            if stale {
+                blocks.fill([S::ZERO; 9]);
+            }
             self.spans.iter().for_each(|s| add(first, blocks, &s.blocks, &s.off_diagonal));
         });
     }

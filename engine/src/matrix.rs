@@ -194,8 +194,13 @@ impl<S: Scalar> BlockMatrix<S> {
     /// Makes every block zero, with the sizes of `topology`.
     pub fn clear(&mut self, topology: &Topology) {
         self.diagonal.clear();
-        self.diagonal.resize(topology.vertex_count(), [S::ZERO; 9]);
         self.off_diagonal.clear();
+        self.resize(topology);
+    }
+
+    /// Takes the sizes of `topology`; blocks that are there already stay as they are.
+    pub fn resize(&mut self, topology: &Topology) {
+        self.diagonal.resize(topology.vertex_count(), [S::ZERO; 9]);
         self.off_diagonal.resize(topology.edges.len(), [S::ZERO; 9]);
     }
 

@@ -455,8 +455,10 @@ fn gather<S: Scalar>(
     if let Some(total) = &mut total {
         total.fill([S::ZERO; 4]);
     }
-    if request.tangent.is_some() {
-        tangent.matrix.clear(&topology);
+    // the first law to add something makes it zero
+    let mut stale = request.tangent.is_some();
+    if stale {
+        tangent.matrix.resize(&topology);
         tangent.low_rank.clear();
         tangent.clamped = 0;
     }
@@ -485,10 +487,13 @@ fn gather<S: Scalar>(
             buffer.add_forces_to(&workers, total);
         }
         if request.tangent.is_some() {
-            buffer.add_tangent_to(&workers, &mut tangent.matrix);
+            buffer.add_tangent_to(&workers, &mut tangent.matrix, std::mem::take(&mut stale));
             tangent.low_rank.extend(buffer.low_rank.clone());
             tangent.clamped += buffer.spans.iter().map(|s| s.clamped).sum::<u64>();
         }
+    }
+    if stale {
+        tangent.matrix.clear(&topology);
     }
     times.add("gather", start.elapsed());
 }
@@ -510,7 +515,7 @@ fn gather_dampers<S: Scalar>(
         }
         let buffer = slot.buffer.get_mut().unwrap_or_else(PoisonError::into_inner);
         times.add(slot.info.name, std::mem::take(&mut buffer.time));
-        buffer.add_tangent_to(&workers, &mut tangent.matrix);
+        buffer.add_tangent_to(&workers, &mut tangent.matrix, false);
     }
     times.add("gather", start.elapsed());
 }
