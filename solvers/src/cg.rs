@@ -954,6 +954,23 @@ mod tests {
         }
     }
 
+    /// Motions against which a matrix has negative stiffness are none that a correction may take.
+    #[test]
+    fn coarse_spaces_of_indefinite_matrices_do_nothing() {
+        let (pattern, mut matrix, rest) = springs([31, 2, 2], 3, 1);
+        let mut space = CoarseSpace::rigid(&pattern, &rest, &vec![0; rest.len()], 12);
+        for (indefinite, shift) in [(false, 0.0), (true, 4.0)] {
+            for k in 0..3 {
+                matrix.diagonal[40][k][k] -= shift;
+            }
+            space.factorise(&Workers::serial(), &matrix);
+            let mut forces = vec![[1.0; 8]; space.nodes()];
+            let work = space.solve(&mut forces);
+            assert_eq!(work == 0.0, indefinite, "{work}");
+            assert_eq!(forces == vec![[0.0; 8]; space.nodes()], indefinite);
+        }
+    }
+
     /// In large bodies the factor of the corners would take longer than an iteration.
     #[test]
     fn corners_are_for_bodies_of_few() {

@@ -102,9 +102,11 @@ impl<T: Scalar> Envelope<T> {
         }
     }
 
-    /// Row by row: a row is the solution of a triangular system with the rows above it.
+    /// Row by row: a row is the solution of a triangular system with the rows above it. A matrix that is not positive has no
+    /// factor, and what goes on without its negative pivots may grow beyond all bounds: solutions are zero then.
     #[inline(always)]
     fn factorise(&mut self) {
+        let mut positive = true;
         for row in 0..self.len() {
             let f = self.profile.0[row] as usize;
             let (above, own) = self.work.split_at_mut(self.start[row]);
@@ -136,7 +138,8 @@ impl<T: Scalar> Envelope<T> {
             for x in own.iter() {
                 subtract_outer(&mut block, x, x);
             }
-            let (inverse, dropped) = invert_factor(&block, &original);
+            let (inverse, dropped, own_positive) = invert_factor(&block, &original);
+            positive &= own_positive;
             self.diagonal[row] = inverse;
             for i in (0..MODES).filter(|&i| dropped[i]) {
                 for x in own.iter_mut() {
@@ -151,7 +154,7 @@ impl<T: Scalar> Envelope<T> {
             *t = narrow(x);
         }
         for (t, x) in self.inverse.iter_mut().zip(&self.diagonal) {
-            *t = narrow(x);
+            *t = if positive { narrow(x) } else { [[T::ZERO; 8]; MODES] };
         }
     }
 
@@ -270,11 +273,15 @@ fn sum8<T: Scalar>(x: &Node<T>) -> T {
     ((x[0] + x[4]) + (x[2] + x[6])) + ((x[1] + x[5]) + (x[3] + x[7]))
 }
 
-/// Inverse of the Cholesky factor of a block, and the unknowns without a pivot; `original` is the
-/// diagonal block before elimination, against which pivots are measured.
-fn invert_factor(block: &Columns<f64>, original: &Columns<f64>) -> (Columns<f64>, [bool; MODES]) {
+/// Inverse of the Cholesky factor of a block, the unknowns without a pivot, and whether no pivot is negative by more than
+/// rounding; `original` is the diagonal block before elimination, against which pivots are measured.
+fn invert_factor(
+    block: &Columns<f64>,
+    original: &Columns<f64>,
+) -> (Columns<f64>, [bool; MODES], bool) {
     let mut l = [[0.0; MODES]; MODES];
     let mut dropped = [false; MODES];
+    let mut positive = true;
     for i in 0..MODES {
         for j in 0..i {
             let dot: f64 = (0..j).map(|k| l[i][k] * l[j][k]).sum();
@@ -283,7 +290,9 @@ fn invert_factor(block: &Columns<f64>, original: &Columns<f64>) -> (Columns<f64>
         let dot: f64 = (0..i).map(|k| l[i][k] * l[i][k]).sum();
         let pivot = block[i][i] - dot;
         // written so that a pivot that is not a number is dropped too
-        dropped[i] = !(pivot > PIVOT * original[i][i] && pivot.is_finite());
+        let least = PIVOT * original[i][i].abs();
+        dropped[i] = !(pivot > least && pivot.is_finite());
+        positive &= pivot >= -least;
         if dropped[i] {
             l[i] = [0.0; MODES];
         } else {
@@ -298,5 +307,5 @@ fn invert_factor(block: &Columns<f64>, original: &Columns<f64>) -> (Columns<f64>
             inverse[k][i] = -dot / l[i][i];
         }
     }
-    (inverse, dropped)
+    (inverse, dropped, positive)
 }
