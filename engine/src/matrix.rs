@@ -284,7 +284,6 @@ impl<S: Scalar> BlockMatrix<S> {
             }
         });
     }
-
 }
 
 /// Rows `rows` of the upper half and their transposes into `y`; the first entries of `x` and `y` are rows `x0` and `y0`.

@@ -15,16 +15,14 @@ use crate::cholesky::{FactorPiece, FactorValues, IncompleteCholesky};
 use crate::coarse::{CoarseSpace, CoarseValues, Motion};
 use crate::low_rank::Correction;
 use crate::settings::Preconditioner;
-use sinew_engine::simd::{VectorKernel, vectorised};
-use crate::system::{
-    Pattern, ShiftedTangent, SystemMatrix, add4, dot, for_off_diagonal, ranges,
-};
+use crate::system::{Pattern, ShiftedTangent, SystemMatrix, add4, dot, for_off_diagonal, ranges};
 use glam::DVec3;
 use memory::SharedValues;
 use serde::{Deserialize, Serialize};
 use sinew_engine::isoparametric::MIDDLES;
 use sinew_engine::layout::UNUSED;
 use sinew_engine::scalar::{Row, Scalar};
+use sinew_engine::simd::{VectorKernel, vectorised};
 use sinew_engine::topology::Topology;
 use sinew_engine::vertex::FixedAxes;
 use sinew_engine::workers::Workers;
@@ -942,8 +940,9 @@ mod tests {
                 space.solve(&mut forces);
                 let mut motions = Vec::new();
                 space.motions(&forces, &mut motions);
-                let z: Vec<_> =
-                    (0..r.len()).map(|i| space.moved(i, &motions, matrix.held[i]).to_array()).collect();
+                let z: Vec<_> = (0..r.len())
+                    .map(|i| space.moved(i, &motions, matrix.held[i]).to_array())
+                    .collect();
                 let left: Vec<_> =
                     r.iter().zip(times(&pattern, &matrix, &z)).map(|(r, y)| sub4(*r, y)).collect();
                 let mut forces = vec![[0.0; 8]; space.nodes()];

@@ -7,14 +7,14 @@
 //! breaks down is factorised again with its off-diagonal blocks made smaller against the diagonal
 //! (the same as a shift of the diagonal), and at last without them: block Jacobi.
 
-use sinew_engine::simd::{VectorKernel, vectorised};
 use crate::system::{
-    Block, Pattern, Piece, SystemMatrix, definite_inverse, diagonal_inverse, packed, padded,
-    sub4, transpose_product,
+    Block, Pattern, Piece, SystemMatrix, definite_inverse, diagonal_inverse, packed, padded, sub4,
+    transpose_product,
 };
 use serde::{Deserialize, Serialize};
 use sinew_engine::matrix::{in_pairs, rows_of, weighted};
 use sinew_engine::scalar::{Row, Scalar};
+use sinew_engine::simd::{VectorKernel, vectorised};
 use sinew_engine::workers::Workers;
 
 /// Off-diagonal factors tried one after the other; 0 is block Jacobi.

@@ -21,7 +21,6 @@
 
 use crate::burst::check_pressures;
 use crate::settings::{Integrator, SolverSettings};
-use sinew_engine::simd::{VectorKernel, vectorised};
 use crate::stability::StabilityLimit;
 use crate::state::{
     NodeState, Rows, book_momentum, dot3, evaluate, position, read_force, read_rest, vector,
@@ -45,6 +44,7 @@ use sinew_engine::scalar::Scalar;
 use sinew_engine::schedule::{
     ActiveLaws, ForceSchedule, evaluate_viscous, has_dampers, law_inputs_unchanged,
 };
+use sinew_engine::simd::{VectorKernel, vectorised};
 use sinew_engine::step::{StepClock, StepError};
 use sinew_engine::substep::WithinStep;
 use sinew_engine::topology::Topology;

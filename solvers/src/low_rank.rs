@@ -18,9 +18,9 @@
 //! hold to a part `mu/lambda`. So `S` is formed for every matrix.
 
 use crate::cholesky::IncompleteCholesky;
-use sinew_engine::simd::{VectorKernel, vectorised};
 use crate::system::{Pattern, RankOnes, SystemMatrix, accumulate, add4, scale4};
 use sinew_engine::scalar::Scalar;
+use sinew_engine::simd::{VectorKernel, vectorised};
 use sinew_engine::workers::Workers;
 
 /// One number per vector: the product of its entries with rows `x`.

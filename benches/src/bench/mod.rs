@@ -112,13 +112,13 @@ pub fn run(
             BenchPart::Kernels => {
                 tell("limits of the machine");
                 report.limits = roofline::probe(&report.machine, &threads);
-                let rounds = rounds([8, 25], [3, 4], [0.15, 1.0]);
+                let rounds = rounds([8, 25], [3, 3], [0.15, 0.3]);
                 let limits = &report.limits;
                 let found = kernels::run(&sizes([2, 3]), &threads, rounds, limits, &mut tell)?;
                 report.kernels = Some(found);
             }
             BenchPart::Step => {
-                let rounds = rounds([8, 12], [2, 3], [0.2, 0.5]);
+                let rounds = rounds([8, 12], [2, 2], [0.2, 0.3]);
                 report.step = Some(step::run(&sizes([1, 3]), &threads, rounds, &mut tell)?);
             }
             BenchPart::Accuracy => {

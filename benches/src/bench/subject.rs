@@ -171,7 +171,9 @@ impl<S: Scalar> KernelTiming for Timed<S> {
                         let buffers = world.resource::<LawBuffers<S>>();
                         let buffer = buffers.get(FusedStVK::NAME).expect("the body's law");
                         match &mut sum {
-                            Some(sum) if tangent.is_some() => buffer.add_tangent_to(workers, sum, false),
+                            Some(sum) if tangent.is_some() => {
+                                buffer.add_tangent_to(workers, sum, false)
+                            }
                             _ => buffer.add_forces_to(workers, black_box(y)),
                         }
                     }

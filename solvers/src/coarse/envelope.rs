@@ -1,7 +1,7 @@
 //! Cholesky factor of a symmetric matrix of 6x6 blocks within its envelope.
 
-use sinew_engine::simd::VectorKernel;
 use sinew_engine::scalar::Scalar;
+use sinew_engine::simd::VectorKernel;
 
 /// Unknowns of a node.
 pub const MODES: usize = 6;

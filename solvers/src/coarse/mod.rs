@@ -10,12 +10,12 @@
 //! Unknowns are numbered along the body, so that the Galerkin matrix has a narrow envelope, in which its Cholesky factor
 //! stays. Motions that held vertices or a degenerate aggregate leave without stiffness have no pivot and are left out.
 
-use sinew_engine::simd::{VectorKernel, vectorised};
 use crate::system::{Pattern, SystemMatrix, mul4, padded, scale4, sub4};
 use envelope::{Columns, Envelope, FactoriseEnvelope, MODES, Profile, SolveEnvelope};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use sinew_engine::scalar::{Row, Scalar};
+use sinew_engine::simd::{VectorKernel, vectorised};
 use sinew_engine::vertex::FixedAxes;
 use sinew_engine::workers::Workers;
 
