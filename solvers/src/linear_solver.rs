@@ -390,8 +390,7 @@ impl<S: Scalar> LinearSolve<'_, S> {
             return false;
         }
         let LinearSolver { spans, damped, residual, ways, .. } = &mut *self.solver;
-        ways.truncate(seeds.len());
-        ways.resize_with(seeds.len(), Default::default);
+        ways.resize_with(seeds.len().max(ways.len()), Default::default);
         let mut used = 0;
         for seed in seeds {
             let (before, own) = ways.split_at_mut(used);
@@ -408,7 +407,8 @@ impl<S: Scalar> LinearSolve<'_, S> {
             }
             *curvature = dot(along, product);
             let length = dot(along, residual) / *curvature;
-            if *curvature > SAME_WAY * S::EPSILON.to_f64() * whole && length.is_finite() {
+            let least = (SAME_WAY * S::EPSILON.to_f64() * whole).max(0.0);
+            if *curvature > least && length.is_finite() {
                 subtract(x, S::from_f64(-length), along);
                 subtract(residual, S::from_f64(length), product);
                 used += 1;
