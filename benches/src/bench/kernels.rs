@@ -5,6 +5,7 @@ use super::arrays::PlainArrays;
 use super::flops::{ElementFlops, pooled_flops};
 use super::membranes::{self, MembraneRow};
 use super::roofline::MachineLimits;
+use super::step::LARGE;
 use super::subject::{
     KernelQuantity, KernelTiming, Reference, Timed, free, largest_difference, repetitions,
 };
@@ -138,13 +139,16 @@ fn size_rows(
     rows: &mut Vec<KernelRow>,
 ) -> Result<()> {
     let mut subjects: Vec<KernelSubject> = Vec::new();
-    for (evaluation, model) in timed_models() {
+    let large = mesh.tetrahedra.len() > LARGE;
+    let is_timed = |model| !large || matches!(model, Model::StVK | Model::CompressibleStVK);
+    for (evaluation, model) in timed_models().filter(|(_, model)| is_timed(*model)) {
         let reference = Reference::of(mesh, &bend(mesh), model)?;
         subjects.push(KernelSubject::new::<f64>(mesh, evaluation, model, &reference)?);
         subjects.push(KernelSubject::new::<f32>(mesh, evaluation, model, &reference)?);
     }
     let best = InstructionSet::best();
-    let narrower = InstructionSet::ALL.into_iter().filter(|s| *s != best && s.is_available());
+    let narrower =
+        InstructionSet::ALL.into_iter().filter(|s| !large && *s != best && s.is_available());
     let settings: Vec<(usize, InstructionSet)> =
         threads.iter().map(|&n| (n, best)).chain(narrower.map(|set| (threads[0], set))).collect();
     let mut pools = Vec::new();

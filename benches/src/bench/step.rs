@@ -204,8 +204,9 @@ struct StepVariant {
     row: Option<StepRow>,
 }
 
-/// Tetrahedra from which on only the default linear solver is measured, of fused bodies, with the best instruction set.
-const LARGE: usize = 200_000;
+/// Tetrahedra from which on only the default linear solver is measured, of fused bodies, with the best instruction set, and only
+/// the kernels of the default energy, with and without compression term.
+pub const LARGE: usize = 200_000;
 
 fn size_rows(
     mesh: &Mesh,
