@@ -265,7 +265,7 @@ impl<T: Scalar> ConjugateGradients<T> {
     pub fn direction<S: Scalar>(&self, pattern: &Pattern, p: &mut [[S; 4]]) {
         for (piece, own) in pattern.pieces.iter().zip(&self.product) {
             for (to, from) in p[piece.rows.clone()].iter_mut().zip(&own.p) {
-                *to = from.map(|x| S::from_f64(x.to_f64()));
+                *to = [0, 1, 2].map(|k| S::from_f64(from[k].to_f64())).padded();
             }
         }
     }
