@@ -14,6 +14,7 @@ use sinew::engine::vertex::{Displacement, Position};
 use sinew::models::body::{BodyError, Evaluation, spawn_body};
 use sinew::plugin::{EnginePlugin, SetupError, StepFailed, StepOutcome, ThreadsNotStarted};
 use sinew::prelude::*;
+use sinew::solvers::settings::LinearPrecision;
 use std::sync::Mutex;
 
 fn mesh() -> Mesh {
@@ -237,6 +238,15 @@ fn targets_turn_what_is_held() {
         let turn = Motion::Rotate { centre, axis: DVec3::X, angle };
         let mut ramp = beam(options, integrator, turn);
         let mut hand = beam(options, integrator, Motion::Hold);
+        // `f32` may round a last bit of the turn to 1e-10
+        let linear_precision = LinearPrecision::Full;
+        for held in [&mut ramp, &mut hand] {
+            held.simulation.set_solver(SolverSettings {
+                integrator,
+                linear_precision,
+                ..SolverSettings::default()
+            });
+        }
         let target = |factor: f64| {
             let rotation = DQuat::from_rotation_x(angle * factor);
             Pose { rotation, centre, ..Pose::IDENTITY }
