@@ -4,7 +4,7 @@
 #[allow(missing_docs, reason = "its options say it")]
 #[derive(clap::Args, Clone, Debug)]
 pub struct BenchOptions {
-    /// Smaller sizes and fewer repeats: a minute or two instead of ten.
+    /// Smaller sizes and fewer repeats: a minute or two instead of a quarter of an hour.
     #[arg(long)]
     pub quick: bool,
     /// Sizes of the bodies in tetrahedra, such as 5000,50000, where a part has a choice.
