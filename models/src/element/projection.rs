@@ -59,13 +59,16 @@ fn not<R: Real>(mask: R::Mask) -> R::Mask {
 
 /// Blocks of vertices 1, 2, 3 in the order of [`CORE`], of the matrix with negative eigenvalues
 /// clamped at zero, and where there are any to clamp; elsewhere the blocks are those of the exact
-/// matrix to rounding. Always in `f64`.
+/// matrix to rounding. `None` where it surely has no negative eigenvalue in any lane. Always in `f64`.
 #[inline(always)]
-pub(crate) fn projected_blocks<R: Real>(e: &Element<R>, g: &[R; 9]) -> (R::Mask, [[R; 9]; 6]) {
+pub(crate) fn projected_blocks<R: Real>(
+    e: &Element<R>,
+    g: &[R; 9],
+) -> (R::Mask, Option<[[R; 9]; 6]>) {
     let (lambda, mu) = (e.lambda, e.mu);
     let doubtful = is_doubtful(e, g, MARGIN);
     if !R::any(doubtful) {
-        return (doubtful, [[R::ZERO; 9]; 6]);
+        return (doubtful, None);
     }
     let two = R::from_f64(2.0);
     let m = volume_change(g).min(R::ZERO);
@@ -105,7 +108,9 @@ pub(crate) fn projected_blocks<R: Real>(e: &Element<R>, g: &[R; 9]) -> (R::Mask,
     }
 
     let spectrum = Spectrum { stretches: a, plus, minus };
-    clamped_blocks(&svd, spectrum, largest, doubtful, &e.gradients, e.volume)
+    let (clamped, blocks) =
+        clamped_blocks(&svd, spectrum, largest, doubtful, &e.gradients, e.volume);
+    (clamped, Some(blocks))
 }
 
 /// The 9x9 second derivative of an isotropic energy by `F` in the basis of the decomposition.

@@ -231,7 +231,7 @@ fn tangent_of<S: Scalar>(
 ) -> TetrahedronTangent<S> {
     if kind == TangentKind::Projected {
         let g = displacement_gradient(&wide.gradients, &widened(u));
-        if let (true, blocks) = projection::projected_blocks(wide, &g) {
+        if let (true, Some(blocks)) = projection::projected_blocks(wide, &g) {
             return assemble(&blocks.map(|block| block.map(S::from_f64)));
         }
     }

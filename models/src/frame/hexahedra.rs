@@ -627,20 +627,12 @@ impl<S: Scalar, const V: usize, const P: usize, const Q: usize> Kernel<f64>
                 let (e, u) = points::<L, V, Q>(true, derivatives, &rest, moduli, &u, first);
                 let g = displacement_gradient(&e.gradients, &u);
                 let (clamped, core) = projection::projected_blocks(&e, &g);
-                let mut inner = inner_blocks(&tetrahedron::tangent_parts(&e, &u, true, true));
-                if L::any(clamped) {
-                    any = true;
-                    let projected = inner_blocks(&tetrahedron::assemble(&core));
-                    for i in 0..3 {
-                        for j in 0..3 {
-                            for k in 0..9 {
-                                let own = &mut inner[i][j][k];
-                                *own = L::select(clamped, projected[i][j][k], *own);
-                            }
-                        }
-                    }
-                }
-                all.store(&inner, first);
+                any |= L::any(clamped);
+                let inner = match core {
+                    Some(core) => tetrahedron::assemble(&core),
+                    None => tetrahedron::tangent_parts(&e, &u, true, true),
+                };
+                all.store(&inner_blocks(&inner), first);
             }
             span.clamped += u64::from(any);
             let (nodes, blocks) = (&columns.elements.nodes[i], &columns.elements.blocks[i]);

@@ -613,17 +613,11 @@ fn projected_batch<S: Scalar, L: Lanes<Scalar = f64>>(
     let own = Loaded::new(true, true, &u, load_shape(&shape, 0), moduli, None);
     let g = displacement_gradient(&own.element.gradients, &own.u);
     let (clamped, core) = projection::projected_blocks(&own.element, &g);
-    let exact = tetrahedron::tangent_parts(&own.element, &own.u, true, true);
-    let mut inner = inner_blocks(&exact);
+    let inner = inner_blocks(&match core {
+        Some(core) => tetrahedron::assemble(&core),
+        None => tetrahedron::tangent_parts(&own.element, &own.u, true, true),
+    });
     if L::any(clamped) {
-        let projected = inner_blocks(&tetrahedron::assemble(&core));
-        for i in 0..3 {
-            for j in 0..3 {
-                for k in 0..9 {
-                    inner[i][j][k] = L::select(clamped, projected[i][j][k], inner[i][j][k]);
-                }
-            }
-        }
         let mut flags = [0.0; MAX_LANES];
         L::select(clamped, L::ONE, L::ZERO).store(&mut flags);
         for flag in &flags[..end - first] {

@@ -468,10 +468,14 @@ impl<Law: TetrahedronLaw, S: Scalar> Kernel<S> for TangentPass<'_, '_, Law, S> {
                 if L::any(mask) {
                     let mut flags = [S::ZERO; MAX_LANES];
                     L::select(mask, L::ONE, L::ZERO).store(&mut flags);
+                    let known = doubtful.len();
                     for lane in 0..L::COUNT {
                         if flags[lane] != S::ZERO {
                             doubtful.push(first + lane);
                         }
+                    }
+                    if doubtful.len() == known + L::COUNT {
+                        continue;
                     }
                     e.lambda = L::select(mask, L::ZERO, e.lambda);
                     e.mu = L::select(mask, L::ZERO, e.mu);
@@ -583,15 +587,11 @@ fn projection_batch<S: Scalar, L: Lanes<Scalar = f64>>(
     }
     let g = displacement_gradient(&e.gradients, &u);
     let (clamped, core) = projection::projected_blocks(&e, &g);
-    let mut t = tetrahedron::tangent_parts(&e, &u, true, true);
+    let mut t = match core {
+        Some(core) => tetrahedron::assemble(&core),
+        None => tetrahedron::tangent_parts(&e, &u, true, true),
+    };
     if L::any(clamped) {
-        let projected = tetrahedron::assemble(&core);
-        for a in 0..4 {
-            select(clamped, &projected.diagonal[a], &mut t.diagonal[a]);
-        }
-        for edge in 0..6 {
-            select(clamped, &projected.off[edge], &mut t.off[edge]);
-        }
         let mut flags = [0.0; MAX_LANES];
         L::select(clamped, L::ONE, L::ZERO).store(&mut flags);
         span.clamped += sum(flags) as u64;
@@ -615,13 +615,6 @@ fn projection_batch<S: Scalar, L: Lanes<Scalar = f64>>(
             let block = blocks[lane][edge] as usize - span.blocks.start;
             add_lane(&mut span.off_diagonal[block], &values, lane);
         }
-    }
-}
-
-#[inline(always)]
-fn select<R: Real>(mask: R::Mask, from: &[R; 9], to: &mut [R; 9]) {
-    for k in 0..9 {
-        to[k] = R::select(mask, from[k], to[k]);
     }
 }
 
