@@ -175,6 +175,9 @@ fn exact_contact_of_a_thin_ball_comes_to_rest() {
         // nothing moves any more
         assert!(step < 190 || report.newton_iterations < 10, "step {step}: {report:?}");
     }
+    // a ball that stands does no work
+    let (work, stored) = (block.report().contact.work, block.report().contact.energy);
+    assert!(work.abs() < 1e-9 * block.report().elastic_energy && stored == 0.0, "{work} {stored}");
     let (pressed, held) = (block.tool(ball).force, block.reaction(floor).unwrap());
     assert!(pressed.length() > 0.1);
     assert!((held - pressed).length() < 1e-6 * pressed.length(), "{held} {pressed}");
@@ -695,36 +698,65 @@ fn forces_of_bodies_on_each_other_balance_and_their_energy_never_rises() {
     }
 }
 
-/// Two bodies that begin inside of each other by a quarter of an edge come apart calmly.
+/// Two bodies that begin inside of each other, by a fifth or by three quarters of an edge, come apart calmly.
 #[test]
 fn bodies_that_begin_inside_of_each_other_come_apart_calmly() {
+    let boxes = [box_tets, box_hexahedra];
+    let integrators = [Integrator::Auto, Integrator::Newton];
+    for (kind, integrator) in boxes.into_iter().flat_map(|kind| integrators.map(|i| (kind, i))) {
+        for (depth, sideways) in [(0.0025, 0.01), (0.009, 0.1)] {
+            let name = integrator.name();
+            let mut simulation = Simulation::new(one_thread()).unwrap();
+            let below = kind(DVec3::new(0.06, 0.06, 0.03), [5, 5, 3]).unwrap();
+            let above = kind(DVec3::new(0.04, 0.04, 0.03), [4, 4, 3]).unwrap();
+            let corner = DVec3::new(0.011, 0.009, 0.03 - depth);
+            let above = above.transformed(1.0, DQuat::IDENTITY, corner);
+            let bodies = [("below", &below), ("above", &above)].map(|(name, mesh)| {
+                simulation.add_body(&BodyDescription::new(name, mesh, soft(2e4, 0.45))).unwrap()
+            });
+            simulation.set_gravity(DVec3::ZERO);
+            simulation.set_solver(solver!(integrator));
+            simulation.add_body_contact(BodyContact::new("pair", bodies));
+            let (mut fastest, mut drawn_in) = (0.0_f64, 0);
+            for _ in 0..100 {
+                simulation.step().unwrap();
+                drawn_in += simulation.report().contact.drawn_in;
+                assert_eq!(simulation.report().contact.buried, 0, "{name} {depth}");
+                fastest = bodies
+                    .map(|b| max_length(&simulation.velocities(b)))
+                    .into_iter()
+                    .fold(fastest, f64::max);
+            }
+            assert!(fastest < 0.5, "{name} {depth}: {fastest} m/s");
+            assert_eq!(drawn_in, u32::from(depth > 0.005), "{name} {depth}");
+            assert_eq!(simulation.report().contact.points, 0, "{name} {depth}");
+            assert_eq!(simulation.volume_report().inverted, 0, "{name} {depth}");
+            // pressed together evenly: neither goes sideways
+            for body in bodies {
+                let v = simulation.velocities(body);
+                let mean = v.iter().sum::<DVec3>() / v.len() as f64;
+                let aside = mean.with_z(0.0).length() / mean.z.abs();
+                assert!(aside < sideways, "{name} {depth}: {mean}");
+            }
+        }
+    }
+}
+
+/// No way out of another body is better than the others for one that is wholly inside of it, which is told.
+#[test]
+fn a_body_wholly_inside_of_another_is_counted() {
     let mut simulation = Simulation::new(one_thread()).unwrap();
-    let below = box_tets(DVec3::new(0.06, 0.06, 0.03), [5, 5, 3]).unwrap();
-    let above = box_tets(DVec3::new(0.04, 0.04, 0.03), [4, 4, 3]).unwrap();
-    let above = above.transformed(1.0, DQuat::IDENTITY, DVec3::new(0.011, 0.009, 0.0275));
-    let bodies = [("below", &below), ("above", &above)].map(|(name, mesh)| {
+    let outer = box_tets(DVec3::splat(0.06), [4; 3]).unwrap();
+    let inner = box_tets(DVec3::splat(0.01), [1; 3]).unwrap();
+    let inner = inner.transformed(1.0, DQuat::IDENTITY, DVec3::splat(0.026));
+    let bodies = [("outer", &outer), ("inner", &inner)].map(|(name, mesh)| {
         simulation.add_body(&BodyDescription::new(name, mesh, soft(2e4, 0.45))).unwrap()
     });
     simulation.set_gravity(DVec3::ZERO);
-    simulation.set_solver(solver!(Integrator::Auto));
     simulation.add_body_contact(BodyContact::new("pair", bodies));
-    let mut fastest = 0.0_f64;
-    for _ in 0..100 {
-        simulation.step().unwrap();
-        fastest = bodies
-            .map(|b| max_length(&simulation.velocities(b)))
-            .into_iter()
-            .fold(fastest, f64::max);
-    }
-    assert!(fastest < 0.5, "{fastest} m/s");
-    assert_eq!(simulation.report().contact.points, 0);
-    assert_eq!(simulation.volume_report().inverted, 0);
-    // pressed together evenly: neither goes sideways
-    for body in bodies {
-        let v = simulation.velocities(body);
-        let mean = v.iter().sum::<DVec3>() / v.len() as f64;
-        assert!(mean.with_z(0.0).length() < 0.01 * mean.z.abs(), "{mean}");
-    }
+    simulation.step().unwrap();
+    let contact = simulation.report().contact;
+    assert_eq!((contact.buried, contact.drawn_in, contact.points), (1, 0, 0));
 }
 
 #[test]
@@ -1410,6 +1442,24 @@ fn a_ball_that_went_through_a_body_comes_out_and_leaves_no_force() {
         let report = simulation.tool_report(ball).unwrap();
         assert!(!report.pierced && report.force.z > 0.01, "{model:?}: {report:?}");
     }
+}
+
+/// Exact contact knows vertices alone, so a ball between them presses on nothing; that is told.
+#[test]
+fn a_ball_that_can_pass_between_vertices_is_told() {
+    let told = |tool: Tool| {
+        let mut block = Block::held(SLAB, CELLS, one_thread());
+        block.set_solver(solver!(Integrator::Newton));
+        block.add_tool(tool).unwrap();
+        block.step();
+        let warnings = block.simulation.warnings();
+        let own = warnings.iter().find(|w| w.code == "run.contact.sparse");
+        own.map(|w| w.message.clone()).unwrap_or_default()
+    };
+    let ball = |radius| Tool::new("ball", Shape::Sphere { radius }, ABOVE + DVec3::Z);
+    assert!(told(ball(0.004).exactly()).contains("`ball` on `block`"));
+    assert!(told(ball(0.004).with_points(Points::Vertex)).contains("`ball` on `block`"));
+    assert_eq!(told(ball(0.004)) + &told(ball(0.03).exactly()), "");
 }
 
 #[test]

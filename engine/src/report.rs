@@ -216,7 +216,8 @@ figures! {
         pub lagging: u32 => own,
         /// By how much (m) the worst of them is behind.
         pub lag: f64 => own,
-        /// Parts of tools that appeared inside of bodies and are drawn in until the bodies have made way.
+        /// Parts of tools, and contacts of bodies, that appeared with something inside of a body and are drawn in until it has
+        /// made way.
         pub drawn_in: u32 => sum,
         /// Points too deep inside of another body to tell its sides, which are left out, and tools wholly inside of a body.
         pub buried: u32 => own,

@@ -4,8 +4,10 @@ use super::Level::{self, Note, Warning};
 use super::totals::RunTotals;
 use crate::simulation::Backend;
 use bevy_ecs::prelude::World;
+use sinew_contact::set::ContactSet;
 use sinew_engine::compression::COMPRESSED;
 use sinew_engine::precision::Precision;
+use sinew_engine::topology::Topology;
 use sinew_solvers::settings::{Integrator, SolverSettings};
 
 /// A run so far.
@@ -23,6 +25,13 @@ impl Run<'_> {
         self.world
             .get_resource::<SolverSettings>()
             .map_or_else(Integrator::default, |s| s.integrator)
+    }
+
+    /// A tool and a body that it may pass through unfelt.
+    fn sparse(&self) -> Option<String> {
+        let (tool, body) = self.world.get_resource::<ContactSet>()?.sparse()?;
+        let body = self.world.get_resource::<Topology>()?.bodies.get(body)?;
+        Some(format!("`{tool}` on `{}`", body.name))
     }
 }
 
@@ -142,14 +151,18 @@ rules! {
             run.totals.contact.lag;
         "move it more slowly, or use a smaller dt";
     Warning "run.contact.drawn-in" "tools": |run| run.totals.contact.drawn_in;
-        |n| "{n} parts of tools appeared inside of bodies and were drawn in until these made way";
-        "let tools start outside of bodies";
+        |n| "{n} times a part of a tool, or a body, appeared inside of a body and was drawn in until that made way";
+        "let tools and bodies start outside of each other";
     Warning "run.contact.buried" "contact": |run| run.totals.contact.buried;
         |n| "{n} times a tool was wholly inside of a body, or a point too deep inside to tell its sides: it touched nothing";
         "let tools and bodies start apart, or use a smaller dt";
     Warning "run.contact.pierced" "tools": |run| run.totals.contact.pierced;
         |n| "{n} times a part of a tool was inside of a body whose surface it had gone through: it touched nothing of it";
         "press less deep, use a finer mesh or a thicker tool; remove elements where the tool is meant to go through";
+    Warning "run.contact.sparse" "tools": |run| run.sparse().is_some().into();
+        |n| "tool {} meets nothing but vertices, which are farther apart than it is thick: it may pass between them unfelt",
+            run.sparse().unwrap_or_default();
+        "leave out what asks for vertices (exact, points = \"vertex\"), or use a thicker tool or a finer mesh";
     Note "run.contact.impact" "contact": |run| run.totals.contact.impacts;
         |n| "in {n} steps a body took a step of first order because of an impact";
         "nothing to do; a smaller dt resolves impacts better";

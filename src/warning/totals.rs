@@ -300,7 +300,7 @@ pub struct ContactTotals {
     pub lagging: u64,
     /// Largest way (m) by which they did not reach it.
     pub lag: f64,
-    /// Parts of tools that appeared inside of bodies and were drawn in.
+    /// Parts of tools, and contacts of bodies, that appeared with something inside of a body and were drawn in.
     pub drawn_in: u64,
     /// Points that were too deep inside of another body to tell its sides, and were left out, summed over steps.
     pub buried: u64,

@@ -153,6 +153,8 @@ pub(crate) struct ContactPoint {
     /// Against faces of a solid: distance (m) outside of it when distances of faces were last taken; 0 where it may touch
     /// however little it moves.
     pub clear: f64,
+    /// Against faces: how far (m) the surfaces are drawn in.
+    pub drawn_in: f64,
 }
 
 /// The side of a tool on which a point has to stay.
@@ -278,6 +280,7 @@ impl ContactPoint {
             side: Side::default(),
             rim: Rim::None,
             clear: 0.0,
+            drawn_in: 0.0,
         }
     }
 
@@ -296,7 +299,7 @@ impl ContactPoint {
     /// looked at whatever its distance.
     pub fn note_distance(&mut self, distance: f64) {
         let free = self.memory == PointMemory::default();
-        self.clear = if free { distance.max(0.0) } else { 0.0 };
+        self.clear = if free { (distance + self.drawn_in).max(0.0) } else { 0.0 };
     }
 
     /// Whether it cannot touch faces that it came nearer to by at most `moved` (m), and no friction is left of earlier iterates.
@@ -354,8 +357,11 @@ impl ContactPoint {
             }
             Against::Faces(_) => {
                 let Some(near) = near else { return active };
-                (active.gap, gradient) = (near.distance, near.normal);
-                across = Some(near.across);
+                (active.gap, gradient) = (near.distance + self.drawn_in, near.normal);
+                // edges bend what is drawn in as much less as it is nearer to what can be touched
+                let flat = outer(gradient, gradient);
+                let bent = if self.drawn_in > 0.0 { active.gap / near.distance } else { 1.0 };
+                across = Some(flat + bent.clamp(0.0, 1.0) * (near.across - flat));
                 let [d, e, f, g] = near.face;
                 let [p, q, r, s] = near.weights;
                 (active.rows, active.weights) = ([a, d, e, f, g], [1.0, -p, -q, -r, -s]);

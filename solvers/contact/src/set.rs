@@ -128,6 +128,16 @@ struct ToolNow {
     parts: Range<usize>,
 }
 
+/// Surfaces of a pair whose bodies appeared inside of each other.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+struct DrawnIn {
+    /// How far (m) they are drawn in.
+    by: f64,
+    /// Unit vector along which the first body leaves the second: meanwhile nothing but faces that look that way are touched,
+    /// since the nearest side may be the wrong one.
+    out: DVec3,
+}
+
 /// A contact of bodies or a pull in this step.
 #[derive(Clone, Debug)]
 struct Now<T> {
@@ -149,6 +159,8 @@ pub struct ContactMemory {
     tools: BTreeMap<Order, ToolState>,
     /// By key, ascending.
     points: Vec<(PointKey, PointMemory)>,
+    /// Of the pairs that were there.
+    drawn_in: BTreeMap<Order, DrawnIn>,
     /// Energy (J) that friction of pairs has taken.
     dissipated: BTreeMap<Order, f64>,
     /// Forces (N) at the end of the last step, and pressures (Pa), of vertex rows.
@@ -618,6 +630,19 @@ impl ContactSet {
         self.tools.iter().find(|now| now.tool.exact).map(|now| now.name.as_str())
     }
 
+    /// The name of a tool, and a body whose edges are longer than the tool is thick, that meet at vertices alone because
+    /// that was asked for: the tool may pass between these unfelt.
+    pub fn sparse(&self) -> Option<(&str, usize)> {
+        let asked = self.tools.iter().filter(|now| now.tool.points == Points::Vertex);
+        let mut pairs = asked.flat_map(|now| (0..self.skins.len()).map(move |body| (now, body)));
+        let (now, body) = pairs.find(|(now, body)| {
+            let edge = self.skin(now, *body).edge;
+            let parts = self.parts[now.parts.clone()].iter();
+            parts.filter(|part| !part.of.cavity).any(|part| part.of.shape.thickness() < edge)
+        })?;
+        Some((&now.name, body))
+    }
+
     /// Counts another iteration of the inner loop, and whether it is one that did not converge.
     pub fn count(&mut self, iterations: u32, unconverged: bool) {
         self.figures.inner_iterations += iterations;
@@ -765,7 +790,7 @@ impl ContactSet {
         }
         // points are sorted by key, and so is what is kept of them
         self.report_tools(world, x, dt);
-        self.report_pairs(world);
+        self.report_pairs(world, dt);
         self.report_pulls(world);
         self.keep_forces();
         let mut edge_depth = 0.0_f64;
@@ -827,6 +852,10 @@ fn stored(point: &ContactPoint, active: &Active) -> f64 {
     }
     if let Against::Hand(_) = point.against {
         return 0.5 * point.area * point.k * active.gap * active.gap;
+    }
+    // exact contact has no penetration to store anything in, and no friction
+    if point.multiplier.is_some() {
+        return 0.0;
     }
     let slip = point.kept_slip(active).length_squared();
     0.5 * point.area * (active.pressure * active.pressure / point.k + point.stick() * slip)

@@ -9,6 +9,9 @@ use sinew_engine::surface::closest_point;
 /// side of the membrane it is.
 const TELLS: f64 = 0.3;
 
+/// Cosine between the normal of a face and the way out of its body from which on it looks that way.
+const LOOKS_OUT: f64 = 0.5;
+
 /// A facet that a point may reach.
 #[derive(Clone, Copy)]
 struct Reached {
@@ -35,17 +38,69 @@ impl ContactSet {
             }
         }
         let (mut points, mut faces, mut buried) = (Vec::new(), Vec::new(), 0);
+        let mut appeared = 0;
+        let mut drawn_in = std::mem::take(&mut self.kept.drawn_in);
+        drawn_in.retain(|id, _| self.pairs.iter().any(|now| now.id == *id));
         for now in &self.pairs {
             let [a, b] = now.of.bodies;
             let directions: &[[usize; 2]] = if a == b { &[[a, a]] } else { &[[a, b], [b, a]] };
+            let drawn_in = *drawn_in.entry(now.id).or_insert_with(|| {
+                let drawn_in = if a == b { DrawnIn::default() } else { self.draw_apart([a, b]) };
+                // no way out is better than another for what is wholly inside
+                let known = drawn_in.by.is_finite();
+                buried += u32::from(!known);
+                appeared += u32::from(known && drawn_in.by > 0.0);
+                if known { drawn_in } else { DrawnIn::default() }
+            });
             for (direction, &[from, to]) in (0..).zip(directions) {
+                let out = if direction == 0 { drawn_in.out } else { -drawn_in.out };
+                let direction = (direction, DrawnIn { out, ..drawn_in });
                 buried +=
                     self.collect_pair(now, direction, [from, to], rest, &mut points, &mut faces);
             }
         }
+        self.kept.drawn_in = drawn_in;
         self.points.append(&mut points);
         self.faces = faces;
         self.figures.buried += buried;
+        self.figures.drawn_in += appeared;
+    }
+
+    /// How solid bodies are drawn in that appear inside of each other, not at all where they do so by too little; infinitely where
+    /// one is wholly inside.
+    fn draw_apart(&self, [a, b]: [usize; 2]) -> DrawnIn {
+        let (mut by, mut out, mut wholly, mut deep) = (0.0_f64, DVec3::ZERO, false, false);
+        for ([from, to], sign) in [([a, b], 1.0), ([b, a], -1.0)] {
+            let (own, other) = (&self.skins[from].skin, &self.skins[to].skin);
+            let x = |row: VertexRow| other.at[row.index()];
+            let facets = (0..other.sheets).flat_map(|face| other.facets(face));
+            let mut facets: Vec<NearFacet> =
+                facets.map(|f| NearFacet { rows: f.map(VertexRow), distance: 0.0 }).collect();
+            let mut inside = 0;
+            let meets = |of: &[DVec3; 2]| overlap(of, &other.hull);
+            own.near(meets, |i| {
+                let at = own.at[i];
+                if !other.encloses(at) {
+                    return;
+                }
+                inside += 1;
+                for facet in &mut facets {
+                    facet.distance = distance(at, &facet.rows, &x);
+                }
+                let found = beside(at, &facets, ROUNDING * other.edge, &x, Rim::None);
+                let Some(Beside { distance, normal, .. }) = found else { return };
+                by = by.max(-distance);
+                deep |= -distance > INSIDE * other.edge;
+                // the deepest know best which way is out
+                out += sign * distance * distance * normal;
+            });
+            wholly |= inside > 0 && inside == own.rows.len();
+        }
+        match deep {
+            true if wholly => DrawnIn { by: f64::INFINITY, ..DrawnIn::default() },
+            true => DrawnIn { by, out: out.normalize_or_zero() },
+            false => DrawnIn::default(),
+        }
     }
 
     /// Vertices of body `from` near faces of body `to`; the number of those that are too deep inside of it to tell how
@@ -53,7 +108,7 @@ impl ContactSet {
     fn collect_pair(
         &self,
         now: &Now<BodyContact>,
-        direction: u32,
+        (direction, drawn_in): (u32, DrawnIn),
         [from, to]: [usize; 2],
         rest: &[DVec3],
         points: &mut Vec<ContactPoint>,
@@ -65,6 +120,7 @@ impl ContactSet {
             return 0;
         }
         let common = [own.hull[0].max(other.hull[0]), own.hull[1].min(other.hull[1])];
+        let common = grown(common, drawn_in.by);
         // vertices and faces near the common box
         let mut near = Vec::new();
         let meets = |of: &[DVec3; 2]| overlap(of, &common);
@@ -89,8 +145,16 @@ impl ContactSet {
             };
             // of a body that touches itself, what a point is deep behind is the far side of the body
             let behind = if from == to { DEEP * own.edge } else { f64::INFINITY };
-            let within = [own.way[i], behind];
+            let within = [own.way[i] + drawn_in.by, behind];
             bins.reach(other, at, within, near_at_rest, &mut places, &mut reached);
+            if drawn_in.by > 0.0 {
+                let x = |row: VertexRow| other.at[row.index()];
+                reached.retain(|reached| {
+                    let [a, b, c] = facet_corners(&reached.facet.map(VertexRow), &x);
+                    let normal = (b - a).cross(c - a);
+                    reached.membrane || normal.dot(drawn_in.out) > LOOKS_OUT * normal.length()
+                });
+            }
             if reached.is_empty() {
                 continue;
             }
@@ -98,8 +162,9 @@ impl ContactSet {
             let mut memory = self.remembered(&key);
             let (first, mut distance) = (faces.len(), 0.0);
             let normal = own.normals.get(i).copied().unwrap_or_default();
-            let rim = if from == to { Rim::LeftOut(DEEP * own.edge) } else { Rim::None };
-            match other.place(at, normal, &reached, &memory, rim) {
+            let some = from == to || drawn_in.by > 0.0;
+            let rim = if some { Rim::LeftOut(DEEP * own.edge) } else { Rim::None };
+            match other.place((at, drawn_in.by), normal, &reached, &memory, rim) {
                 Place::Inside => {
                     buried += u32::from(from != to);
                     continue;
@@ -128,6 +193,7 @@ impl ContactSet {
                 memory,
                 slip: memory.slip,
                 rim: if rim == Rim::None && memory.side != 0.0 { Rim::Plane } else { rim },
+                drawn_in: if memory.side == 0.0 { drawn_in.by } else { 0.0 },
                 ..ContactPoint::new(key, against, alone(row), half * own.area[i], k)
             };
             point.note_distance(distance);
@@ -153,10 +219,10 @@ enum Place {
 }
 
 impl ContactSkin {
-    /// Where a point of another surface is, with its outward normal, zero for membranes, and its memory.
+    /// Where a point of another surface is, which is drawn in (m), with its outward normal, zero for membranes, and its memory.
     fn place(
         &self,
-        at: DVec3,
+        (at, drawn_in): (DVec3, f64),
         normal: DVec3,
         reached: &[Reached],
         memory: &PointMemory,
@@ -177,7 +243,7 @@ impl ContactSkin {
         let distance = found.map_or(nearest.distance, |found| found.distance);
         if !nearest.membrane {
             // inside or on the far side of a body
-            return match memory.pressure == 0.0 && distance < -DEEP * self.edge {
+            return match memory.pressure == 0.0 && distance + drawn_in < -DEEP * self.edge {
                 true => Place::Inside,
                 false => Place::Beside { side: memory.side, distance },
             };

@@ -94,7 +94,7 @@ impl ContactSet {
             state.drawn_in = self.parts[now.parts.clone()].iter().map(|p| p.drawn_in).collect();
             let edge = self.skins.iter().map(|k| k.skin.edge).fold(0.0, f64::max);
             for drawn_in in &mut state.drawn_in {
-                *drawn_in = (*drawn_in - (GROWTH * dt).min(0.5 * edge)).max(0.0);
+                *drawn_in = grown_again(*drawn_in, dt, edge);
             }
             self.figures.lag = self.figures.lag.max(report.lag);
             if let Ok(mut entity) = world.get_entity_mut(now.entity) {
@@ -214,8 +214,12 @@ impl ContactSet {
         force
     }
 
-    pub(super) fn report_pairs(&mut self, world: &mut World) {
+    pub(super) fn report_pairs(&mut self, world: &mut World, dt: f64) {
         for now in &self.pairs {
+            let edges = now.of.bodies.map(|body| self.skins[body].skin.edge);
+            if let Some(drawn_in) = self.kept.drawn_in.get_mut(&now.id) {
+                drawn_in.by = grown_again(drawn_in.by, dt, edges[0].min(edges[1]));
+            }
             let mut report = BodyContactReport::default();
             let own =
                 |p: &ContactPoint| p.key.owner == now.id && matches!(p.against, Against::Faces(_));
@@ -272,4 +276,9 @@ impl ContactSet {
             }
         }
     }
+}
+
+/// How far (m) a surface that was drawn in is after a step of `dt` (s), beside surfaces with edges of a mean length (m).
+fn grown_again(drawn_in: f64, dt: f64, edge: f64) -> f64 {
+    (drawn_in - (GROWTH * dt).min(0.5 * edge)).max(0.0)
 }
