@@ -5,7 +5,7 @@ use bevy_ecs::entity::Entity;
 use glam::{DQuat, DVec2, DVec3, EulerRot};
 use sinew::engine::mesh::Mesh;
 use sinew::engine::mesh::generate::{
-    box_hexahedra, box_tets, sphere_tets, triangle_grid, tube_hexahedra,
+    box_hexahedra, box_tets, quad_grid, sphere_tets, triangle_grid, tube_hexahedra,
 };
 use sinew::engine::precision::Precision;
 use sinew::models::body::Integration;
@@ -739,6 +739,67 @@ fn bodies_that_begin_inside_of_each_other_come_apart_calmly() {
                 assert!(aside < sideways, "{name} {depth}: {mean}");
             }
         }
+    }
+}
+
+/// An open wall is a membrane that is held everywhere: however fine it is, it carries what lies on it, as stiff as a tool would,
+/// stands wherever it stands, and takes it along where it goes.
+#[test]
+fn a_held_sheet_is_a_wall() {
+    let turn = DQuat::from_axis_angle(DVec3::new(1.0, 2.0, 0.5).normalize(), 0.7);
+    for (cells, quads, turn) in [
+        ([1, 1], false, DQuat::IDENTITY),
+        ([1, 1], true, turn),
+        ([3, 2], false, turn),
+        ([12, 8], true, DQuat::IDENTITY),
+        ([40, 30], false, turn),
+    ] {
+        let mut simulation = Simulation::new(one_thread()).unwrap();
+        let size = DVec2::new(0.3, 0.2);
+        let sheet = if quads { quad_grid(size, cells) } else { triangle_grid(size, cells) };
+        let sheet = sheet.unwrap().transformed(1.0, turn, DVec3::ZERO);
+        let block = box_tets(DVec3::new(0.06, 0.05, 0.04), [5, 4, 3]).unwrap();
+        let above = turn * DVec3::new(0.05, 0.07, 1e-3);
+        let block = block.transformed(1.0, turn, above);
+        let skin = MembraneDescription {
+            quads: &sheet.quads,
+            ..MembraneDescription::new(&sheet.triangles, 1e-3, soft(1e4, 0.3))
+        };
+        let wall = BodyDescription {
+            membrane: Some(skin),
+            ..BodyDescription::new("wall", &sheet, soft(1e4, 0.3))
+        };
+        let wall = simulation.add_body(&wall).unwrap();
+        let block = BodyDescription::new("block", &block, soft(1e4, 0.45));
+        let block = simulation.add_body(&block).unwrap();
+        let all: Vec<u32> = (0..sheet.points.len() as u32).collect();
+        let rows = simulation.rows(wall, "wall", &all);
+        let mut hold = Constraint::hold("wall", rows.unwrap());
+        hold.motion = Motion::Translate(turn * DVec3::X * 0.02);
+        hold.curve = Curve::ramp(1.0, 1.5);
+        simulation.add_constraint(hold);
+        let gravity = turn * DVec3::new(0.0, 0.0, -9.81);
+        simulation.set_gravity(gravity);
+        simulation.set_solver(solver!(Integrator::Auto, mass_damping = 5.0));
+        let pair = BodyContact::new("pair", [wall, block]).with_friction(0.5);
+        let pair = simulation.add_body_contact(pair);
+        let weight = simulation.masses(block).iter().sum::<f64>() * gravity;
+        let middle = |simulation: &mut Simulation| {
+            let x = simulation.positions(block);
+            turn.inverse() * (x.iter().sum::<DVec3>() / x.len() as f64)
+        };
+        let mut at = DVec3::ZERO;
+        for step in 0..250 {
+            at = if step == 100 { middle(&mut simulation) } else { at };
+            simulation.step().unwrap();
+        }
+        let report = *simulation.body_contact_report(pair).unwrap();
+        // on the wall, that is the first body
+        let off = (report.force - weight).length() / weight.length();
+        assert!(off < 0.01, "{cells:?}: {off}");
+        assert!(report.depth < 1e-3, "{cells:?}: {report:?}");
+        let way = middle(&mut simulation) - at;
+        assert!((way - DVec3::X * 0.02).length() < 1e-3, "{cells:?}: {way}");
     }
 }
 

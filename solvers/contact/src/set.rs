@@ -14,6 +14,7 @@ use crate::tool::{MOST_POINTS, Points, Stiffness, Tool, ToolMotion, ToolPose, To
 use bevy_ecs::prelude::*;
 use glam::{DMat3, DVec3};
 use serde::{Deserialize, Serialize};
+use sinew_engine::columns::single_table;
 use sinew_engine::order::Order;
 use sinew_engine::report::ContactFigures;
 use sinew_engine::row::VertexRow;
@@ -21,7 +22,7 @@ use sinew_engine::step::StepError;
 use sinew_engine::surface::SurfaceReader;
 use sinew_engine::time::{StepClock, StepPart};
 use sinew_engine::topology::Topology;
-use sinew_engine::vertex::RestPosition;
+use sinew_engine::vertex::{FixedAxes, RestPosition};
 use std::collections::BTreeMap;
 use std::ops::Range;
 

@@ -29,6 +29,8 @@ pub(crate) struct ContactSkin {
     rims: Vec<[u32; 2]>,
     /// Mean edge (m) of the faces at rest.
     pub edge: f64,
+    /// All of its vertices are held in this step: a wall.
+    pub held: bool,
     /// Places (m) of the vertices at the start of the step.
     pub at: Vec<DVec3>,
     /// Places (m) at which distances of other points from the faces were last taken.

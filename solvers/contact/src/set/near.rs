@@ -170,6 +170,13 @@ impl ContactSet {
         for known in self.skins.iter_mut().chain(own) {
             known.skin.refit(dt, x, v);
         }
+        let mut fixed = world.query::<&FixedAxes>();
+        if let Some(fixed) = single_table(fixed.contiguous_iter(world)) {
+            for known in &mut self.skins {
+                let held = |row: &VertexRow| fixed[row.index()] == FixedAxes::ALL;
+                known.skin.held = !known.skin.rows.is_empty() && known.skin.rows.iter().all(held);
+            }
+        }
         Ok(())
     }
 

@@ -116,7 +116,15 @@ impl ContactSet {
     ) -> u32 {
         let mut buried = 0;
         let (own, other) = (&self.skins[from].skin, &self.skins[to].skin);
-        if !overlap(&own.hull, &other.hull) {
+        // a wall that is not finer than what it meets leaves it to that, and nothing happens between walls
+        let coarse = |wall: &ContactSkin, than: &ContactSkin| wall.held && wall.edge >= than.edge;
+        let share = match () {
+            () if from == to => 1.0,
+            () if own.held && other.held || coarse(own, other) => 0.0,
+            () if coarse(other, own) => 1.0,
+            () => 0.5,
+        };
+        if share == 0.0 || !overlap(&own.hull, &other.hull) {
             return 0;
         }
         let common = [own.hull[0].max(other.hull[0]), own.hull[1].min(other.hull[1])];
@@ -130,8 +138,13 @@ impl ContactSet {
             }
         });
         let Some(bins) = Bins::new(other, common) else { return 0 };
-        let of_other = other.young.iter().copied().fold(f64::INFINITY, f64::min) / other.edge;
-        let softer = |young: f64| (young / own.edge).min(of_other);
+        // what cannot give way is no softer than anything
+        let of = |skin: &ContactSkin, young: f64| match skin.held {
+            true => f64::INFINITY,
+            false => young / skin.edge,
+        };
+        let of_other = of(other, other.young.iter().copied().fold(f64::INFINITY, f64::min));
+        let softer = |young: f64| of(own, young).min(of_other);
         let (mut places, mut reached) = (Vec::new(), Vec::new());
         for i in near {
             let (at, row) = (own.at[i], own.rows[i]);
@@ -161,10 +174,9 @@ impl ContactSet {
             let key = PointKey::of_vertex(from as u32, now.id, direction, row);
             let mut memory = self.remembered(&key);
             let (first, mut distance) = (faces.len(), 0.0);
-            let normal = own.normals.get(i).copied().unwrap_or_default();
             let some = from == to || drawn_in.by > 0.0;
             let rim = if some { Rim::LeftOut(DEEP * own.edge) } else { Rim::None };
-            match other.place((at, drawn_in.by), normal, &reached, &memory, rim) {
+            match other.place((own, i), drawn_in.by, &reached, &memory, rim) {
                 Place::Inside => {
                     buried += u32::from(from != to);
                     continue;
@@ -182,7 +194,6 @@ impl ContactSet {
                     }));
                 }
             }
-            let half = if from == to { 1.0 } else { 0.5 };
             let k = match now.of.stiffness {
                 Stiffness::Relative(factor) => factor * softer(own.young[i]),
                 Stiffness::Absolute(k) => k,
@@ -194,7 +205,7 @@ impl ContactSet {
                 slip: memory.slip,
                 rim: if rim == Rim::None && memory.side != 0.0 { Rim::Plane } else { rim },
                 drawn_in: if memory.side == 0.0 { drawn_in.by } else { 0.0 },
-                ..ContactPoint::new(key, against, alone(row), half * own.area[i], k)
+                ..ContactPoint::new(key, against, alone(row), share * own.area[i], k)
             };
             point.note_distance(distance);
             points.push(point);
@@ -219,15 +230,16 @@ enum Place {
 }
 
 impl ContactSkin {
-    /// Where a point of another surface is, which is drawn in (m), with its outward normal, zero for membranes, and its memory.
+    /// Where a point of another surface is, which is drawn in (m), with its memory.
     fn place(
         &self,
-        (at, drawn_in): (DVec3, f64),
-        normal: DVec3,
+        (own, i): (&Self, usize),
+        drawn_in: f64,
         reached: &[Reached],
         memory: &PointMemory,
         rim: Rim,
     ) -> Place {
+        let at = own.at[i];
         let nearer = |a: &&Reached, b: &&Reached| a.distance.total_cmp(&b.distance);
         let Some(nearest) = reached.iter().min_by(nearer) else { return Place::Beyond };
         let x = |row: VertexRow| self.at[row.index()];
@@ -255,7 +267,8 @@ impl ContactSkin {
         let height = arm.dot(upward);
         let beyond = (arm - height * upward).length() > 1e-6 * self.edge
             && self.on_rim(nearest.facet, nearest.weights);
-        let facing = normal.dot(upward);
+        // none where the point is of a membrane
+        let facing = own.normals.get(i).map_or(0.0, |normal| normal.dot(upward));
         if beyond {
             return Place::Beyond;
         }
@@ -268,7 +281,9 @@ impl ContactSkin {
         } else {
             1.0
         };
-        match memory.pressure == 0.0 && side * distance < -DEEP * self.edge {
+        // a wall may have edges longer than what it meets is thick
+        let deep = DEEP * self.edge.min(own.edge);
+        match memory.pressure == 0.0 && side * distance < -deep {
             // it passed through
             true if memory.side != 0.0 => Place::Inside,
             // the far side of something thin
