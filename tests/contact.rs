@@ -856,6 +856,32 @@ fn a_body_touches_itself_where_it_is_told_to() {
 }
 
 /// A strip of cloth is laid over itself, whichever of its sides is up: one half comes to rest on the other.
+/// A body that touches itself nowhere, however fast it moves as a whole, pays for looking and for nothing else.
+#[test]
+fn a_body_that_touches_itself_nowhere_moves_as_without_contact() {
+    let run = |young: f64, contact: bool| {
+        let mesh = tube_hexahedra(0.01, 0.004, 0.06, [24, 2, 16]).unwrap();
+        let mut simulation = Simulation::new(one_thread()).unwrap();
+        let tube = BodyDescription::new("tube", &mesh, soft(young, 0.45));
+        let tube = simulation.add_body(&tube).unwrap();
+        let rows = simulation.group_rows(tube, &mesh, "x0").unwrap();
+        simulation.add_constraint(Constraint::hold("end", rows));
+        if contact {
+            simulation.add_body_contact(BodyContact::new("itself", [tube; 2]));
+        }
+        let mut moved = 0.0_f64;
+        for _ in 0..30 {
+            simulation.step().unwrap();
+            moved = moved.max(max_length(&simulation.displacements(tube)));
+        }
+        assert!(moved > 300.0 / young, "{moved}");
+        simulation.state_hash()
+    };
+    for young in [3e4, 1e5] {
+        assert_eq!(run(young, true), run(young, false), "{young}");
+    }
+}
+
 #[test]
 fn a_membrane_touches_itself_on_either_side() {
     let mesh = triangle_grid(DVec2::new(0.2, 0.04), [20, 4]).unwrap();

@@ -129,14 +129,16 @@ struct ToolNow {
     parts: Range<usize>,
 }
 
-/// Surfaces of a pair whose bodies appeared inside of each other.
+/// State of a contact of bodies that is kept from step to step.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-struct DrawnIn {
-    /// How far (m) they are drawn in.
-    by: f64,
-    /// Unit vector along which the first body leaves the second: meanwhile nothing but faces that look that way are touched,
+struct PairState {
+    /// How far (m) the surfaces are drawn in of bodies that appeared inside of each other.
+    drawn_in: f64,
+    /// Unit vector along which the first of these leaves the second: meanwhile nothing but faces that look that way are touched,
     /// since the nearest side may be the wrong one.
     out: DVec3,
+    /// Way (m) that points and faces of a body that touches itself may come together before any is looked for again.
+    clear: f64,
 }
 
 /// A contact of bodies or a pull in this step.
@@ -161,7 +163,7 @@ pub struct ContactMemory {
     /// By key, ascending.
     points: Vec<(PointKey, PointMemory)>,
     /// Of the pairs that were there.
-    drawn_in: BTreeMap<Order, DrawnIn>,
+    pairs: BTreeMap<Order, PairState>,
     /// Energy (J) that friction of pairs has taken.
     dissipated: BTreeMap<Order, f64>,
     /// Forces (N) at the end of the last step, and pressures (Pa), of vertex rows.
@@ -791,7 +793,7 @@ impl ContactSet {
         }
         // points are sorted by key, and so is what is kept of them
         self.report_tools(world, x, dt);
-        self.report_pairs(world, dt);
+        self.report_pairs(world, x, dt);
         self.report_pulls(world);
         self.keep_forces();
         let mut edge_depth = 0.0_f64;

@@ -1,8 +1,9 @@
 //! Contact surfaces of bodies: areas and stiffness of points, and the boxes of the broad phase.
 
 use crate::beside::facet_corners;
+use crate::point::outer;
 use crate::standing::encloses;
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 use sinew_engine::row::VertexRow;
 use sinew_engine::surface::BodySurface;
 
@@ -37,6 +38,8 @@ pub(crate) struct ContactSkin {
     pub seen: Vec<DVec3>,
     /// Outward unit normals at the start of the step; zero at vertices of membranes.
     pub normals: Vec<DVec3>,
+    /// Their velocities (m/s) at the start of the step, times its length: ways (m).
+    pub motion: Vec<DVec3>,
     /// How far (m) each may come in the step.
     pub way: Vec<f64>,
     /// Boxes of blocks, grown by that.
@@ -117,10 +120,11 @@ impl ContactSkin {
         self.at.clear();
         self.at.extend(self.rows.iter().map(|&row| x(row)));
         self.seen.clone_from(&self.at);
+        self.motion.clear();
+        self.motion.extend(self.rows.iter().map(|&row| v(row) * dt));
         self.way.clear();
-        // forces of the step change the speed that it begins with
-        let way = |&row: &VertexRow| 1.5 * v(row).length() * dt + 0.25 * self.edge;
-        self.way.extend(self.rows.iter().map(way));
+        let edge = self.edge;
+        self.way.extend(self.motion.iter().map(|motion| way_of(*motion, edge)));
         self.boxes.clear();
         self.normals.clear();
         self.hull = EMPTY;
@@ -134,14 +138,30 @@ impl ContactSkin {
         }
     }
 
-    /// The box (m) of a face at the start of the step, and how far (m) its vertices may come in it.
-    pub fn bounds(&self, face: usize) -> ([DVec3; 2], f64) {
+    /// How far (m) each vertex may come in the step beside what all of them move alike.
+    pub fn ways_within(&self) -> Vec<f64> {
+        let rigid = RigidMotion::of(&self.at, &self.motion);
+        let beside = |(at, motion): (&DVec3, &DVec3)| way_of(*motion - rigid.at(*at), self.edge);
+        self.at.iter().zip(&self.motion).map(beside).collect()
+    }
+
+    /// Largest way (m) that a vertex has come in the step beside what all of them moved alike, where they are at `x` (m) now.
+    pub fn largest_way(&self, x: &dyn Fn(VertexRow) -> DVec3) -> f64 {
+        let ways = self.rows.iter().zip(&self.at).map(|(row, at)| x(*row) - *at);
+        let motion: Vec<DVec3> = ways.collect();
+        let rigid = RigidMotion::of(&self.at, &motion);
+        let beside = |(at, motion): (&DVec3, &DVec3)| (*motion - rigid.at(*at)).length();
+        self.at.iter().zip(&motion).map(beside).fold(0.0, f64::max)
+    }
+
+    /// The box (m) of a face at the start of the step, and how far (m) its vertices may come in it, given `ways` (m) of all.
+    pub fn bounds(&self, face: usize, ways: &[f64]) -> ([DVec3; 2], f64) {
         let mut own = EMPTY;
         let mut way = 0.0_f64;
         for &v in corners(&self.faces[face]) {
             let at = self.at[v as usize];
             own = [own[0].min(at), own[1].max(at)];
-            way = way.max(self.way[v as usize]);
+            way = way.max(ways[v as usize]);
         }
         (own, way)
     }
@@ -225,6 +245,47 @@ impl ContactSkin {
     pub fn mean(&self, column: &[f64], face: usize) -> f64 {
         let own = corners(&self.faces[face]);
         own.iter().map(|&v| column[v as usize]).sum::<f64>() / own.len() as f64
+    }
+}
+
+/// How far (m) a vertex may come that begins a step with this motion (m), on a surface with edges of this mean length (m): the
+/// forces of the step change its speed.
+fn way_of(motion: DVec3, edge: f64) -> f64 {
+    1.5 * motion.length() + 0.25 * edge
+}
+
+/// What a surface moves as a whole in a step, as far as its start tells. Distances within it do not change by that.
+#[derive(Clone, Copy, Debug, Default)]
+struct RigidMotion {
+    centre: DVec3,
+    /// Way (m) of the centre, and turn (rad) about it.
+    way: DVec3,
+    turn: DVec3,
+}
+
+impl RigidMotion {
+    /// That from which the motions (m) of some places (m) differ least.
+    fn of(at: &[DVec3], motion: &[DVec3]) -> Self {
+        let all = || at.iter().zip(motion);
+        let count = all().count().max(1) as f64;
+        let centre = all().map(|(at, _)| *at).sum::<DVec3>() / count;
+        let way = all().map(|(_, motion)| *motion).sum::<DVec3>() / count;
+        let (mut moment, mut spin, mut size) = (DMat3::ZERO, DVec3::ZERO, 0.0);
+        for (at, motion) in all() {
+            let arm = *at - centre;
+            size += arm.length_squared();
+            moment -= outer(arm, arm);
+            spin += arm.cross(*motion - way);
+        }
+        moment += DMat3::from_diagonal(DVec3::splat(size));
+        // none about the axis of a line
+        let turn = moment.inverse() * spin;
+        Self { centre, way, turn: if turn.is_finite() { turn } else { DVec3::ZERO } }
+    }
+
+    /// Way (m) that it takes a place.
+    fn at(&self, x: DVec3) -> DVec3 {
+        self.way + self.turn.cross(x - self.centre)
     }
 }
 

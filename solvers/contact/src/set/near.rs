@@ -114,6 +114,8 @@ impl ContactSet {
         if versions.iter().enumerate().all(known) {
             return Ok(());
         }
+        // new faces may be nearer than those that went
+        self.kept.pairs.values_mut().for_each(|state| state.clear = 0.0);
         let mut rest = world.query::<&RestPosition>();
         let rest: Vec<DVec3> = rest.iter(world).map(|x| x.0).collect();
         let Some(SurfaceReader(read)) = world.get_resource::<SurfaceReader>().copied() else {

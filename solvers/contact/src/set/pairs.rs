@@ -12,9 +12,14 @@ const TELLS: f64 = 0.3;
 /// Cosine between the normal of a face and the way out of its body from which on it looks that way.
 const LOOKS_OUT: f64 = 0.5;
 
+/// Part of the mean edge by which surfaces of a body that touches itself are looked for beyond what a step may bring together:
+/// the next steps then need not look. With more the faces beyond those that are left out would always be found.
+const MARGIN: f64 = 0.7;
+
 /// A facet that a point may reach.
 #[derive(Clone, Copy)]
 struct Reached {
+    face: usize,
     /// As places in the rows of the surface.
     facet: [u32; 4],
     membrane: bool,
@@ -39,27 +44,27 @@ impl ContactSet {
         }
         let (mut points, mut faces, mut buried) = (Vec::new(), Vec::new(), 0);
         let mut appeared = 0;
-        let mut drawn_in = std::mem::take(&mut self.kept.drawn_in);
-        drawn_in.retain(|id, _| self.pairs.iter().any(|now| now.id == *id));
+        let mut kept = std::mem::take(&mut self.kept.pairs);
+        kept.retain(|id, _| self.pairs.iter().any(|now| now.id == *id));
         for now in &self.pairs {
             let [a, b] = now.of.bodies;
             let directions: &[[usize; 2]] = if a == b { &[[a, a]] } else { &[[a, b], [b, a]] };
-            let drawn_in = *drawn_in.entry(now.id).or_insert_with(|| {
-                let drawn_in = if a == b { DrawnIn::default() } else { self.draw_apart([a, b]) };
+            let state = kept.entry(now.id).or_insert_with(|| {
+                let state = if a == b { PairState::default() } else { self.draw_apart([a, b]) };
                 // no way out is better than another for what is wholly inside
-                let known = drawn_in.by.is_finite();
+                let known = state.drawn_in.is_finite();
                 buried += u32::from(!known);
-                appeared += u32::from(known && drawn_in.by > 0.0);
-                if known { drawn_in } else { DrawnIn::default() }
+                appeared += u32::from(known && state.drawn_in > 0.0);
+                if known { state } else { PairState::default() }
             });
             for (direction, &[from, to]) in (0..).zip(directions) {
-                let out = if direction == 0 { drawn_in.out } else { -drawn_in.out };
-                let direction = (direction, DrawnIn { out, ..drawn_in });
-                buried +=
-                    self.collect_pair(now, direction, [from, to], rest, &mut points, &mut faces);
+                let out = if direction == 0 { state.out } else { -state.out };
+                let own = (direction, PairState { out, ..*state });
+                let found = self.collect_pair(now, own, [from, to], rest, &mut points, &mut faces);
+                (buried, state.clear) = (buried + found.0, found.1);
             }
         }
-        self.kept.drawn_in = drawn_in;
+        self.kept.pairs = kept;
         self.points.append(&mut points);
         self.faces = faces;
         self.figures.buried += buried;
@@ -68,7 +73,7 @@ impl ContactSet {
 
     /// How solid bodies are drawn in that appear inside of each other, not at all where they do so by too little; infinitely where
     /// one is wholly inside.
-    fn draw_apart(&self, [a, b]: [usize; 2]) -> DrawnIn {
+    fn draw_apart(&self, [a, b]: [usize; 2]) -> PairState {
         let (mut by, mut out, mut wholly, mut deep) = (0.0_f64, DVec3::ZERO, false, false);
         for ([from, to], sign) in [([a, b], 1.0), ([b, a], -1.0)] {
             let (own, other) = (&self.skins[from].skin, &self.skins[to].skin);
@@ -97,23 +102,23 @@ impl ContactSet {
             wholly |= inside > 0 && inside == own.rows.len();
         }
         match deep {
-            true if wholly => DrawnIn { by: f64::INFINITY, ..DrawnIn::default() },
-            true => DrawnIn { by, out: out.normalize_or_zero() },
-            false => DrawnIn::default(),
+            true if wholly => PairState { drawn_in: f64::INFINITY, ..PairState::default() },
+            true => PairState { drawn_in: by, out: out.normalize_or_zero(), clear: 0.0 },
+            false => PairState::default(),
         }
     }
 
     /// Vertices of body `from` near faces of body `to`; the number of those that are too deep inside of it to tell how
-    /// they came there.
+    /// they came there, and how far (m) surfaces are clear of each other.
     fn collect_pair(
         &self,
         now: &Now<BodyContact>,
-        (direction, drawn_in): (u32, DrawnIn),
+        (direction, state): (u32, PairState),
         [from, to]: [usize; 2],
         rest: &[DVec3],
         points: &mut Vec<ContactPoint>,
         faces: &mut Vec<NearFacet>,
-    ) -> u32 {
+    ) -> (u32, f64) {
         let mut buried = 0;
         let (own, other) = (&self.skins[from].skin, &self.skins[to].skin);
         // a wall that is not finer than what it meets leaves it to that, and nothing happens between walls
@@ -125,19 +130,38 @@ impl ContactSet {
             () => 0.5,
         };
         if share == 0.0 || !overlap(&own.hull, &other.hull) {
-            return 0;
+            return (0, 0.0);
         }
         let common = [own.hull[0].max(other.hull[0]), own.hull[1].min(other.hull[1])];
-        let common = grown(common, drawn_in.by);
+        let common = grown(common, state.drawn_in);
+        // what a body moves as a whole brings no part of it nearer to another, unless something stops one of them
+        let apart = |now: &Now<BodyContact>| {
+            let near = |body: &usize| overlap(&self.skins[*body].skin.hull, &own.hull);
+            !now.of.bodies.contains(&from)
+                || !now.of.bodies.iter().all(near)
+                || now.of.bodies == [from; 2]
+        };
+        let touched = self.points.iter().any(|point| point.key.body as usize == from);
+        let within = from == to && !touched && self.pairs.iter().all(apart);
+        let within = within.then(|| own.ways_within());
+        // where surfaces are well apart they are looked at again when they may have come together
+        let most = within.iter().flatten().copied().fold(0.0, f64::max);
+        if within.is_some() && state.clear > 2.0 * most {
+            return (0, state.clear);
+        }
+        // it pays where they come a small part of the margin in a step
+        let pays = within.is_some() && most < 0.5 * MARGIN * own.edge;
+        let margin = if pays { MARGIN * own.edge } else { 0.0 };
+        let [own_ways, other_ways] = [own, other].map(|skin| within.as_ref().unwrap_or(&skin.way));
         // vertices and faces near the common box
         let mut near = Vec::new();
         let meets = |of: &[DVec3; 2]| overlap(of, &common);
         own.near(meets, |i| {
-            if overlap(&grown([own.at[i]; 2], own.way[i]), &common) {
+            if overlap(&grown([own.at[i]; 2], own_ways[i]), &common) {
                 near.push(i);
             }
         });
-        let Some(bins) = Bins::new(other, common) else { return 0 };
+        let Some(bins) = Bins::new(other, other_ways, common) else { return (0, 0.0) };
         // what cannot give way is no softer than anything
         let of = |skin: &ContactSkin, young: f64| match skin.held {
             true => f64::INFINITY,
@@ -145,6 +169,9 @@ impl ContactSet {
         };
         let of_other = of(other, other.young.iter().copied().fold(f64::INFINITY, f64::min));
         let softer = |young: f64| of(own, young).min(of_other);
+        let least = near.iter().map(|i| own_ways[*i]).fold(f64::INFINITY, f64::min);
+        let slack = 0.5 * own.edge;
+        let mut clear = if pays { least + bins.way - slack + margin } else { 0.0 };
         let (mut places, mut reached) = (Vec::new(), Vec::new());
         for i in near {
             let (at, row) = (own.at[i], own.rows[i]);
@@ -158,14 +185,20 @@ impl ContactSet {
             };
             // of a body that touches itself, what a point is deep behind is the far side of the body
             let behind = if from == to { DEEP * own.edge } else { f64::INFINITY };
-            let within = [own.way[i] + drawn_in.by, behind];
-            bins.reach(other, at, within, near_at_rest, &mut places, &mut reached);
-            if drawn_in.by > 0.0 {
+            let way = own_ways[i] + state.drawn_in;
+            let within = [way, margin, behind];
+            let behind = bins.reach(other, at, within, near_at_rest, &mut places, &mut reached);
+            clear = clear.min((behind - slack).max(0.0));
+            if !reached.is_empty() {
+                clear = 0.0;
+                reached.retain(|reached| reached.distance <= way + bins.way);
+            }
+            if state.drawn_in > 0.0 {
                 let x = |row: VertexRow| other.at[row.index()];
                 reached.retain(|reached| {
                     let [a, b, c] = facet_corners(&reached.facet.map(VertexRow), &x);
                     let normal = (b - a).cross(c - a);
-                    reached.membrane || normal.dot(drawn_in.out) > LOOKS_OUT * normal.length()
+                    reached.membrane || normal.dot(state.out) > LOOKS_OUT * normal.length()
                 });
             }
             if reached.is_empty() {
@@ -174,9 +207,9 @@ impl ContactSet {
             let key = PointKey::of_vertex(from as u32, now.id, direction, row);
             let mut memory = self.remembered(&key);
             let (first, mut distance) = (faces.len(), 0.0);
-            let some = from == to || drawn_in.by > 0.0;
+            let some = from == to || state.drawn_in > 0.0;
             let rim = if some { Rim::LeftOut(DEEP * own.edge) } else { Rim::None };
-            match other.place((own, i), drawn_in.by, &reached, &memory, rim) {
+            match other.place((own, i), state.drawn_in, &reached, &memory, rim) {
                 Place::Inside => {
                     buried += u32::from(from != to);
                     continue;
@@ -204,13 +237,13 @@ impl ContactSet {
                 memory,
                 slip: memory.slip,
                 rim: if rim == Rim::None && memory.side != 0.0 { Rim::Plane } else { rim },
-                drawn_in: if memory.side == 0.0 { drawn_in.by } else { 0.0 },
+                drawn_in: if memory.side == 0.0 { state.drawn_in } else { 0.0 },
                 ..ContactPoint::new(key, against, alone(row), share * own.area[i], k)
             };
             point.note_distance(distance);
             points.push(point);
         }
-        buried
+        (buried, clear)
     }
 }
 
@@ -308,11 +341,11 @@ struct Bins {
 
 impl Bins {
     /// `None` where no face is near.
-    fn new(skin: &ContactSkin, within: [DVec3; 2]) -> Option<Self> {
+    fn new(skin: &ContactSkin, ways: &[f64], within: [DVec3; 2]) -> Option<Self> {
         let mut faces = Vec::new();
         let (mut way, mut size) = (0.0_f64, 0.0_f64);
         for face in 0..skin.faces.len() {
-            let (own, most) = skin.bounds(face);
+            let (own, most) = skin.bounds(face, ways);
             if overlap(&grown(own, most + 0.5 * skin.edge), &within) {
                 (way, size) = (way.max(most), size.max((own[1] - own[0]).max_element()));
                 faces.push((face, own));
@@ -334,7 +367,7 @@ impl Bins {
         ((x - self.origin) / self.size).floor().as_ivec3().to_array()
     }
 
-    /// Places in `faces` of all that a box (m) may meet, ascending.
+    /// Places in `faces` of all that a box (m) may meet.
     fn near(&self, [low, high]: [DVec3; 2], places: &mut Vec<u32>) {
         places.clear();
         let (low, high) = (self.cell_of(low - self.size), self.cell_of(high));
@@ -346,22 +379,24 @@ impl Bins {
                 places.extend(here.map(|(_, place)| *place));
             }
         }
-        places.sort_unstable();
     }
 
-    /// All facets that a point may reach in this step that moves by at most `way` (m), but those of solids that it is `behind` by
-    /// more than that (m). Whatever is nearer than one of them is among them: the nearest of some would not tell on which side of
-    /// a surface a point is.
+    /// All facets that a point may reach in this step that moves by at most `way` (m), and those beyond them within a `margin` (m),
+    /// but those of solids that it is `behind` by more than that (m). The distance (m) of the nearest of these, if there is a
+    /// margin. Whatever is nearer than one of them is among them: the
+    /// nearest of some would not tell on which side of a surface a point is.
     fn reach(
         &self,
         skin: &ContactSkin,
         at: DVec3,
-        [way, behind]: [f64; 2],
+        [way, margin, behind]: [f64; 3],
         left_out: impl Fn(&[u32; 4]) -> bool,
         places: &mut Vec<u32>,
         reached: &mut Vec<Reached>,
-    ) {
+    ) -> f64 {
+        let way = way + margin;
         reached.clear();
+        let mut nearest_behind = f64::INFINITY;
         // fast points reach all faces, and would search more cells than there are
         if 2.0 * way > self.size * (self.faces.len() as f64).cbrt() {
             places.clear();
@@ -380,16 +415,22 @@ impl Bins {
                 let triangle = facet_corners(&facet.map(VertexRow), &x);
                 let [a, b, c] = triangle;
                 let upward = (b - a).cross(c - a);
-                if face < skin.sheets && (at - a).dot(upward) < -behind * upward.length() {
+                let hidden = face < skin.sheets && (at - a).dot(upward) < -behind * upward.length();
+                // without a margin nobody asks how near it is
+                if hidden && margin == 0.0 {
                     continue;
                 }
                 let weights = closest_point(at, triangle);
                 let distance = at.distance(point_in(triangle, weights));
-                if distance <= far {
+                if hidden {
+                    nearest_behind = nearest_behind.min(distance);
+                } else if distance <= far {
                     let membrane = face >= skin.sheets;
-                    reached.push(Reached { facet, membrane, distance, weights });
+                    reached.push(Reached { face, facet, membrane, distance, weights });
                 }
             }
         }
+        reached.sort_by_key(|reached| reached.face);
+        nearest_behind
     }
 }

@@ -176,7 +176,7 @@ impl ContactSet {
             for (face, local) in skin.faces.iter().enumerate() {
                 let used = corners(local);
                 let x = local.map(|v| skin.at[v as usize]);
-                let (own, way) = skin.bounds(face);
+                let (own, way) = skin.bounds(face, &skin.way);
                 if !reach.meets(&grown(own, way)) {
                     continue;
                 }

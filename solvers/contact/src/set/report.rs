@@ -214,11 +214,14 @@ impl ContactSet {
         force
     }
 
-    pub(super) fn report_pairs(&mut self, world: &mut World, dt: f64) {
+    pub(super) fn report_pairs(&mut self, world: &mut World, x: &RowPlaces, dt: f64) {
         for now in &self.pairs {
             let edges = now.of.bodies.map(|body| self.skins[body].skin.edge);
-            if let Some(drawn_in) = self.kept.drawn_in.get_mut(&now.id) {
-                drawn_in.by = grown_again(drawn_in.by, dt, edges[0].min(edges[1]));
+            if let Some(state) = self.kept.pairs.get_mut(&now.id) {
+                state.drawn_in = grown_again(state.drawn_in, dt, edges[0].min(edges[1]));
+                if state.clear > 0.0 {
+                    state.clear -= 2.0 * self.skins[now.of.bodies[0]].skin.largest_way(x.now);
+                }
             }
             let mut report = BodyContactReport::default();
             let own =
