@@ -3,7 +3,8 @@
 //!
 //! Vertices are put in reverse Cuthill-McKee order and elements are sorted by their lowest row, so
 //! that a range of elements touches a short span of vertices: that keeps gathers in cache and makes
-//! the private arrays of [`crate::law`] small.
+//! the private arrays of [`crate::law`] small. Within short pieces neighbours are then put far apart
+//! ([`spread`]).
 
 use crate::element::TRIANGLE_EDGES;
 use crate::element_kind::{ByKind, ElementKind, PerElement, local_triangles, pairs};
@@ -129,7 +130,23 @@ impl BodyLayout {
     }
 }
 
-/// Elements sorted by their vertex rows: the order, and the rows of local vertices, which `turn` puts in order.
+/// Items of a sorted list that are spread among each other, and into how many strips.
+const PIECE: usize = 512;
+const STRIPS: usize = 16;
+
+/// The order in which tables hold the items of a list that is sorted by vertex rows: those that follow each other come
+/// from different strips of a piece. Neighbours in the list share vertices, and adding to a row has to wait until
+/// what was added just before is stored.
+pub fn spread(count: usize) -> impl Iterator<Item = usize> {
+    (0..count).step_by(PIECE).flat_map(move |first| {
+        let end = count.min(first + PIECE);
+        let strip = (end - first).div_ceil(STRIPS);
+        (first..first + strip).flat_map(move |item| (item..end).step_by(strip))
+    })
+}
+
+/// Elements sorted by their vertex rows and [`spread`]: the order, and the rows of local vertices, which `turn` puts in
+/// order.
 fn ordered<const N: usize>(
     elements: &PerElement,
     row_of_vertex: &IndexVec<MeshVertex, Option<LocalRow>>,
@@ -140,6 +157,7 @@ fn ordered<const N: usize>(
     let rows = |e: u32| elements[e as usize].map(row);
     let mut order: Vec<u32> = (0..elements.len() as u32).collect();
     order.sort_by_cached_key(|&e| (sorted(rows(e)), e));
+    let order: Vec<u32> = spread(order.len()).map(|place| order[place]).collect();
     let rows: Vec<[u32; N]> = order.iter().map(|&e| turn(rows(e))).collect();
     (order, rows.into())
 }
@@ -390,6 +408,22 @@ mod tests {
         for (t, edges) in layout.cells.triangles.iter().zip(&layout.cells.triangle_edges) {
             assert_eq!(layout.cells.edges[edges[0] as usize], sorted2(t[1], t[2]));
             assert_eq!(layout.cells.edges[edges[1] as usize], sorted2(t[2], t[0]));
+        }
+    }
+
+    #[test]
+    fn spreading_parts_neighbours_and_keeps_all() {
+        for count in [0, 1, 15, 16, 17, 512, 1000, 5040] {
+            let order: Vec<usize> = spread(count).collect();
+            let mut all = order.clone();
+            all.sort_unstable();
+            assert!(all.into_iter().eq(0..count), "{count}");
+            // pieces stay where they are
+            assert!(order.iter().enumerate().all(|(to, from)| to / PIECE == from / PIECE));
+            if count >= PIECE {
+                let near = |pair: &[usize]| pair[0].abs_diff(pair[1]) < PIECE / STRIPS - 1;
+                assert!(!order[..PIECE].windows(2).any(near), "{count}");
+            }
         }
     }
 

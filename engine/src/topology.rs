@@ -167,6 +167,7 @@ impl Topology {
     }
 
     /// Whether some element uses an edge.
+    #[inline]
     pub fn uses_edge(&self, edge: usize) -> bool {
         !self.unused_edges.get(edge).copied().unwrap_or(false)
     }

@@ -880,17 +880,17 @@ impl<S: Scalar> VectorKernel for Advance<'_, '_, S> {
     #[inline(always)]
     fn run(self) {
         let Self { piece: p, by } = self;
-        let state = p.u.iter_mut().zip(p.v.iter_mut()).zip(p.low.iter_mut());
-        let given = p.force.iter().zip(p.external).zip(p.weight);
-        for (((u, v), low), ((f, e), w)) in state.zip(given) {
-            for k in 0..4 {
-                v[k] = by.keep * v[k] + by.kick * ((f[k] + e[k]) * w[k]);
-                let way = by.drift * v[k] + low[k];
-                let sum = u[k] + way;
-                let gained = sum - u[k];
-                low[k] = (u[k] - (sum - gained)) + (way - gained);
-                u[k] = sum;
-            }
+        // number by number: by rows the compiler shuffles them into registers of one axis each
+        let (u, v) = (p.u.as_flattened_mut().iter_mut(), p.v.as_flattened_mut().iter_mut());
+        let state = u.zip(v).zip(p.low.as_flattened_mut());
+        let given = p.force.as_flattened().iter().zip(p.external.as_flattened());
+        for (((u, v), low), ((&f, &e), &w)) in state.zip(given.zip(p.weight.as_flattened())) {
+            *v = by.keep * *v + by.kick * ((f + e) * w);
+            let way = by.drift * *v + *low;
+            let sum = *u + way;
+            let gained = sum - *u;
+            *low = (*u - (sum - gained)) + (way - gained);
+            *u = sum;
         }
     }
 }

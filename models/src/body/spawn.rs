@@ -12,7 +12,7 @@ use sinew_engine::element::{
 };
 use sinew_engine::isoparametric::{RestHexahedron, RestTetrahedron10};
 use sinew_engine::law::{BodiesWithoutRecovery, partition_laws};
-use sinew_engine::layout::BodyLayout;
+use sinew_engine::layout::{BodyLayout, spread};
 use sinew_engine::memory;
 use sinew_engine::precision::Precision;
 use sinew_engine::row::LocalRow;
@@ -542,10 +542,10 @@ impl SolidPart<'_> {
     ) -> Vec<u32> {
         let mut edges = world.query::<&EdgeChange<S>>();
         let mut next = edges.iter(world).len() as u32;
-        let mut rows = Vec::with_capacity(springs.tensile.len());
-        for &k in &springs.tensile {
-            rows.push(next);
-            next += u32::from(k != 0.0);
+        let mut rows = vec![next; springs.tensile.len()];
+        for edge in edges_with_springs(&springs.tensile) {
+            rows[edge] = next;
+            next += 1;
         }
         let edges = self.edges::<S>(&springs.tensile).map(|edge| {
             let change = EdgeChange::<S>::default();
@@ -557,12 +557,11 @@ impl SolidPart<'_> {
         }
         world.spawn_batch(edges);
         let cells = &self.layout.cells;
-        let triangles = cells.triangles.iter().zip(&cells.triangle_edges).zip(&springs.angular);
-        let triangles = triangles.filter_map(|((t, e), c)| {
-            let [a, b, c] = (*c)?.map(S::from_f64);
+        let triangles = spread(cells.triangles.len()).filter_map(|i| {
+            let [a, b, c] = springs.angular[i]?.map(S::from_f64);
             Some((
-                TriangleVertices(self.at.vertices(t)),
-                TriangleEdges(e.map(|e| rows[e as usize])),
+                TriangleVertices(self.at.vertices(&cells.triangles[i])),
+                TriangleEdges(cells.triangle_edges[i].map(|e| rows[e as usize])),
                 self.at.body,
                 AngularStiffness::<S, 0>(a),
                 AngularStiffness::<S, 1>(b),
@@ -581,18 +580,23 @@ impl SolidPart<'_> {
         &self,
         tensile: &[f64],
     ) -> impl Iterator<Item = impl Bundle<Effect: NoBundleEffect>> {
-        let edges = (0..).zip(self.layout.cells.edges.iter().zip(tensile));
-        edges.filter(|(_, (_, k))| **k != 0.0).map(|(i, (edge, &k))| {
+        edges_with_springs(tensile).map(|i| {
+            let edge = &self.layout.cells.edges[i];
             let [a, b] = edge.map(self.rest_of);
             (
                 EdgeVertices(self.at.vertices(edge)),
-                EdgeBlock(i + self.at.block),
+                EdgeBlock(i as u32 + self.at.block),
                 self.at.body,
                 rest_edge_bundle::<S>((a - b).to_array()),
-                TensileStiffness(S::from_f64(k)),
+                TensileStiffness(S::from_f64(tensile[i])),
             )
         })
     }
+}
+
+/// Edges of the layout that have a spring, in the order of their table.
+fn edges_with_springs(tensile: &[f64]) -> impl Iterator<Item = usize> {
+    spread(tensile.len()).filter(|&edge| tensile[edge] != 0.0)
 }
 
 /// Columns of the volumetric springs of a pooled tetrahedron.

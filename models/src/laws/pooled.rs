@@ -48,7 +48,9 @@ use crate::element::matrix::{add_identity, add_outer};
 use crate::element::precompute::OPPOSITE_EDGES;
 use crate::element::spring::{coupling_energy, edge_force, tensile_energy, tensile_tension};
 use crate::element::tetrahedron::TetrahedronTangent;
-use crate::frame::columns::{LawColumns, TangentSum, evaluate_span, scalar_columns, work};
+use crate::frame::columns::{
+    LawColumns, TangentSum, evaluate_span, load_vertices, scalar_columns, work,
+};
 use crate::frame::row::{ElementRows, Elements, LawRow, PlacedLaw, mark, partition};
 use crate::frame::tetrahedra::add_tangent;
 
@@ -521,12 +523,7 @@ impl<C, S: Scalar, const V: usize, const E: usize> CouplingColumns<'_, C, S, V, 
     /// Squared-length changes of the edges of the elements from `first` on.
     #[inline(always)]
     fn changes<L: Lanes<Scalar = S>>(&self, first: usize) -> [L; E] {
-        let of = &self.of[first..];
-        let mut delta = [L::ZERO; E];
-        for e in 0..E {
-            delta[e] = L::gather(self.change, of, e);
-        }
-        delta
+        L::gather(self.change, &self.of[first..])
     }
 
     #[inline(always)]
@@ -535,14 +532,24 @@ impl<C, S: Scalar, const V: usize, const E: usize> CouplingColumns<'_, C, S, V, 
         [L::load(&a[first..]), L::load(&b[first..]), L::load(&c[first..])]
     }
 
-    /// Deformed edge `e`, lower row minus higher; `a` and `b` are its local vertices in that order.
+    /// The first deformed edges, lower row minus higher; `ends` are their local vertices in that order.
     #[inline(always)]
-    fn edge<L: Lanes<Scalar = S>>(&self, first: usize, e: usize, a: usize, b: usize) -> [L; 3] {
-        let (of, nodes) = (&self.of[first..], &self.nodes[first..]);
-        let u = self.edges.displacement;
-        let mut d = sub(L::load_rows(u, nodes, a), L::load_rows(u, nodes, b));
-        for x in 0..3 {
-            d[x] += L::gather(self.edges.rest[x], of, e);
+    fn first_edges<L: Lanes<Scalar = S>, const N: usize>(
+        &self,
+        first: usize,
+        ends: &[[usize; 2]; N],
+    ) -> [[L; 3]; N] {
+        let nodes = &self.nodes[first..];
+        let [x, y, z] = self.edges.rest;
+        let of = &self.of[first..];
+        let rest = [L::gather(x, of), L::gather(y, of), L::gather(z, of)];
+        let u = load_vertices::<L, V>(self.edges.displacement, nodes);
+        let mut d = [[L::ZERO; 3]; N];
+        for e in 0..N {
+            let [a, b] = ends[e];
+            for x in 0..3 {
+                d[e][x] = u[a][x] - u[b][x] + rest[x][e];
+            }
         }
         d
     }
@@ -594,10 +601,7 @@ impl<C: Coupling<V, E>, S: Scalar, const V: usize, const E: usize> Batch<S>
     fn batch<L: Lanes<Scalar = S>>(&mut self, first: usize) {
         let delta = self.columns.changes::<L>(first);
         let s = C::tensions(self.columns.stiffness::<L>(first), delta);
-        let of = &self.columns.of[first..];
-        for e in 0..E {
-            s[e].add_at(self.tension, self.first_edge, of, e);
-        }
+        L::add_at(s, self.tension, self.first_edge, &self.columns.of[first..]);
     }
 }
 
@@ -635,11 +639,7 @@ impl Coupling<3, 3> for Angular<'_> {
         span: &mut Span<L::Scalar>,
     ) {
         let c = columns.stiffness::<L>(first);
-        let mut d = [[L::ZERO; 3]; 3];
-        for e in 0..3 {
-            let [a, b] = TRIANGLE_ENDS[e];
-            d[e] = columns.edge::<L>(first, e, a, b);
-        }
+        let d = columns.first_edges::<L, 3>(first, &TRIANGLE_ENDS);
         let nodes = &columns.nodes[first..];
         let mut blocks = [[0; 3]; MAX_LANES];
         for lane in 0..L::COUNT {
@@ -712,9 +712,7 @@ impl Coupling<4, 6> for Volumetric<'_> {
         let stiffness = columns.stiffness::<L>(first);
         // vertex 0 is the lowest row, so its edges run as stored; the others are differences
         let mut d = [[L::ZERO; 3]; 6];
-        for e in 0..3 {
-            d[e] = columns.edge::<L>(first, e, 0, e + 1);
-        }
+        d[..3].copy_from_slice(&columns.first_edges::<L, 3>(first, &[[0, 1], [0, 2], [0, 3]]));
         for e in 3..6 {
             let [a, b] = TETRAHEDRON_EDGES[e];
             d[e] = sub(d[b - 1], d[a - 1]);

@@ -1,8 +1,7 @@
 //! Compaction of tables and edge graph.
 //!
 //! Rows that are left move down in their order, column by column, and the entities at the end of the
-//! table are despawned, so that entities, tables and their order stay as a freshly spawned body would
-//! have them. Vertex rows do not change.
+//! table are despawned, so that ranges stay short as in a freshly spawned body. Vertex rows do not change.
 
 use bevy_ecs::prelude::*;
 use sinew_engine::columns::{can_move_rows, move_rows_to_front};
