@@ -329,6 +329,11 @@ fn random_body(random: &mut Random, name: &str) -> String {
          material = {{ young_modulus = {young:e}, poisson_ratio = {nu}, density = {density:e} }}\n",
         random.vector(0.1)
     );
+    // of surfaces that are closed; others are refused
+    let lattice = random.chance(5);
+    if lattice {
+        text += &format!("lattice = {:e}\n", random.log(8e-3, 0.1));
+    }
     let model = random.pick(&[
         "svk_comp",
         "svk",
@@ -341,7 +346,7 @@ fn random_body(random: &mut Random, name: &str) -> String {
         "corotational_warped",
         "mass_spring",
     ]);
-    if flat {
+    if flat && !lattice {
         text += &format!("membrane = {{ thickness = {:e} }}\n", random.log(1e-4, 1e-2));
     } else {
         text += &format!("model = \"{model}\"\n");

@@ -209,6 +209,13 @@ fn what_cannot_be_is_refused_by_name() {
         &format!("mesh = \"cubes.vtu\"\n{MATERIAL}, filled_field = \"filled\" }}"),
         &["filled_field", "hexahedron 7 is filled by 0"],
     );
+    cubes.cell_data[0].values.hexahedra[7] = 0.5;
+    cubes.cell_data[1].values.hexahedra[7] = 3.0;
+    write(&folder.join("cubes.vtu"), &cubes).unwrap();
+    refused(
+        &format!("mesh = \"cubes.vtu\"\n{MATERIAL}, filled_field = \"filled\" }}"),
+        &["filled_field", "hexahedron 7 is filled about [3.0", "sinew mesh lattice"],
+    );
     std::fs::remove_dir_all(folder).unwrap();
 }
 
@@ -230,8 +237,8 @@ fn a_coarse_lattice_is_told() {
     std::fs::remove_dir_all(folder).unwrap();
 }
 
-/// A beam that cubes fit is as exact as their hexahedra; where its sides cut them, what they are filled with counts as spread
-/// over all of the cube, which is too stiff in bending: 8 % with 6.4 cubes across, by the second moments of the cross-section.
+/// A beam is as exact where its sides cut cubes as where these fit: what fills them counts where it lies. Spread over all of the cube
+/// it would be 8 % too stiff with 6.4 cubes across, and 23 % with 3.2.
 #[test]
 fn beams_of_cubes_bend_as_they_are_filled() {
     let folder = folder("beam");
@@ -255,7 +262,7 @@ fn beams_of_cubes_bend_as_they_are_filled() {
     let cubes = |cell: f64| sag(&format!("cells = [10, 2, 2] }}\nlattice = {cell}")) / exact;
     let (fit, cut, coarse) = (cubes(0.01), cubes(0.003125), cubes(0.00625));
     assert!((0.98..1.01).contains(&fit), "{fit}");
-    assert!((0.88..0.98).contains(&cut), "{cut}");
-    assert!((0.70..0.85).contains(&coarse), "{coarse}");
+    assert!((0.96..1.02).contains(&cut), "{cut}");
+    assert!((0.96..1.03).contains(&coarse), "{coarse}");
     std::fs::remove_dir_all(folder).unwrap();
 }

@@ -39,7 +39,7 @@ pub mod io;
 mod lattice;
 pub mod merge;
 pub use embed::EmbeddedPoints;
-pub use lattice::{FILLED, LEAST_FILLED, LatticeReport};
+pub use lattice::{FILLED, Filled, LEAST_FILLED, LatticeReport};
 mod second_order;
 mod select;
 pub use second_order::PutOnSurface;

@@ -157,6 +157,7 @@ pub(crate) fn spawn_axes<S: Scalar>(
     spawn_rows::<S, _>(world, dampers, &damper::IN_TETRAHEDRA);
     let in_hexahedra = AtPoints {
         rest: &part.rest.hexahedra,
+        share: &|row| part.filled[row].share,
         rows: |row| hexahedron_rows(part, row),
         // directions of hexahedra follow those of tetrahedra
         element: |row| {
@@ -173,6 +174,7 @@ pub(crate) fn spawn_axes<S: Scalar>(
     spawn_at_points::<S, Brick, _, 8, 28, 8>(world, axes, (&groups, &muscles), &in_hexahedra);
     let in_tetrahedra10 = AtPoints {
         rest: &part.rest.tetrahedra10,
+        share: &|_| 1.0,
         rows: |row| tetrahedron10_rows(part, row),
         element: |row| part.layout.order.tetrahedra[row] as usize,
         laws: [
@@ -206,6 +208,8 @@ pub(crate) fn spawn_rows<S: Scalar, B: Bundle<Effect: NoBundleEffect>>(
 /// Elements of a kind in which axes lie at points.
 struct AtPoints<'a, Rows, Element, const Q: usize> {
     rest: &'a [RestPoints<Q>],
+    /// What share of an element is filled.
+    share: &'a dyn Fn(usize) -> f64,
     /// Rows and blocks of an element of the layout.
     rows: Rows,
     /// Its number in lists of directions.
@@ -233,11 +237,14 @@ fn spawn_at_points<S, E, R, const V: usize, const P: usize, const Q: usize>(
     let derivatives = E::derivatives::<f64>();
     for (row, rest) in of.rest.iter().enumerate() {
         let rows = (of.rows)(row);
-        let place = (rows, points::shares(rest).component::<S>());
+        let filled = (of.share)(row);
+        let mut shares = points::shares(rest);
+        shares.volume = shares.volume.map(|v| filled * v);
+        let place = (rows, shares.component::<S>());
         let volume = rest.total_volume();
         let e = (of.element)(row);
         for q in 0..Q {
-            for (axis, viscosity) in viscous(axes, e, rest.volume[q]) {
+            for (axis, viscosity) in viscous(axes, e, filled * rest.volume[q]) {
                 let shape = points::shape_of(&derivatives, rest, q, axis);
                 dampers.push((rows, AxialDamper::new(axis.to_array(), shape, viscosity)));
             }

@@ -149,7 +149,8 @@ fn set_hourglass_stiffness<S: Scalar>(
         if id.0 as usize == body && volume.0 != S::ZERO {
             let place = matter.ordered.order.tetrahedra.len() + index.0 as usize;
             let points = nodes.0.map(|row| (matter.rest_of)(row - first).to_array());
-            *stiffness = HourglassStiffness::new(&points, model.lame(lame[place]));
+            let filled = matter.field.filled_at(place);
+            *stiffness = HourglassStiffness::new(&points, model.lame(lame[place]), &filled);
         }
     }
 }

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use sinew_engine::connectivity::ElementKind;
 use sinew_engine::isoparametric::RestShapeError;
 use sinew_engine::memory;
-use sinew_engine::mesh::Mesh;
+use sinew_engine::mesh::{Filled, Mesh};
 use sinew_identify::mass::MassLumping;
 use std::sync::Arc;
 
@@ -46,9 +46,10 @@ pub struct BodyDescription<'a> {
     pub poisson_ratio: Option<&'a [f64]>,
     /// Density (kg/m^3) of every element, likewise.
     pub density: Option<&'a [f64]>,
-    /// Share of every element that is filled, above 0 and at most 1, where elements reach beyond the body: it multiplies
-    /// stiffness and density. [`Mesh::lattice`] gives it as cell data.
-    pub filled: Option<&'a [f64]>,
+    /// What of every element is filled, where elements reach beyond the body: its share multiplies stiffness and density, masses
+    /// of hexahedra go by where it lies, and so do energies of those with [`Integration::Reduced`]. [`Mesh::lattice`] gives it as cell
+    /// data, [`Mesh::filled`] reads that.
+    pub filled: Option<&'a [Filled]>,
     /// Energy.
     pub model: Model,
     /// Evaluation.

@@ -6,6 +6,7 @@ use super::description::{MassRule, SoftBody};
 use super::lumped::{self, ElementSprings, GivenSprings, SpringRule};
 use super::sheet::{MembraneModel, MembraneSettings, PlaneState};
 use crate::axes::description::{AxisFamily, biquadratic};
+use crate::element::hourglass;
 use crate::element::membrane::{self, RestTriangle};
 use crate::element::precompute::{ADJACENT_PAIRS, RestTetrahedron, SpringConstants};
 use crate::frame::rules::Evaluation;
@@ -215,7 +216,11 @@ impl Matter<'_> {
             let density = density(ElementKind::Hexahedron, h);
             let nodes = self.ordered.hexahedra()[h as usize];
             let volumes = self.nodal_shares(nodes);
-            let volumes = volumes.unwrap_or_else(|| self.hexahedron(h).vertex_volumes());
+            let volumes = volumes.unwrap_or_else(|| {
+                let points = nodes.map(|v| (self.rest_of)(v).to_array());
+                let filled = self.field.filled_at(self.place(ElementKind::Hexahedron, h));
+                hourglass::vertex_volumes(&self.hexahedron(h), &points, &filled)
+            });
             add(&nodes, &volumes.map(|volume| density * volume));
         }
         let Some(sheet) = self.membrane else { return mass };

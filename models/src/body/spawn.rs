@@ -149,9 +149,12 @@ fn spawn<S: Scalar>(world: &mut World, body: &BodyDescription) -> Result<Entity,
         (_, None) if layout.tetrahedra().is_empty() => Vec::new(),
         (_, None) => clusters::grow(layout.vertex_order.len(), layout.tetrahedra(), &lame[0]),
     };
+    let hexahedra = 0..layout.order.hexahedra.len() as u32;
+    let place = |h| matter.place(ElementKind::Hexahedron, h);
+    let filled = hexahedra.map(|h| matter.field.filled_at(place(h))).collect();
     let compression = model.has_compression();
     let (layout, rest_of, rest) = (&layout, &rest_of, &rest);
-    let part = SolidPart { layout, rest_of, rest, lame, compression, clusters, at };
+    let part = SolidPart { layout, rest_of, rest, lame, filled, compression, clusters, at };
     part.spawn_vertices::<S>(world, &masses, &shifts);
     if model.softens() {
         report_compression::<S>(world, at.body.0);

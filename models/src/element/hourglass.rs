@@ -48,8 +48,19 @@
 //! much as leaves `K` semidefinite: it still holds the modes when an element is flattened, where `F^T q` vanishes. With the mean
 //! over directions `M_gh = 1/3 sum_i K_h(gi, hi)` and the least eigenvalue `t` of `K_h` against `M x I`, `kappa = 0.3 t M`. So no mode
 //! loses its stiffness under any compression, as incompatible modes do (Wriggers & Reese 1996).
+//!
+//! # Elements that are filled in part
+//!
+//! All means and integrals are those over what is filled, with `V` and the moduli times its share: `b_a = <grad N_a>` is then the
+//! gradient where the matter is, and affine fields stay exact whatever is filled. The part is stood in for by a
+//! parallelepiped in local coordinates of the same middle and the same second moments, on which the Gauss rule of 3x3x3 points lies: exact
+//! for what planes along the axes cut off. `m_k` loses its mean. A flat part would leave modes nearly without stiffness, so the second
+//! moments are drawn towards those of the whole element by a sixteenth: nothing is thinner than a quarter of it.
 
-use sinew_engine::isoparametric::{CORNERS, RestHexahedron, gauss_point, hexahedron_derivatives};
+use sinew_engine::isoparametric::{
+    CORNERS, RestHexahedron, gauss_point, hexahedron_derivatives, hexahedron_shape,
+};
+use sinew_engine::mesh::Filled;
 use sinew_engine::scalar::{Real, add, cross, dot, mat_vec, scale, sub};
 
 use crate::element::matrix::{add_identity, add_outer, deformation, rows, transposed};
@@ -104,11 +115,14 @@ fn combined(derivatives: [f64; 3], d: &[[f64; 3]; 3]) -> [f64; 3] {
 }
 
 impl RestShape {
-    /// Of a hexahedron with these corners (m), whose rest shape at Gauss points is `rest`.
-    pub fn new(rest: &RestHexahedron, points: &[[f64; 3]; 8]) -> Self {
+    /// Of a hexahedron with these corners (m), whose rest shape at Gauss points is `rest`; the volume is that of all of it.
+    pub fn new(rest: &RestHexahedron, points: &[[f64; 3]; 8], filled: &Filled) -> Self {
         let volume = rest.total_volume();
         let mut weights = [[0.0; 8]; 7];
-        for q in 0..8 {
+        if !filled.is_even() {
+            weights[..3].copy_from_slice(&mean_gradients(points, filled));
+        }
+        for q in (0..8).filter(|_| filled.is_even()) {
             for (a, derivatives) in hexahedron_derivatives(gauss_point(q)).into_iter().enumerate() {
                 let gradient = combined(derivatives, &rest.gradients[q]);
                 for x in 0..3 {
@@ -131,6 +145,75 @@ impl RestShape {
         }
         Self { weights, volume }
     }
+}
+
+/// Part of the way by which second moments of what is filled are drawn towards those of the whole element.
+const DRAWN: f64 = 1.0 / 16.0;
+
+/// Least mass of a vertex over an eighth of the element's. What is filled next to the face opposite gives its shape function next to
+/// nothing, and explicit steps would be the shorter for it.
+const LEAST_MASS: f64 = 0.25;
+
+/// Gauss rule over what is filled: local coordinates, and weights that give the volume of all of the element.
+fn rule(filled: &Filled, points: &[[f64; 3]; 8]) -> Vec<([f64; 3], f64)> {
+    let [a, b, c, d, e, f] = filled.spread;
+    let wide = [a, b, c].map(|s| 3.0 * (s + DRAWN * (1.0 / 3.0 - s)));
+    let [yz, zx, xy] = [d, e, f].map(|s| 3.0 * (1.0 - DRAWN) * s);
+    let moments = [[wide[0], xy, zx], [xy, wide[1], yz], [zx, yz, wide[2]]];
+    // definite where the moments are those of a part
+    let unit = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+    let edges = cholesky(&moments).unwrap_or(unit);
+    let mut all = Vec::with_capacity(27);
+    for (x, wx) in THREE {
+        for (y, wy) in THREE {
+            for (z, wz) in THREE {
+                let local = edges.map(|row| dot(row, [x, y, z]));
+                all.push((add(filled.middle, local), wx * wy * wz));
+            }
+        }
+    }
+    if !filled.is_even() {
+        let volume = |rule: &[([f64; 3], f64)]| -> f64 {
+            rule.iter().map(|(local, weight)| weight * gradients(edges_at(*local, points)).0).sum()
+        };
+        let factor = volume(&rule(&Filled::evenly(1.0), points)) / volume(&all);
+        all.iter_mut().for_each(|(_, weight)| *weight *= factor);
+    }
+    all
+}
+
+/// `<grad N_a>` (1/m), component by component.
+fn mean_gradients(points: &[[f64; 3]; 8], filled: &Filled) -> [[f64; 8]; 3] {
+    let (mut sums, mut volume) = ([[0.0; 8]; 3], 0.0);
+    for (local, weight) in rule(filled, points) {
+        let (jacobian, d) = gradients(edges_at(local, points));
+        volume += weight * jacobian;
+        for (a, derivatives) in hexahedron_derivatives(local).into_iter().enumerate() {
+            let gradient = combined(derivatives, &d);
+            for x in 0..3 {
+                sums[x][a] += weight * jacobian * gradient[x];
+            }
+        }
+    }
+    sums.map(|row| row.map(|sum| sum / volume))
+}
+
+/// Volume (m^3) of every vertex, `int N_a dV` over what is filled as if it filled all of the element, but not less than a share.
+pub fn vertex_volumes(rest: &RestHexahedron, points: &[[f64; 3]; 8], filled: &Filled) -> [f64; 8] {
+    if filled.is_even() {
+        return rest.vertex_volumes();
+    }
+    let mut shares = [0.0; 8];
+    for (local, weight) in rule(filled, points) {
+        let (jacobian, _) = gradients(edges_at(local, points));
+        for (share, n) in shares.iter_mut().zip(hexahedron_shape(local)) {
+            *share += weight * jacobian * n;
+        }
+    }
+    let whole: f64 = shares.iter().sum();
+    let shares = shares.map(|share| (share / whole).max(LEAST_MASS / 8.0));
+    let sum: f64 = shares.iter().sum();
+    shares.map(|share| rest.total_volume() * share / sum)
 }
 
 /// Number of entries of [`Stiffness`].
@@ -182,13 +265,17 @@ const MODES: [(usize, [usize; 2]); 9] = [
 type Square<const N: usize> = [[f64; N]; N];
 
 impl Stiffness<f64> {
-    /// Of a hexahedron with these corners (m), whose rest shape is usable, and this material.
-    pub fn new(points: &[[f64; 3]; 8], LameParameters { lambda, mu }: LameParameters) -> Self {
+    /// Of a hexahedron with these corners (m), whose rest shape is usable, and this material, already times the share.
+    pub fn new(
+        points: &[[f64; 3]; 8],
+        LameParameters { lambda, mu }: LameParameters,
+        filled: &Filled,
+    ) -> Self {
         let mut all = [0.0; ENTRIES];
         if mu <= 0.0 {
             return Self(all);
         }
-        let whole = Self::whole(points, lambda.min(mu), mu);
+        let whole = Self::whole(points, lambda.min(mu), mu, filled);
         let mut kappa = [[0.0; 4]; 4];
         for g in 0..4 {
             for h in 0..4 {
@@ -212,7 +299,7 @@ impl Stiffness<f64> {
     }
 
     /// `K_h`, over 3x3x3 points.
-    fn whole(points: &[[f64; 3]; 8], lambda: f64, mu: f64) -> Square<12> {
+    fn whole(points: &[[f64; 3]; 8], lambda: f64, mu: f64, filled: &Filled) -> Square<12> {
         let stress = |m: &[f64; 9]| {
             let mut stress = m.map(|x| 2.0 * mu * x);
             add_identity(&mut stress, lambda * (m[0] + m[4] + m[8]));
@@ -221,20 +308,14 @@ impl Stiffness<f64> {
         // gradients of h and the weights (m^3) of all points
         let mut at = Vec::with_capacity(27);
         let (mut mean, mut volume) = ([[0.0; 3]; 4], 0.0);
-        for (x, wx) in THREE {
-            for (y, wy) in THREE {
-                for (z, wz) in THREE {
-                    let local = [x, y, z];
-                    let (jacobian, d) = gradients(edges_at(local, points));
-                    let weight = wx * wy * wz;
-                    let h = function_derivatives(local).map(|own| combined(own, &d));
-                    volume += weight * jacobian;
-                    for g in 0..4 {
-                        mean[g] = add(mean[g], scale(h[g], weight * jacobian));
-                    }
-                    at.push((local, weight, jacobian, h));
-                }
+        for (local, weight) in rule(filled, points) {
+            let (jacobian, d) = gradients(edges_at(local, points));
+            let h = function_derivatives(local).map(|own| combined(own, &d));
+            volume += weight * jacobian;
+            for g in 0..4 {
+                mean[g] = add(mean[g], scale(h[g], weight * jacobian));
             }
+            at.push((local, weight, jacobian, h));
         }
         let mean = mean.map(|h| scale(h, 1.0 / volume));
         // the tensors of the enhanced strains in the middle, and moments of what multiplies them
@@ -248,6 +329,13 @@ impl Stiffness<f64> {
         let stresses: [[f64; 9]; 9] = tensors.map(|m| stress(&m));
         let mut whole = [[0.0; 12]; 12];
         let (mut first, mut second) = ([[[0.0; 3]; 4]; 3], [[0.0; 3]; 3]);
+        if !filled.is_even() {
+            // the means of what multiplies them are taken away; those of the differences of gradients are none
+            let mut sum = [0.0; 3];
+            at.iter()
+                .for_each(|(local, weight, ..)| sum = add(sum, scale(*local, weight * middle)));
+            second = sum.map(|a| scale(sum, -a / volume));
+        }
         for (local, weight, jacobian, h) in at {
             let h: [[f64; 3]; 4] = std::array::from_fn(|g| sub(h[g], mean[g]));
             for k in 0..3 {

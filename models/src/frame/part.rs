@@ -11,6 +11,7 @@ use sinew_engine::isoparametric::{
     RestHexahedron, RestPoints, RestTetrahedron10, Tetrahedron10Blocks, Tetrahedron10Vertices,
 };
 use sinew_engine::layout::BodyLayout;
+use sinew_engine::mesh::Filled;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::vertex::BodyId;
 
@@ -81,6 +82,8 @@ pub struct SolidPart<'a> {
     pub(crate) rest: &'a RestShapes,
     /// Lamé parameters of tetrahedra and of hexahedra.
     pub(crate) lame: [Vec<LameParameters>; 2],
+    /// What fills hexahedra.
+    pub(crate) filled: Vec<Filled>,
     /// Whether their law has the compression term.
     pub(crate) compression: bool,
     /// Cluster of every tetrahedron, where the body has them.
@@ -153,10 +156,10 @@ impl SolidPart<'_> {
             },
         );
         let shapes = layout.hexahedra().iter().zip(&rest.hexahedra).zip(&lame[1]);
-        elements.zip(shapes).map(|(own, ((nodes, rest), &lame))| {
+        elements.zip(shapes.zip(&self.filled)).map(|(own, (((nodes, rest), &lame), filled))| {
             let points = nodes.map(|row| (self.rest_of)(row).to_array());
-            let shape = HexahedronShape::<S>::new(&RestShape::new(rest, &points));
-            let stiffness = HourglassStiffness::<S>::new(&points, lame);
+            let shape = HexahedronShape::<S>::new(&RestShape::new(rest, &points, filled));
+            let stiffness = HourglassStiffness::<S>::new(&points, lame, filled);
             let corners = points_bundle::<S, 8>(&rest.at_corners(&points));
             (own, shape, stiffness, corners, CornerPoints)
         })

@@ -18,6 +18,7 @@ use sinew_engine::isoparametric::{
 };
 use sinew_engine::lanes::{Batch, Batches, Kernel, Lanes, MAX_LANES};
 use sinew_engine::law::{EvaluationRequest, LawBuffer, LawInfo, Span, TangentKind};
+use sinew_engine::mesh::Filled;
 use sinew_engine::scalar::{Calculation, Real, Scalar, mat_vec};
 use sinew_engine::schedule::Evaluation;
 use sinew_engine::vertex::Displacement;
@@ -94,8 +95,8 @@ pub struct HourglassStiffness<S: Scalar>(pub [[S; 4]; STIFFNESS]);
 
 impl<S: Scalar> HourglassStiffness<S> {
     /// Of a hexahedron with these corners (m) and this material.
-    pub(crate) fn new(points: &[[f64; 3]; 8], lame: LameParameters) -> Self {
-        Self(in_rows(&Stiffness::new(points, lame).0))
+    pub(crate) fn new(points: &[[f64; 3]; 8], lame: LameParameters, filled: &Filled) -> Self {
+        Self(in_rows(&Stiffness::new(points, lame, filled).0))
     }
 }
 

@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 use sinew_engine::connectivity::ElementKind;
+use sinew_engine::mesh::Filled;
 use sinew_identify::{ElementMethod, IdentifyError};
 use std::fmt;
 use std::sync::Arc;
@@ -33,9 +34,9 @@ pub struct MaterialField<'a> {
     pub poisson_ratio: Option<&'a [f64]>,
     /// Densities, kg/m^3.
     pub density: Option<&'a [f64]>,
-    /// Share of every element that is filled with the material, above 0 and at most 1: it multiplies Young's modulus and
+    /// What of every element is filled with the material: its share multiplies Young's modulus and
     /// density. It belongs to the shape of a body, and stays when its material is changed.
-    pub filled: Option<&'a [f64]>,
+    pub filled: Option<&'a [Filled]>,
 }
 
 /// The arrays of a [`MaterialField`], kept with the body.
@@ -46,7 +47,7 @@ pub struct MaterialArrays {
     density: Option<Arc<[f64]>>,
     // belongs to the shape, which a log of edits has from elsewhere
     #[serde(skip)]
-    filled: Option<Arc<[f64]>>,
+    filled: Option<Arc<[Filled]>>,
 }
 
 /// Snapshots know a scene by a sum over this text: without shares it is that of versions that knew none.
@@ -149,6 +150,19 @@ pub enum FieldError {
         /// The share.
         share: f64,
     },
+    /// No part of the element has such moments.
+    #[error(
+        "{} {index} is filled about {:?} with the covariances {:?}, in coordinates from -1 to 1, as no part of it can be: write          the cell data again with `sinew mesh lattice`, or leave out those of middle, spread and skew",
+        .kind.name(), .filled.middle, .filled.spread
+    )]
+    FilledPlace {
+        /// Kind of the element.
+        kind: ElementKind,
+        /// Index in the user's mesh.
+        index: usize,
+        /// The moments.
+        filled: Box<Filled>,
+    },
 }
 
 impl From<YoungPoisson> for MaterialField<'_> {
@@ -161,12 +175,17 @@ impl MaterialField<'_> {
     /// Material of an element, hexahedra counted after tetrahedra.
     pub fn at(&self, element: usize) -> YoungPoisson {
         let pick = |field: Option<&[f64]>, base| field.map_or(base, |values| values[element]);
-        let share = pick(self.filled, 1.0);
+        let share = self.filled.map_or(1.0, |filled| filled[element].share);
         YoungPoisson {
             young_modulus: share * pick(self.young_modulus, self.material.young_modulus),
             poisson_ratio: pick(self.poisson_ratio, self.material.poisson_ratio),
             density: share * pick(self.density, self.material.density),
         }
+    }
+
+    /// What of an element is filled.
+    pub fn filled_at(&self, element: usize) -> Filled {
+        self.filled.map_or(Filled::evenly(1.0), |filled| filled[element])
     }
 
     /// Plausibility of valid materials of elements as soft tissue, by their smallest and largest constants; see
@@ -203,7 +222,8 @@ impl MaterialField<'_> {
 
     /// Whether elements have values of their own.
     pub fn varies(&self) -> bool {
-        self.young_modulus.or(self.poisson_ratio).or(self.density).or(self.filled).is_some()
+        self.young_modulus.or(self.poisson_ratio).or(self.density).is_some()
+            || self.filled.is_some()
     }
 
     /// Checks the material of every element.
@@ -224,26 +244,31 @@ impl MaterialField<'_> {
         hexahedra: usize,
     ) -> Result<Vec<LameParameters>, FieldError> {
         let count = tetrahedra + hexahedra;
+        let length = |field: Option<&[f64]>| field.map(<[f64]>::len);
         let fields = [
-            ("Young's modulus", self.young_modulus),
-            ("Poisson's ratio", self.poisson_ratio),
-            ("density", self.density),
-            ("the filled share", self.filled),
+            ("Young's modulus", length(self.young_modulus)),
+            ("Poisson's ratio", length(self.poisson_ratio)),
+            ("density", length(self.density)),
+            ("what is filled", self.filled.map(<[Filled]>::len)),
         ];
-        for (quantity, field) in fields {
-            if let Some(found) = field.map(<[f64]>::len).filter(|&n| n != count) {
+        for (quantity, found) in fields {
+            if let Some(found) = found.filter(|&n| n != count) {
                 return Err(FieldError::Length { quantity, found, expected: count });
             }
         }
         let shares = self.filled.unwrap_or_default().iter().copied().enumerate();
-        for (element, share) in shares {
+        for (element, filled) in shares {
+            let (kind, index) = match element.checked_sub(tetrahedra) {
+                None => (ElementKind::Tetrahedron, element),
+                Some(hexahedron) => (ElementKind::Hexahedron, hexahedron),
+            };
+            let share = filled.share;
             // sums of shares may round up
             if !(share > 0.0 && share <= 1.0 + 1e-9) {
-                let (kind, index) = match element.checked_sub(tetrahedra) {
-                    None => (ElementKind::Tetrahedron, element),
-                    Some(hexahedron) => (ElementKind::Hexahedron, hexahedron),
-                };
                 return Err(FieldError::Filled { kind, index, share });
+            }
+            if !filled.is_possible() {
+                return Err(FieldError::FilledPlace { kind, index, filled: Box::new(filled) });
             }
         }
         if count == 0 {

@@ -10,7 +10,7 @@ use crate::error::SceneError;
 use crate::scene::{BodyEntry, Key, MembraneEntry, PreparedMesh, SpringMethod};
 use crate::springs::{Matter, Springs};
 use crate::warning::{Level, Warning};
-use sinew::engine::mesh::{CheckOptions, FILLED, LatticeReport, Mesh, check};
+use sinew::engine::mesh::{CheckOptions, FILLED, Filled, LatticeReport, Mesh, check};
 use sinew::models::body::lumped::{HexahedronSprings, SpringRule, UniformSprings};
 use sinew::models::body::sheet::{
     Bending, MembraneDescription, MembraneModel, MembraneSettings, PlaneState,
@@ -48,7 +48,7 @@ pub(super) fn body(
         Ok(PreparedMesh { placed, checked, carried, lattice })
     })?;
     let material = material(&prepared.placed)?;
-    let PreparedMesh { mut checked, carried, lattice, .. } = Arc::unwrap_or_clone(prepared);
+    let PreparedMesh { placed, mut checked, carried, lattice } = Arc::unwrap_or_clone(prepared);
     built.warnings.extend(lattice.and_then(|report| lattice_warning(key, &report)));
     let membrane = match &body.membrane {
         Some(entry) => {
@@ -77,7 +77,7 @@ pub(super) fn body(
     let young_modulus = field("young_modulus", &entry.young_modulus_field)?;
     let poisson_ratio = field("poisson_ratio", &entry.poisson_ratio_field)?;
     let density = field("density", &entry.density_field)?;
-    let filled = filled(key, body, &checked.mesh)?;
+    let filled = filled(key, body, [&placed, &checked.mesh])?;
     let axes = axes::axes(key, body, &checked.mesh, built.plan.mode, &mut built.warnings)?;
     let rule =
         spring_rule(key, (body.element_method, body.spring_constant), body.hexahedron_springs)?;
@@ -153,8 +153,12 @@ fn carried(key: &Key, surface: &Mesh, body: &Mesh) -> Result<CarriedSurface, Sce
     Ok(carried)
 }
 
-/// Share of every solid element that is filled, when a scene says so.
-fn filled(key: &Key, body: &BodyEntry, mesh: &Mesh) -> Result<Option<Vec<f64>>, SceneError> {
+/// What of every solid element is filled, when a scene says so. `placed` is the mesh before its elements were turned round.
+fn filled(
+    key: &Key,
+    body: &BodyEntry,
+    [placed, mesh]: [&Mesh; 2],
+) -> Result<Option<Vec<Filled>>, SceneError> {
     let own = FILLED.to_string();
     let (key, name) = match (&body.material.filled_field, body.lattice) {
         (Some(_), Some(_)) => {
@@ -165,7 +169,18 @@ fn filled(key: &Key, body: &BodyEntry, mesh: &Mesh) -> Result<Option<Vec<f64>>, 
         (None, Some(_)) => (key.at("lattice"), &own),
         (None, None) => return Ok(None),
     };
-    cell_data(&key, Some(name), mesh)
+    cell_data(&key, Some(name), mesh)?;
+    let mut filled = mesh.filled(name);
+    let (all, first) = (filled.iter_mut().flatten(), mesh.tetrahedra.len());
+    for (own, pair) in all.skip(first).zip(mesh.hexahedra.iter().zip(&placed.hexahedra)) {
+        // bottom and top were exchanged
+        if pair.0 != pair.1 {
+            let [_, _, z] = &mut own.middle;
+            let [.., yz, zx, _] = &mut own.spread;
+            [z, yz, zx].into_iter().for_each(|x| *x = -*x);
+        }
+    }
+    Ok(filled)
 }
 
 /// What a lattice lost of the volume inside its surface, as a share of it from which on it is a warning.

@@ -215,7 +215,7 @@ pub(super) fn field_error(
         FieldError::Tetrahedron { source, .. } | FieldError::Hexahedron { source, .. } => {
             material_key(source)
         }
-        FieldError::Filled { .. } => "filled",
+        FieldError::Filled { .. } | FieldError::FilledPlace { .. } => "filled",
         _ => "",
     };
     let array = match quantity {
