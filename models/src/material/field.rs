@@ -152,7 +152,7 @@ pub enum FieldError {
     },
     /// No part of the element has such moments.
     #[error(
-        "{} {index} is filled about {:?} with the covariances {:?}, in coordinates from -1 to 1, as no part of it can be: write          the cell data again with `sinew mesh lattice`, or leave out those of middle, spread and skew",
+        "{} {index} is filled about {:?} with the covariances {:?}, in coordinates from -1 to 1, as no part of it can be: write the cell data again with `sinew mesh lattice`, or leave out those of middle, spread and skew",
         .kind.name(), .filled.middle, .filled.spread
     )]
     FilledPlace {

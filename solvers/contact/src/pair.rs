@@ -8,7 +8,8 @@ use sinew_engine::order::Order;
 use sinew_engine::topology::BodyHandle;
 
 /// Two bodies that may touch each other: vertices of either surface against the faces of the other, half of the area
-/// each. Bodies that touch share one solve.
+/// each. Bodies that touch share one solve. One whose vertices are all held is a wall: its stiffness does not count, and where its
+/// edges are longer than those of the other it is the other's vertices alone that touch.
 #[derive(Component, Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[require(BodyContactReport, Order)]
 pub struct BodyContact {
