@@ -91,7 +91,9 @@ pub fn run(
             });
         }
     }
-    let quick = options.quick;
+    // beside other parts those that take many minutes are as short as in a quick bench: the page is for a coffee break
+    let (quick, brief) = (options.quick, options.quick || parts.len() > 1);
+    let short = BenchOptions { quick: brief, ..options.clone() };
     let mut report = BenchReport::new(command, quick);
     let cores = report.machine.cores;
     let threads = if cores > 1 { vec![1, 2] } else { vec![1] };
@@ -119,27 +121,29 @@ pub fn run(
             }
             BenchPart::Step => {
                 let rounds = rounds([8, 12], [2, 2], [0.2, 0.3]);
-                report.step = Some(step::run(&sizes([1, 3]), &threads, rounds, &mut tell)?);
+                let sizes = sizes([1, if brief { 2 } else { 3 }]);
+                report.step = Some(step::run(&sizes, &threads, rounds, &mut tell)?);
             }
             BenchPart::Accuracy => {
                 let rounds = rounds([3, 5], [1, 1], [0.05, 0.5]);
-                report.accuracy = Some(accuracy::run(options, rounds, &mut tell)?);
+                report.accuracy = Some(accuracy::run(&short, rounds, &mut tell)?);
             }
-            BenchPart::Integrators => report.tables.extend(integrators::run(quick, &mut tell)?),
+            BenchPart::Integrators => report.tables.extend(integrators::run(brief, &mut tell)?),
             BenchPart::Scenes => {
-                report.tables.push(scenes::run(quick.then_some(50), &mut tell)?);
+                report.tables.push(scenes::run(brief.then_some(50), &mut tell)?);
             }
             BenchPart::Peers => {
                 tell("peers");
-                report.peers = Some(crate::peers::run(options)?);
+                report.peers = Some(crate::peers::run(&short)?);
             }
             BenchPart::Resection => {
                 let frames = if quick { 100 } else { 500 };
                 report.tables.extend(resection::run(&sizes([1, 2]), frames, 2, &mut tell)?);
             }
             BenchPart::Contact => {
-                let (repeats, kinds) = (if quick { 2 } else { 5 }, &options.cases);
-                let found = contact::run(&sizes([1, 2]), &threads, repeats, kinds, &mut tell)?;
+                let (repeats, kinds) = (if brief { 2 } else { 5 }, &options.cases);
+                let sizes = sizes([1, if brief { 1 } else { 2 }]);
+                let found = contact::run(&sizes, &threads, repeats, kinds, &mut tell)?;
                 report.tables.push(found.0);
                 aims = found.1;
             }
