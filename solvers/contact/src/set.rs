@@ -491,7 +491,9 @@ impl ContactSet {
             if point.clear > 0.0 {
                 // one that is beside none touches none before it has come to the nearest
                 let nearest = faces.iter().map(|face| face.distance).fold(f64::INFINITY, f64::min);
-                let found = beside(at, faces, 0.0, &place, point.rim);
+                // seldom asked, so not compiled for this alone
+                let place: &dyn Fn(VertexRow) -> DVec3 = &place;
+                let found = beside(at, faces, 0.0, place, point.rim);
                 point.note_distance(found.map_or(nearest, |found| found.distance));
             }
         }

@@ -77,7 +77,7 @@ impl ContactSet {
         let (mut by, mut out, mut wholly, mut deep) = (0.0_f64, DVec3::ZERO, false, false);
         for ([from, to], sign) in [([a, b], 1.0), ([b, a], -1.0)] {
             let (own, other) = (&self.skins[from].skin, &self.skins[to].skin);
-            let x = |row: VertexRow| other.at[row.index()];
+            let x: &dyn Fn(VertexRow) -> DVec3 = &|row| other.at[row.index()];
             let facets = (0..other.sheets).flat_map(|face| other.facets(face));
             let mut facets: Vec<NearFacet> =
                 facets.map(|f| NearFacet { rows: f.map(VertexRow), distance: 0.0 }).collect();
@@ -90,9 +90,9 @@ impl ContactSet {
                 }
                 inside += 1;
                 for facet in &mut facets {
-                    facet.distance = distance(at, &facet.rows, &x);
+                    facet.distance = distance(at, &facet.rows, x);
                 }
-                let found = beside(at, &facets, ROUNDING * other.edge, &x, Rim::None);
+                let found = beside(at, &facets, ROUNDING * other.edge, x, Rim::None);
                 let Some(Beside { distance, normal, .. }) = found else { return };
                 by = by.max(-distance);
                 deep |= -distance > INSIDE * other.edge;
@@ -275,11 +275,12 @@ impl ContactSkin {
         let at = own.at[i];
         let nearer = |a: &&Reached, b: &&Reached| a.distance.total_cmp(&b.distance);
         let Some(nearest) = reached.iter().min_by(nearer) else { return Place::Beyond };
-        let x = |row: VertexRow| self.at[row.index()];
+        // once a step, so not compiled for this alone
+        let x: &dyn Fn(VertexRow) -> DVec3 = &|row| self.at[row.index()];
         let local = |reached: &Reached| reached.facet.map(VertexRow);
         let facets = |reached| NearFacet { rows: local(reached), distance: reached.distance };
         let facets: Vec<NearFacet> = reached.iter().map(facets).collect();
-        let found = beside(at, &facets, ROUNDING * self.edge, &x, rim);
+        let found = beside(at, &facets, ROUNDING * self.edge, x, rim);
         if found.is_none() && nearest.membrane {
             // on no side of it yet
             return Place::Beyond;
@@ -293,7 +294,7 @@ impl ContactSkin {
                 false => Place::Beside { side: memory.side, distance },
             };
         }
-        let triangle = facet_corners(&local(nearest), &x);
+        let triangle = facet_corners(&local(nearest), x);
         let [a, b, c] = triangle;
         let upward = (b - a).cross(c - a).normalize_or_zero();
         let arm = at - point_in(triangle, nearest.weights);
