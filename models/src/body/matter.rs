@@ -18,6 +18,7 @@ use sinew_engine::connectivity::{ByKind, ElementKind};
 use sinew_engine::element::TETRAHEDRON_FACES;
 use sinew_engine::isoparametric::{RestHexahedron, RestQuad, RestTetrahedron10};
 use sinew_engine::layout::{BodyElements, Cells};
+use sinew_engine::mesh::Filled;
 use sinew_engine::row::LocalRow;
 use sinew_engine::scalar::sub;
 use sinew_identify::cells::Cells as Elements;
@@ -154,6 +155,13 @@ impl Matter<'_> {
     /// Material of a solid element.
     pub fn material(&self, kind: ElementKind, element: u32) -> YoungPoisson {
         self.field.at(self.place(kind, element))
+    }
+
+    /// What of its hexahedra is filled.
+    pub fn filled(&self) -> Vec<Filled> {
+        let hexahedra = 0..self.ordered.order.hexahedra.len() as u32;
+        let filled = |h| self.field.filled_at(self.place(ElementKind::Hexahedron, h));
+        hexahedra.map(filled).collect()
     }
 
     /// Its membrane, if the springs of that are those of the pooled systems.

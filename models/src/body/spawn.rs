@@ -149,10 +149,7 @@ fn spawn<S: Scalar>(world: &mut World, body: &BodyDescription) -> Result<Entity,
         (_, None) if layout.tetrahedra().is_empty() => Vec::new(),
         (_, None) => clusters::grow(layout.vertex_order.len(), layout.tetrahedra(), &lame[0]),
     };
-    let hexahedra = 0..layout.order.hexahedra.len() as u32;
-    let place = |h| matter.place(ElementKind::Hexahedron, h);
-    let filled = hexahedra.map(|h| matter.field.filled_at(place(h))).collect();
-    let compression = model.has_compression();
+    let (compression, filled) = (model.has_compression(), matter.filled());
     let (layout, rest_of, rest) = (&layout, &rest_of, &rest);
     let part = SolidPart { layout, rest_of, rest, lame, filled, compression, clusters, at };
     part.spawn_vertices::<S>(world, &masses, &shifts);
@@ -544,11 +541,10 @@ impl SolidPart<'_> {
         springs: &PooledSprings,
     ) -> Vec<u32> {
         let mut edges = world.query::<&EdgeChange<S>>();
-        let mut next = edges.iter(world).len() as u32;
-        let mut rows = vec![next; springs.tensile.len()];
-        for edge in edges_with_springs(&springs.tensile) {
-            rows[edge] = next;
-            next += 1;
+        let first = edges.iter(world).len() as u32;
+        let mut rows = vec![first; springs.tensile.len()];
+        for (row, edge) in (first..).zip(edges_with_springs(&springs.tensile)) {
+            rows[edge] = row;
         }
         let edges = self.edges::<S>(&springs.tensile).map(|edge| {
             let change = EdgeChange::<S>::default();
