@@ -223,7 +223,8 @@ class ContactFigures:
     """By how much (m) the worst of them is behind."""
 
     drawn_in: int
-    """Parts of tools that appeared inside of bodies and are drawn in until the bodies have made way."""
+    """Parts of tools, and contacts of bodies, that appeared with something inside of a body and are drawn in until it
+    has made way."""
 
     buried: int
     """Points too deep inside of another body to tell its sides, which are left out, and tools wholly inside of a
