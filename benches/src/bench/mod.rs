@@ -91,7 +91,7 @@ pub fn run(
             });
         }
     }
-    // beside other parts those that take many minutes are as short as in a quick bench: the page is for a coffee break
+    // beside other parts, those that take many minutes are as short as in a quick bench: one page has to be there in minutes
     let (quick, brief) = (options.quick, options.quick || parts.len() > 1);
     let short = BenchOptions { quick: brief, ..options.clone() };
     let mut report = BenchReport::new(command, quick);

@@ -38,7 +38,7 @@ pub(crate) struct ContactSkin {
     pub seen: Vec<DVec3>,
     /// Outward unit normals at the start of the step; zero at vertices of membranes.
     pub normals: Vec<DVec3>,
-    /// Their velocities (m/s) at the start of the step, times its length: ways (m).
+    /// Ways (m) that they would go in the step with the velocities of its start.
     pub motion: Vec<DVec3>,
     /// How far (m) each may come in the step.
     pub way: Vec<f64>,
