@@ -102,7 +102,7 @@ pub struct ConjugateGradients<T: Scalar> {
     laid_out_for: Vec<u32>,
     shared: SharedValues<T>,
     /// Pieces, and rows in them, of the couplings of the matrix.
-    coupled: Vec<[(usize, usize); 5]>,
+    coupled: Vec<[[u32; 2]; 5]>,
 }
 
 /// The matrix that the kept values of the preconditioner were computed for, and the iterations since.
@@ -188,13 +188,8 @@ impl<T: Scalar> ConjugateGradients<T> {
     ) -> Inner {
         let SolveLimits { norm, target, cap } = limits;
         let (workers, pattern) = (of.system.workers, of.pattern);
-        let place = |row: u32| {
-            let row = row as usize;
-            let piece = pattern.pieces.partition_point(|piece| piece.rows.end <= row);
-            (piece, row - pattern.pieces[piece].rows.start)
-        };
         self.coupled.clear();
-        self.coupled.extend(self.matrix.couplings.iter().map(|c| c.rows.map(place)));
+        self.coupled.extend(self.matrix.couplings.iter().map(|c| c.rows.map(|row| pattern.place(row))));
         let mut inner = Inner {
             status: CgStatus::Cap,
             iterations: 0,
@@ -209,7 +204,7 @@ impl<T: Scalar> ConjugateGradients<T> {
         });
         let mut since = (0, 1.0);
         if let Some(allowance) = allowance {
-            self.correct(workers, pattern);
+            self.correct(pattern);
             self.load(pattern, residual, 1.0 / norm);
             self.iterate(workers, pattern, target, cap.min(allowance), &mut inner);
         }
@@ -316,14 +311,14 @@ impl<T: Scalar> ConjugateGradients<T> {
         if let Some(coarse) = &mut self.coarse {
             coarse.factorise(workers, &self.matrix);
         }
-        self.correct(workers, pattern);
+        self.correct(pattern);
         breakdowns
     }
 
     /// Forms the correction for the low-rank part of this matrix, if it has one.
-    fn correct(&mut self, workers: &Workers, pattern: &Pattern) {
+    fn correct(&mut self, pattern: &Pattern) {
         if let Some(correction) = &mut self.correction {
-            correction.form(workers, pattern, &self.matrix);
+            correction.form(pattern, &self.matrix);
         }
     }
 
@@ -359,7 +354,7 @@ impl<T: Scalar> ConjugateGradients<T> {
         self.laid_out_for.extend_from_slice(piece);
         let couplings = kind != Preconditioner::BlockJacobi;
         self.cholesky = IncompleteCholesky::new(pattern, couplings);
-        self.correction = corrected.then(|| Correction::new(pattern));
+        self.correction = corrected.then(Correction::default);
         self.coarse = (kind == Preconditioner::Multigrid).then(|| {
             // in large bodies the work of the factor would outgrow that of an iteration
             let size = AGGREGATE.max((0.45 * (rest.len() as f64).sqrt()) as usize);
@@ -437,24 +432,18 @@ impl<T: Scalar> ConjugateGradients<T> {
     /// `p = z + beta p` and `q = A p`; returns `p . q`.
     fn multiply(&mut self, workers: &Workers, pattern: &Pattern, beta: T) -> f64 {
         let Self { matrix, product, update, coarse, motions, correction, .. } = self;
-        // a correction comes after the motions of nodes
-        let coarse = coarse.as_ref().filter(|_| correction.is_none());
-        let (matrix, update, motions) = (&*matrix, &*update, &*motions);
+        let (matrix, update, coarse, motions) = (&*matrix, &*update, coarse.as_ref(), &*motions);
         workers.for_each(product, usize::MAX, |index, own| {
             vectorised(Multiply { matrix, pattern, update, coarse, motions, beta, index, own });
         });
-        let mut curvature: f64 = self.product.iter().map(|p| p.curvature).sum();
-        if let Some(correction) = &mut self.correction {
-            correction.rows.clear();
-            for (piece, own) in pattern.pieces.iter().zip(&self.product) {
-                correction.rows.extend_from_slice(&own.p[..piece.rows.len()]);
-            }
-            curvature += correction.multiply(&self.matrix.low_rank);
-            for (piece, own) in pattern.pieces.iter().zip(&mut self.product) {
-                for (q, more) in own.q.iter_mut().zip(&correction.rows[piece.rows.clone()]) {
-                    *q = add4(*q, *more);
-                }
-            }
+        let mut curvature: f64 = product.iter().map(|p| p.curvature).sum();
+        if let Some(correction) = correction {
+            correction.read(|piece, row| product[piece].p[row]);
+            curvature += correction.multiply(&matrix.low_rank);
+            correction.for_rows(|piece, row, more| {
+                let q = &mut product[piece].q[row];
+                *q = add4(*q, *more);
+            });
         }
         if self.matrix.couplings.is_empty() {
             return curvature;
@@ -467,10 +456,11 @@ impl<T: Scalar> ConjugateGradients<T> {
         let Self { matrix, product, coupled, .. } = self;
         let mut dot = 0.0;
         for (coupling, places) in matrix.couplings.iter().zip(&*coupled) {
-            let x = places.map(|(piece, row)| product[piece].p[row].map(Scalar::to_f64));
+            let places = places.map(|place| place.map(|at| at as usize));
+            let x = places.map(|[piece, row]| product[piece].p[row].map(Scalar::to_f64));
             for_off_diagonal(coupling, x, |i, y| {
                 let held = matrix.held[coupling.rows[i] as usize];
-                let (piece, row) = places[i];
+                let [piece, row] = places[i];
                 for k in (0..3).filter(|&k| !held.holds(k)) {
                     dot += x[i][k] * y[k];
                     product[piece].q[row][k] += T::from_f64(y[k]);
@@ -498,16 +488,15 @@ impl<T: Scalar> ConjugateGradients<T> {
             vectorised(Update { pattern, product, ahead, alpha, index, own });
         });
         if let Some(correction) = correction {
-            correction.rows.clear();
-            update.iter().for_each(|own| correction.rows.extend_from_slice(&own.r));
+            correction.read(|piece, row| update[piece].r[row]);
             correction.project(&matrix.low_rank);
-            let projected = &correction.rows;
+            // the preconditioner sees what is projected, and the residual stays
+            correction.for_rows(|piece, row, r| std::mem::swap(&mut update[piece].r[row], r));
             workers.for_each(update, usize::MAX, |index, own| {
-                let rows = pattern.pieces[index].rows.clone();
-                let (factor, first) = (&cholesky.pieces[index], rows.start);
-                let r = &projected[rows];
-                vectorised(Precondition { factor, space, first, r, own });
+                let (factor, first) = (&cholesky.pieces[index], pattern.pieces[index].rows.start);
+                vectorised(Precondition { factor, space, first, own });
             });
+            correction.for_rows(|piece, row, r| std::mem::swap(&mut update[piece].r[row], r));
         }
         let rr = update.iter().map(|u| u.rr).sum();
         let mut rz: f64 = update.iter().map(|u| u.rz).sum();
@@ -524,20 +513,16 @@ impl<T: Scalar> ConjugateGradients<T> {
             space.motions(forces, motions);
         }
         if let Some(correction) = correction {
-            correction.rows.clear();
-            update.iter().for_each(|own| correction.rows.extend_from_slice(&own.z));
-            if let Some(space) = coarse {
-                for (row, z) in correction.rows.iter_mut().enumerate() {
-                    let motion = space.moved(row, motions, matrix.held[row]);
-                    *z = (T::Row::new(*z) + motion).to_array();
-                }
-            }
-            correction.complete(&matrix.low_rank);
-            rz = 0.0;
-            for (piece, own) in pattern.pieces.iter().zip(update) {
-                own.z.copy_from_slice(&correction.rows[piece.rows.clone()]);
-                rz += dot(&own.r, &own.z);
-            }
+            correction.read(|piece, row| {
+                let (z, row) = (update[piece].z[row], pattern.pieces[piece].rows.start + row);
+                let motion = coarse.as_ref().map(|c| c.moved(row, motions, matrix.held[row]));
+                motion.map_or(z, |motion| (T::Row::new(z) + motion).to_array())
+            });
+            rz += correction.complete(&matrix.low_rank);
+            correction.for_rows(|piece, row, more| {
+                let z = &mut update[piece].z[row];
+                *z = add4(*z, *more);
+            });
         }
         (rr, rz)
     }
@@ -672,9 +657,7 @@ impl<T: Scalar> VectorKernel for Update<'_, T> {
             }
         }
         if let Some((factor, space)) = ahead {
-            let r = std::mem::take(&mut own.r);
-            own.precondition(factor, space, rows.start, &r);
-            own.r = r;
+            own.precondition(factor, space, rows.start);
         }
         own.rr = dot(&own.r, &own.r);
     }
@@ -685,7 +668,6 @@ struct Precondition<'a, T> {
     factor: &'a FactorPiece<T>,
     space: Option<&'a CoarseSpace<T>>,
     first: usize,
-    r: &'a [[T; 4]],
     own: &'a mut UpdatePiece<T>,
 }
 
@@ -694,8 +676,8 @@ impl<T: Scalar> VectorKernel for Precondition<'_, T> {
 
     #[inline(always)]
     fn run(self) {
-        let Self { factor, space, first, r, own } = self;
-        own.precondition(factor, space, first, r);
+        let Self { factor, space, first, own } = self;
+        own.precondition(factor, space, first);
     }
 }
 
@@ -707,13 +689,13 @@ impl<T: Scalar> UpdatePiece<T> {
         factor: &FactorPiece<T>,
         space: Option<&CoarseSpace<T>>,
         first: usize,
-        r: &[[T; 4]],
     ) {
-        factor.apply(r, &mut self.z);
-        self.rz = dot(r, &self.z);
+        let Self { r, z, rz, coarse, nodes, .. } = self;
+        factor.apply(r, z);
+        *rz = dot(r, z);
         if let Some(space) = space {
-            self.coarse.fill([T::ZERO; 8]);
-            space.restrict(first, r, self.nodes.start, &mut self.coarse);
+            coarse.fill([T::ZERO; 8]);
+            space.restrict(first, r, nodes.start, coarse);
         }
     }
 }

@@ -8,7 +8,7 @@
 //! (the same as a shift of the diagonal), and at last without them: block Jacobi.
 
 use crate::system::{
-    Block, Pattern, Piece, SystemMatrix, definite_inverse, diagonal_inverse, packed, padded, sub4,
+    Block, Pattern, Piece, SystemMatrix, definite_inverse, inverse, packed, padded, sub4,
     transpose_product,
 };
 use serde::{Deserialize, Serialize};
@@ -169,7 +169,7 @@ impl<T: Scalar> FactorPiece<T> {
         if jacobi {
             self.upper.resize(self.column.len() + 1, [T::ZERO; 9]);
             for m in &mut self.inverse {
-                *m = definite_inverse(m).unwrap_or_else(|| diagonal_inverse(m));
+                *m = inverse(m);
             }
             return true;
         }
@@ -205,12 +205,6 @@ impl<T: Scalar> FactorPiece<T> {
         }
         self.upper.push([T::ZERO; 9]);
         true
-    }
-
-    /// `D^-1 r` for one row.
-    #[inline(always)]
-    pub fn apply_row(&self, row: usize, r: [T; 4]) -> [T; 4] {
-        transpose_product(&self.inverse[row], r)
     }
 
     /// `z = M^-1 r` for the rows of the piece.

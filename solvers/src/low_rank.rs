@@ -17,69 +17,72 @@
 //! `M` and `A_c` may be those of an earlier state. `B` must be that of the matrix: along `b` the preconditioner has to
 //! hold to a part `mu/lambda`. So `S` is formed for every matrix.
 
-use crate::cholesky::IncompleteCholesky;
-use crate::system::{Pattern, RankOnes, SystemMatrix, accumulate, add4, scale4};
+use crate::system::{
+    Pattern, RankOnes, SystemMatrix, accumulate, add4, inverse, scale4, transpose_product,
+};
 use sinew_engine::scalar::Scalar;
 use sinew_engine::simd::{VectorKernel, vectorised};
-use sinew_engine::workers::Workers;
 
-/// One number per vector: the product of its entries with rows `x`.
-struct Dots<'a, T>(&'a RankOnes<T>, &'a [[T; 4]], &'a [[T; 4]], &'a mut Vec<T>);
+/// One number per vector: the product of its entries, at these places, with `x`.
+struct Dots<'a, T>(&'a RankOnes<T>, &'a [u32], &'a [[T; 4]], &'a [[T; 4]], &'a mut Vec<T>);
 
 impl<T: Scalar> VectorKernel for Dots<'_, T> {
     type Output = ();
     #[inline(always)]
     fn run(self) {
-        let Self(ones, entries, x, to) = self;
+        let Self(ones, places, entries, x, to) = self;
         to.clear();
         for vector in 0..ones.len() {
             let range = ones.range(vector);
             let mut sum = [0.0; 4];
-            for (&row, b) in ones.rows[range.clone()].iter().zip(&entries[range]) {
-                accumulate(&mut sum, x[row as usize], *b);
+            for (&place, b) in places[range.clone()].iter().zip(&entries[range]) {
+                accumulate(&mut sum, x[place as usize], *b);
             }
             to.push(T::from_f64(sum.iter().sum()));
         }
     }
 }
 
-/// Adds the entries of every vector, times its number, to the rows of a vector.
-struct SpreadVectors<'a, T>(&'a RankOnes<T>, &'a [[T; 4]], &'a [T], &'a mut [[T; 4]]);
+/// Adds the entries of every vector, times its number, to `x` at these places.
+struct SpreadVectors<'a, T>(&'a RankOnes<T>, &'a [u32], &'a [[T; 4]], &'a [T], &'a mut [[T; 4]]);
 
 impl<T: Scalar> VectorKernel for SpreadVectors<'_, T> {
     type Output = ();
     #[inline(always)]
     fn run(self) {
-        let Self(ones, entries, numbers, x) = self;
+        let Self(ones, places, entries, numbers, x) = self;
         for (vector, &number) in numbers.iter().enumerate() {
             let range = ones.range(vector);
-            for (&row, b) in ones.rows[range.clone()].iter().zip(&entries[range]) {
-                let x = &mut x[row as usize];
+            for (&place, b) in places[range.clone()].iter().zip(&entries[range]) {
+                let x = &mut x[place as usize];
                 *x = add4(*x, scale4(*b, number));
             }
         }
     }
 }
 
-/// The correction that turns a preconditioner of the matrix without the vectors into one of the whole.
+/// The correction that turns a preconditioner of the matrix without the vectors into one of the whole. It works on the rows
+/// that the vectors have entries at, and leaves the others alone.
 #[derive(Clone, Debug, Default)]
 pub struct Correction<T> {
-    /// `D^-1`.
-    diagonal: IncompleteCholesky<T>,
     /// `D^-1 b`, entry by entry.
     scaled: Vec<[T; 4]>,
     factor: Profile<T>,
-    /// Rows of the vectors that `by_row` and the profile are of, and where each vector starts.
+    /// Rows of the vectors that all below is of, and where each vector starts.
     laid_out: [Vec<u32>; 2],
     /// Row, vector and entry, by rows.
     by_row: Vec<[u32; 3]>,
+    /// Rows with entries, ascending: piece of the pattern, and row in it.
+    rows: Vec<[u32; 2]>,
+    /// Which of these each entry is at.
+    places: Vec<u32>,
     /// Numbers of `S` while it is formed.
     values: Vec<f64>,
     /// One number per vector: `S^-1 B D^-1 r`, and another.
     s: Vec<T>,
     u: Vec<T>,
-    /// One 3-vector per row: the argument and the result of the products below.
-    pub rows: Vec<[T; 4]>,
+    /// One 3-vector per row with entries: the argument and the result of the products below.
+    x: Vec<[T; 4]>,
 }
 
 /// A symmetric matrix by rows, each from its first column to its diagonal.
@@ -93,20 +96,14 @@ struct Profile<T> {
 }
 
 impl<T: Scalar> Correction<T> {
-    /// Nothing formed yet.
-    pub fn new(pattern: &Pattern) -> Self {
-        Self { diagonal: IncompleteCholesky::new(pattern, false), ..Self::default() }
-    }
-
     /// Forms `S` for the vectors and diagonal blocks of a matrix, and its factor.
-    pub fn form(&mut self, workers: &Workers, pattern: &Pattern, matrix: &SystemMatrix<T>) {
+    pub fn form(&mut self, pattern: &Pattern, matrix: &SystemMatrix<T>) {
         let ones = &matrix.low_rank;
-        self.diagonal.factorise(workers, pattern, matrix);
         // new ones know not even that there are no vectors
         if self.factor.start.is_empty() || self.laid_out != [&ones.rows[..], &ones.start[..]] {
-            self.lay_out(ones);
+            self.lay_out(pattern, ones);
         }
-        let Self { diagonal, scaled, factor, by_row, values: s, .. } = self;
+        let Self { scaled, factor, by_row, values: s, .. } = self;
         let Profile { first, start, values } = factor;
         let g = ones.len();
         let at = |i: usize, j: usize| (start[i] + j as u32 - first[i]) as usize;
@@ -117,16 +114,11 @@ impl<T: Scalar> Correction<T> {
         }
         scaled.clear();
         scaled.resize(ones.rows.len(), [T::ZERO; 4]);
-        let mut piece = 0;
         for own in by_row.chunk_by(|a, b| a[0] == b[0]) {
-            let row = own[0][0] as usize;
-            while pattern.pieces[piece].rows.end <= row {
-                piece += 1;
-            }
-            let local = row - pattern.pieces[piece].rows.start;
+            let inverse = inverse(&matrix.diagonal[own[0][0] as usize]);
             for (a, of_a) in own.iter().enumerate() {
                 let b = ones.entries[of_a[2] as usize];
-                scaled[of_a[2] as usize] = diagonal.pieces[piece].apply_row(local, b);
+                scaled[of_a[2] as usize] = transpose_product(&inverse, b);
                 for of_b in &own[..=a] {
                     let other = &scaled[of_b[2] as usize];
                     let dot: f64 = (0..3).map(|k| b[k].to_f64() * other[k].to_f64()).sum();
@@ -148,7 +140,7 @@ impl<T: Scalar> Correction<T> {
     }
 
     /// Finds which vectors share a row.
-    fn lay_out(&mut self, ones: &RankOnes<T>) {
+    fn lay_out(&mut self, pattern: &Pattern, ones: &RankOnes<T>) {
         self.laid_out = [ones.rows.clone(), ones.start.clone()];
         self.by_row.clear();
         for vector in 0..ones.len() {
@@ -156,6 +148,12 @@ impl<T: Scalar> Correction<T> {
             self.by_row.extend(own);
         }
         self.by_row.sort_unstable();
+        self.rows.clear();
+        self.places.resize(ones.rows.len(), 0);
+        for own in self.by_row.chunk_by(|a, b| a[0] == b[0]) {
+            own.iter().for_each(|of| self.places[of[2] as usize] = self.rows.len() as u32);
+            self.rows.push(pattern.place(own[0][0]));
+        }
         let Profile { first, start, .. } = &mut self.factor;
         first.clear();
         first.extend(0..ones.len() as u32);
@@ -172,11 +170,11 @@ impl<T: Scalar> Correction<T> {
         }
     }
 
-    /// `D^-1 B^T S^-1 x`, entry by entry.
+    /// `D^-1 B^T S^-1 x` at so many rows.
     pub fn restore(&self, ones: &RankOnes<T>, x: &mut [T], rows: usize) -> Vec<[T; 4]> {
         let mut way = vec![[T::ZERO; 4]; rows];
         vectorised(SolveProfile(&self.factor, x));
-        vectorised(SpreadVectors(ones, &self.scaled, x, &mut way));
+        vectorised(SpreadVectors(ones, &ones.rows, &self.scaled, x, &mut way));
         way
     }
 
@@ -185,29 +183,47 @@ impl<T: Scalar> Correction<T> {
         (4 * self.factor.values.len() + 12 * self.scaled.len()) as f64 / 9.0
     }
 
+    /// Reads the rows with entries, by piece and row in it.
+    pub fn read(&mut self, of: impl Fn(usize, usize) -> [T; 4]) {
+        self.x.clear();
+        self.x.extend(self.rows.iter().map(|&[piece, row]| of(piece as usize, row as usize)));
+    }
+
+    /// Calls `f` with the piece of each row with entries, the row in it, and what stands for it here.
+    pub fn for_rows(&mut self, mut f: impl FnMut(usize, usize, &mut [T; 4])) {
+        for (&[piece, row], x) in self.rows.iter().zip(&mut self.x) {
+            f(piece as usize, row as usize, x);
+        }
+    }
+
     /// Puts `B^T B p` in place of `p`; returns `p . B^T B p`.
     pub fn multiply(&mut self, ones: &RankOnes<T>) -> f64 {
-        vectorised(Dots(ones, &ones.entries, &self.rows, &mut self.u));
-        self.rows.fill([T::ZERO; 4]);
-        vectorised(SpreadVectors(ones, &ones.entries, &self.u, &mut self.rows));
-        self.u.iter().map(|u| u.to_f64() * u.to_f64()).sum()
+        let Self { places, x, u, .. } = self;
+        vectorised(Dots(ones, places, &ones.entries, x, u));
+        x.fill([T::ZERO; 4]);
+        vectorised(SpreadVectors(ones, places, &ones.entries, u, x));
+        u.iter().map(|u| u.to_f64() * u.to_f64()).sum()
     }
 
     /// Puts `Q^T r` in place of `r`; call it before [`complete`](Self::complete).
     pub fn project(&mut self, ones: &RankOnes<T>) {
-        vectorised(Dots(ones, &self.scaled, &self.rows, &mut self.s));
-        vectorised(SolveProfile(&self.factor, &mut self.s));
-        self.u.clear();
-        self.u.extend(self.s.iter().map(|&s| -s));
-        vectorised(SpreadVectors(ones, &ones.entries, &self.u, &mut self.rows));
+        let Self { places, scaled, factor, x, s, u, .. } = self;
+        vectorised(Dots(ones, places, scaled, x, s));
+        vectorised(SolveProfile(factor, s));
+        u.clear();
+        u.extend(s.iter().map(|&s| -s));
+        vectorised(SpreadVectors(ones, places, &ones.entries, u, x));
     }
 
-    /// Puts `P r` in place of `(M^-1 + R A_c^-1 R^T) Q^T r`.
-    pub fn complete(&mut self, ones: &RankOnes<T>) {
-        vectorised(Dots(ones, &ones.entries, &self.rows, &mut self.u));
-        self.u.iter_mut().zip(&self.s).for_each(|(u, s)| *u = *s - *u);
-        vectorised(SolveProfile(&self.factor, &mut self.u));
-        vectorised(SpreadVectors(ones, &self.scaled, &self.u, &mut self.rows));
+    /// Puts `P r - M' Q^T r` in place of `M' Q^T r`, with `M' = M^-1 + R A_c^-1 R^T`; returns `r . P r - Q^T r . M' Q^T r`.
+    pub fn complete(&mut self, ones: &RankOnes<T>) -> f64 {
+        let Self { places, scaled, factor, x, s, u, .. } = self;
+        vectorised(Dots(ones, places, &ones.entries, x, u));
+        u.iter_mut().zip(&*s).for_each(|(u, s)| *u = *s - *u);
+        vectorised(SolveProfile(factor, u));
+        x.fill([T::ZERO; 4]);
+        vectorised(SpreadVectors(ones, places, scaled, u, x));
+        s.iter().map(|s| s.to_f64() * s.to_f64()).sum()
     }
 }
 

@@ -154,6 +154,12 @@ const ROWS_PER_PIECE: usize = 640;
 const MAX_PIECES: usize = 16;
 
 impl Pattern {
+    /// Piece of a row, and the row in it.
+    pub fn place(&self, row: u32) -> [u32; 2] {
+        let piece = self.pieces.partition_point(|piece| piece.rows.end <= row as usize);
+        [piece as u32, row - self.pieces[piece].rows.start as u32]
+    }
+
     /// Pattern of consecutive bodies.
     pub fn new(topology: &Topology, bodies: Range<usize>) -> Self {
         let (rows, blocks) = ranges(topology, &bodies);
@@ -584,8 +590,7 @@ impl<S: Scalar> ShiftedTangent<'_, S> {
             }
         }
         for ((m, b), x) in matrix.diagonal.iter().zip(b).zip(x) {
-            let inverse = definite_inverse(m).unwrap_or_else(|| diagonal_inverse(m));
-            *x = transpose_product(&inverse, *b).map(|x| x * S::from_f64(matrix.factor));
+            *x = transpose_product(&inverse(m), *b).map(|x| x * S::from_f64(matrix.factor));
         }
     }
 }
@@ -680,6 +685,12 @@ pub(crate) fn definite_inverse<T: Scalar>(m: &Block<T>) -> Option<Block<T>> {
         let c12 = m[0][1] * m[2][0] - m[0][0] * m[2][1];
         block(&[c00, c01, c02, c01, c11, c12, c02, c12, minor].map(|c| c / det))
     })
+}
+
+/// Inverse of a symmetric block, or of its absolute diagonal where it is not positive definite.
+#[inline(always)]
+pub(crate) fn inverse<T: Scalar>(m: &Block<T>) -> Block<T> {
+    definite_inverse(m).unwrap_or_else(|| diagonal_inverse(m))
 }
 
 /// Inverse of the absolute diagonal, for blocks that are not positive definite.
