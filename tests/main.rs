@@ -18,6 +18,7 @@ mod linear;
 mod material_field;
 mod mirror;
 mod overload;
+mod pairs;
 mod patch;
 mod physics;
 mod pressure;

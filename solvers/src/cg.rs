@@ -189,7 +189,8 @@ impl<T: Scalar> ConjugateGradients<T> {
         let SolveLimits { norm, target, cap } = limits;
         let (workers, pattern) = (of.system.workers, of.pattern);
         self.coupled.clear();
-        self.coupled.extend(self.matrix.couplings.iter().map(|c| c.rows.map(|row| pattern.place(row))));
+        self.coupled
+            .extend(self.matrix.couplings.iter().map(|c| c.rows.map(|row| pattern.place(row))));
         let mut inner = Inner {
             status: CgStatus::Cap,
             iterations: 0,
