@@ -5,7 +5,7 @@ use super::friction;
 use super::prelude::*;
 use super::touch_rig::{BLOCK, DAMPING, RADIUS, STEP, ToolHand, held, single};
 use crate::toolbox::beam;
-use glam::DVec2;
+use glam::{DQuat, DVec2};
 use sinew::engine::mesh::generate::{irregular_box_tets, sphere_tets, triangle_grid};
 use sinew::models::body::present::MassPolicy;
 use sinew::models::body::sheet::MembraneDescription;
@@ -36,6 +36,12 @@ const STACK: CasePart = CasePart {
     group: 13,
     name: "stack of three at rest for 10 s",
     criterion: "kinetic energy < 1e-9 of weight times height; weight on the ground to 1e-3; in order",
+};
+const DRAGGED: CasePart = CasePart {
+    group: 13,
+    name: "block dragged over a block",
+    criterion: "none inverted, depth < 0.1 edge, forces on both cancel to 1e-9; lifted off: force exactly 0, \
+                shape regained to 1 % in edges",
 };
 const ROLLS: CasePart = CasePart {
     group: 13,
@@ -72,6 +78,7 @@ pub(super) fn cases() -> Result<Cases, MeshError> {
     let mut cases = Cases::default();
     let block = Arc::new(box_tets(BLOCK, [6, 6, 3])?);
     let fine = Arc::new(box_tets(BLOCK, [8, 8, 4])?);
+    let coarse = Arc::new(box_tets(BLOCK, [4, 4, 2])?);
     let cube = Arc::new(box_tets(DVec3::splat(0.1), [4; 3])?);
     let brick = Arc::new(box_tets(DVec3::splat(0.05), [3; 3])?);
     let sheet = Arc::new(triangle_grid(DVec2::splat(0.1), [8; 2])?);
@@ -100,6 +107,13 @@ pub(super) fn cases() -> Result<Cases, MeshError> {
     add(FAST, "h 0.0100 in f32", false, &fine, |s, m| fast(&single(s), m, STEP));
     add(THIN, "block", false, &fine, thin_on_block);
     add(THIN, "membrane", false, &sheet, thin_on_sheet);
+    for (friction, h) in
+        [0.0, 0.3, 2.0].into_iter().flat_map(|f| [0.001, STEP, 1.0 / 30.0].map(|h| (f, h)))
+    {
+        let name = format!("friction {friction} h {h:.4}");
+        let run = move |s: &CaseSetting, m: &Mesh| dragged(s, m, friction, h);
+        cases.within(Scope::Robust, DRAGGED, name, friction == 0.3 && h == STEP, &coarse, run);
+    }
     cases.0.extend(friction::cases()?.0);
     Ok(cases)
 }
@@ -231,15 +245,8 @@ fn stack(setting: &CaseSetting, mesh: &Mesh) -> CaseOutcome {
     let mut bodies = vec![run.body];
     for (i, name) in [(1.0, "middle"), (2.0, "upper")] {
         // shifted, so that no vertex lies on a vertex
-        let mut upper = mesh.clone();
-        upper.points.iter_mut().for_each(|x| *x += i * DVec3::new(0.002, 0.003, size));
-        let upper = BodyDescription {
-            model: setting.column.model,
-            volume: setting.column.volume,
-            integration: setting.column.cells.integration(),
-            ..BodyDescription::new(name, &upper, tissue(TOWER, 0.45))
-        };
-        bodies.push(run.simulation.add_body(&upper)?);
+        let shift = i * DVec3::new(0.002, 0.003, size);
+        bodies.push(above(setting, &mut run, name, shift, tissue(TOWER, 0.45))?.0);
     }
     for pair in bodies.windows(2) {
         let contact = BodyContact::new("touch", [pair[0], pair[1]]).with_friction(0.5);
@@ -268,6 +275,71 @@ fn stack(setting: &CaseSetting, mesh: &Mesh) -> CaseOutcome {
         Check::at_least("least distance of centres over size", apart / size, 0.7),
     ];
     Ok(run.finish(weight * 3.0 * size, checks))
+}
+
+/// Another body of the mesh, shifted, with its mesh.
+fn above(
+    setting: &CaseSetting,
+    run: &mut CaseRun,
+    name: &str,
+    shift: DVec3,
+    material: YoungPoisson,
+) -> Result<(BodyHandle, Mesh)> {
+    let mesh = run.mesh.transformed(1.0, DQuat::IDENTITY, shift);
+    let body = BodyDescription {
+        model: setting.column.model,
+        volume: setting.column.volume,
+        integration: setting.column.cells.integration(),
+        ..BodyDescription::new(name, &mesh, material)
+    };
+    Ok((run.simulation.add_body(&body)?, mesh))
+}
+
+/// A hand presses a block on another one, drags it, waits, lifts it off.
+fn dragged(setting: &CaseSetting, mesh: &Mesh, friction: f64, h: f64) -> CaseOutcome {
+    let mut run = held(setting, mesh, &["z0"])?;
+    let shift = DVec3::new(0.003, 0.002, BLOCK.z);
+    let (upper, of_upper) = above(setting, &mut run, "upper", shift, tissue(1e4, 0.45))?;
+    let rows = run.simulation.group_rows(upper, &of_upper, "z1")?;
+    let hand = run.simulation.add_constraint(Constraint::hold("hand", rows));
+    let contact = BodyContact::new("touch", [run.body, upper]).with_friction(friction);
+    let contact = run.simulation.add_body_contact(contact);
+    run.simulation.set_dt(h);
+    run.open_books();
+    let (down, aside) = (DVec3::NEG_Z * 0.004, DVec3::X * 0.01);
+    let way = [down, down + aside, down + aside, DVec3::Z * 0.02, DVec3::Z * 0.02];
+    let mut from = DVec3::ZERO;
+    let [mut depth, mut off, mut most] = [0.0_f64; 3];
+    for (to, seconds) in way.into_iter().zip([0.1, 0.1, 0.1, 0.1, 1.0]) {
+        let steps = (seconds / h).ceil() as u32;
+        for step in 1..=steps {
+            let at = from.lerp(to, f64::from(step) / f64::from(steps));
+            run.simulation.set_target(hand, at)?;
+            run.step()?;
+            depth = depth.max(run.simulation.report().contact.depth_over_edge);
+            let forces = [run.body, upper].map(|body| run.simulation.contact_forces(body));
+            let size: f64 = forces.iter().flatten().map(|f| f.length()).sum();
+            off = off
+                .max(forces.iter().flatten().sum::<DVec3>().length() / size.max(f64::MIN_POSITIVE));
+            most = most.max(size);
+        }
+        from = to;
+    }
+    let force =
+        run.simulation.body_contact_report(contact).map_or(DVec3::NAN, |report| report.force);
+    let [shape, inverted] = run.recovered();
+    let most_inverted = run.figures.most_inverted;
+    let checks = [
+        shape,
+        inverted,
+        Check::none("most inverted in a step", most_inverted),
+        Check::at_most("depth over edges", depth, 0.1),
+        Check::at_most("sum of forces over that of magnitudes", off, setting.pick(1e-9, 1e-5)),
+        Check::at_least("sum of magnitudes of forces (N)", most, 1.0),
+        Check::at_most("force once lifted (N)", force.length(), 0.0),
+    ];
+    let scale = run.largest;
+    Ok(run.finish(scale, checks))
 }
 
 /// A stiff ball from rest, half a second.
