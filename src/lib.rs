@@ -36,6 +36,7 @@
 //! | press, drag, grasp; let bodies touch; pull with a mouse | [`Tool`], [`BodyContact`](touch::pair::BodyContact), [`Pull`](touch::pull::Pull) |
 //! | cut | [`Simulation::remove_elements`], [`models::resection`] |
 //! | choose integrator, damping and tolerances | [`SolverSettings`](solvers::settings::SolverSettings), [`Integrator`](solvers::settings::Integrator) |
+//! | keep a rate, read states on another thread | [`live`] |
 //! | go back, keep a state, do a session again | [`snapshot`], [`replay`] |
 //! | know what went wrong or looks unintended, and whether to trust a run | [`Simulation::warnings`], [`Simulation::verdict`], [`warning`] |
 //! | know what a step did | [`StepReport`](engine::report::StepReport), [`VolumeReport`](engine::report::VolumeReport) |
@@ -74,6 +75,7 @@ pub mod simulation;
 
 mod axes;
 mod contact;
+pub mod live;
 pub mod plugin;
 pub mod replay;
 mod resection;

@@ -11,11 +11,13 @@ use sinew::engine::schedule::Executor;
 use sinew::engine::step::{StepError, run_step};
 use sinew::engine::topology::Topology;
 use sinew::engine::vertex::{Displacement, Position};
+use sinew::live::{LoopError, LoopFigures, SimulationLoop, share};
 use sinew::models::body::{BodyError, Evaluation, spawn_body};
 use sinew::plugin::{EnginePlugin, SetupError, StepFailed, StepOutcome, ThreadsNotStarted};
 use sinew::prelude::*;
 use sinew::solvers::settings::LinearPrecision;
 use std::sync::Mutex;
+use std::time::Duration;
 
 fn mesh() -> Mesh {
     jittered_box([0.2, 0.05, 0.05], [6, 2, 2])
@@ -320,4 +322,75 @@ fn a_simulation_changes_threads() {
             there.simulation.step().unwrap();
         }
     }
+}
+
+/// A thread that reads while another steps sees whole states, none older than one it has seen, and the last one in the end.
+#[test]
+fn states_are_read_whole_while_a_simulation_runs() {
+    let mesh = mesh();
+    let mut simulation = Simulation::new(options(Precision::F64, 1)).unwrap();
+    let body = simulation.add_body(&BodyDescription::new("body", &mesh, soft(2e4, 0.4))).unwrap();
+    simulation.set_gravity(DVec3::Z);
+    simulation.set_solver(solver!(Integrator::Safe));
+    let ball = Tool::new("ball", Shape::Sphere { radius: 0.02 }, DVec3::new(0.1, 0.025, 0.069));
+    let ball = simulation.add_tool(ball).unwrap();
+    let (mut writer, mut reader) = share(&mut simulation, &[body], &[ball]);
+    assert!(!reader.update(), "it begins with the state as it is");
+    let at_rest = reader.frames()[1].clone();
+    assert_eq!(at_rest.positions, [mesh.points.clone()]);
+    let steps = 60;
+    let reading = std::thread::spawn(move || {
+        let (mut seen, mut last) = (Vec::new(), 0);
+        while last < steps {
+            if !reader.update() {
+                std::thread::yield_now();
+                continue;
+            }
+            let [before, now] = reader.frames();
+            assert!(before.step < now.step && before.time < now.time);
+            assert!((now.time - 0.01 * now.step as f64).abs() < 1e-9);
+            // every bit of one state
+            let sum = now.positions[0].iter().map(|x| x.z.to_bits()).fold(0, u64::wrapping_add);
+            last = now.step;
+            seen.push((now.step, (sum, now.wrenches[0][0].z.to_bits())));
+        }
+        (seen, reader)
+    });
+    let mut truth = Vec::new();
+    for _ in 0..steps {
+        simulation.step().unwrap();
+        writer.write(&mut simulation);
+        let positions = simulation.positions(body);
+        let sum = positions.iter().map(|x| x.z.to_bits()).fold(0, u64::wrapping_add);
+        truth.push((sum, simulation.tool_report(ball).unwrap().force.z.to_bits()));
+    }
+    let (seen, mut reader) = reading.join().unwrap();
+    for (step, what) in seen {
+        assert_eq!(truth[step as usize - 1], what, "step {step}");
+    }
+    assert!(!reader.update());
+    assert_eq!(reader.frames()[1].positions, [simulation.positions(body)]);
+    assert!(truth.iter().any(|(_, force)| f64::from_bits(*force) != 0.0), "they never met");
+    let force = simulation.tool_report(ball).unwrap().force;
+    assert_eq!(reader.wrench_at(0, f64::INFINITY)[0], force);
+    assert!(reader.positions_at(1, 0.0).is_empty());
+}
+
+/// Steps are as many as the time has room for, whatever it is read in, and time that cannot be made up is dropped and counted.
+#[test]
+fn a_loop_keeps_its_rate_and_drops_what_it_cannot_catch_up() {
+    let step = Duration::from_millis(10);
+    let mut pace = SimulationLoop::new(step, 3).unwrap();
+    let frames = [16, 17, 17].into_iter().cycle();
+    let due: Vec<u32> = frames.take(60).map(|ms| pace.due(Duration::from_millis(ms))).collect();
+    assert_eq!((due.iter().sum::<u32>(), due.iter().max()), (100, Some(&2)));
+    assert_eq!(pace.figures(), LoopFigures { steps: 100, ..LoopFigures::default() });
+    // a second in which the machine did something else
+    assert_eq!(pace.due(Duration::from_millis(1004)), 3);
+    assert_eq!(pace.part(), 0.4);
+    let figures = LoopFigures { steps: 103, overruns: 1, dropped: Duration::from_millis(970) };
+    assert_eq!(pace.figures(), figures);
+    assert_eq!((pace.due(Duration::from_millis(6)), pace.part()), (1, 0.0));
+    assert_eq!(SimulationLoop::new(step, 0).unwrap_err(), LoopError::NoStep { step, most: 0 });
+    assert!(SimulationLoop::new(Duration::ZERO, 1).unwrap_err().to_string().contains("0ns"));
 }
