@@ -51,6 +51,7 @@
 
 pub mod axes;
 pub mod body;
+pub mod cutting;
 pub mod edits;
 pub mod element;
 pub mod frame;

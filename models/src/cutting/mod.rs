@@ -1,0 +1,3 @@
+//! Cuts: a blade goes through bodies of linear tetrahedra.
+
+pub mod material;
