@@ -81,6 +81,39 @@ pub fn move_rows_to_front(world: &mut World, entity: Entity, rows: &[usize]) {
     }
 }
 
+/// Spawns an entity with the same values as another, whatever laws or users put there.
+///
+/// # Panics
+/// When [`can_move_rows`] says no.
+pub fn copy_entity(world: &mut World, entity: Entity) -> Entity {
+    assert!(can_move_rows(world, entity), "a component owns something and cannot be copied");
+    let ids = world.entity(entity).archetype().components().to_vec();
+    let mut values = Vec::with_capacity(ids.len());
+    for &id in &ids {
+        let layout = world.components().get_info(id).expect("it has this component").layout();
+        assert!(layout.align() <= align_of::<u128>(), "its alignment is that of no number");
+        let size = layout.size();
+        let mut copy = vec![MaybeUninit::<u128>::uninit(); size.div_ceil(size_of::<u128>())];
+        let own = world.entity(entity).get_by_id(id).expect("it has this component");
+        // SAFETY: the value has that many bytes, the copy is as long, and neither is the other. Padding is copied as what
+        // it is.
+        unsafe {
+            let to = copy.as_mut_ptr().cast::<MaybeUninit<u8>>();
+            std::ptr::copy_nonoverlapping(own.as_ptr().cast(), to, size);
+        }
+        values.push(copy);
+    }
+    let mut new = world.spawn_empty();
+    let pointers = values.iter_mut().map(|copy| {
+        let first = NonNull::new(copy.as_mut_ptr().cast::<u8>()).unwrap_or(NonNull::dangling());
+        // SAFETY: a valid value of its component, which owns nothing; columns of elements are aligned to 16 bytes at most
+        unsafe { OwningPtr::new(first) }
+    });
+    // SAFETY: ids and values come in pairs, from an entity of this world.
+    unsafe { new.insert_by_ids(&ids, pointers) };
+    new.id()
+}
+
 /// One column of a table.
 struct RawColumn {
     first: *mut u8,

@@ -92,12 +92,14 @@ fn spawn<S: Scalar>(world: &mut World, body: &BodyDescription) -> Result<Entity,
         quads: membrane.map_or_else(PerElement::default, |m| m.quads.into()),
     };
     let bends = membrane.is_some_and(|m| m.bending.is_some());
-    let layout = BodyLayout::coupled(body.points.len(), &nodes, |ordered| match bends {
+    let mut layout = BodyLayout::coupled(body.points.len(), &nodes, |ordered| match bends {
         // what branches is refused below
         true => Neighbours::new(ordered.triangles().to_vec()).map_or(Vec::new(), |n| n.couplings()),
         false => Vec::new(),
     });
-    let rest_of = |row: u32| body.points[layout.vertex_order[LocalRow(row)].index()];
+    layout.ordered.spare = body.spare;
+    // rows that wait for cuts stand where the first vertex does
+    let rest_of = |row: u32| body.points[layout.vertex_of(LocalRow(row)).index()];
     let rest = RestShapes::new(body.name, &layout, &rest_of)?;
     let sheet = match &membrane {
         Some(m) => Some(Sheet::new(m, &layout, rest_of).map_err(of_membrane)?),
@@ -132,9 +134,9 @@ fn spawn<S: Scalar>(world: &mut World, body: &BodyDescription) -> Result<Entity,
         [ElementKind::Tetrahedron, ElementKind::Hexahedron].map(|kind| {
             all[kind].iter().map(|&e| model.lame(user_lame[matter.place(kind, e)])).collect()
         });
-    let mut masses = matter.masses(Items::All(layout.vertex_order.len()), &all);
+    let mut masses = matter.masses(Items::All(layout.row_count()), &all);
     body.masses.apply(&mut masses);
-    let shifts = matter.weight_shifts(Items::All(layout.vertex_order.len()), &all);
+    let shifts = matter.weight_shifts(Items::All(layout.row_count()), &all);
     let edges = Items::All(layout.cells.edges.len());
     let triangles = Items::All(layout.cells.triangles.len());
     let mass_spring = matter.edge_springs(&springs, &layout.cells, edges, &all);
@@ -440,8 +442,7 @@ impl RestShapes {
 
 impl SolidPart<'_> {
     fn spawn_vertices<S: Scalar>(&self, world: &mut World, masses: &[f64], shifts: &[f64]) {
-        let order = self.layout.vertex_order.iter().zip(masses.iter().zip(shifts));
-        let vertices = (0..).zip(order).map(|(row, (&vertex, (&mass, &shift)))| {
+        let vertices = (0..).zip(masses.iter().zip(shifts)).map(|(row, (&mass, &shift))| {
             let x = (self.rest_of)(row);
             (
                 RestPosition(x),
@@ -454,7 +455,7 @@ impl SolidPart<'_> {
                 Mass(S::from_f64(mass)),
                 WeightShift(S::from_f64(shift)),
                 FixedAxes::NONE,
-                vertex,
+                self.layout.vertex_of(LocalRow(row)),
                 self.at.body,
             )
         });

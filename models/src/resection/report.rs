@@ -76,7 +76,7 @@ impl RemovalReport {
             self.remaining_quads,
         ] = left;
         let orphans = touched.orphans.iter();
-        self.orphans = orphans.map(|&row| rows.vertex_order[LocalRow(row)]).collect();
+        self.orphans = orphans.map(|&row| rows.vertex_of(LocalRow(row))).collect();
         self.orphans.sort_unstable();
         self.pieces = own.pieces;
         self.edges = touched.unused_edges.len();
