@@ -7,7 +7,9 @@ use sinew_contact::pair::BodyContact;
 use sinew_contact::tool::Tool;
 use sinew_engine::by_precision;
 use sinew_engine::row::VertexRow;
-use sinew_models::cutting::{CutError, CutReport, MaterialSkin, cut_body, material_skin};
+use sinew_models::cutting::{
+    CutError, CutReport, MaterialSkin, check_cut, cut_body, material_skin,
+};
 
 /// # Cuts
 impl Simulation {
@@ -34,16 +36,28 @@ impl Simulation {
     /// let report = simulation.cut(body, &[edge(-0.01), edge(0.11)])?;
     /// assert_eq!(report.pieces, 2);
     /// // what is behind the cut falls freely
+    /// let integrator = Integrator::Safe;
+    /// simulation.set_solver(SolverSettings { integrator, ..SolverSettings::default() });
     /// for _ in 0..10 {
     ///     simulation.step()?;
     /// }
     /// let tip = mesh.group("x1").ok_or("no such group")?.vertices[0] as usize;
     /// let fallen = -simulation.displacements(body)[tip].z;
     /// let time = simulation.time();
-    /// assert!((fallen / (0.5 * 9.81 * time * (time + 0.01)) - 1.0).abs() < 1e-6);
+    /// assert!((fallen / (0.5 * 9.81 * time * (time + 0.01)) - 1.0).abs() < 1e-3);
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
     pub fn cut(&mut self, body: BodyHandle, strip: &[[DVec3; 2]]) -> Result<CutReport, CutError> {
+        self.check_cut(body)?;
+        let precision = self.precision();
+        by_precision!(precision, cut_body(self.world_mut(), body.0, strip))
+    }
+
+    /// Whether a body can be cut, as far as that does not depend on the blade.
+    ///
+    /// # Errors
+    /// Says why not, and what helps.
+    pub fn check_cut(&mut self, body: BodyHandle) -> Result<(), CutError> {
         let problem = if self.backend() == Backend::Gpu {
             Some("backend = \"gpu\" has no cuts; use backend = \"cpu\"")
         } else {
@@ -57,8 +71,7 @@ impl Simulation {
         if let (Some(problem), Some(rows)) = (problem, self.topology().bodies.get(body.0)) {
             return Err(CutError::Body { body: rows.name.clone(), problem: problem.into() });
         }
-        let precision = self.precision();
-        by_precision!(precision, cut_body(self.world_mut(), body.0, strip))
+        check_cut(self.world_mut(), body.0)
     }
 
     /// The surface of the material of a body that can be cut: faces of its mesh as far as they have material, and both sides

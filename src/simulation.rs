@@ -868,14 +868,20 @@ impl Simulation {
     }
 
     fn ratios(&mut self, body: BodyHandle, kinds: [ElementKind; 2]) -> Vec<f64> {
-        let order = &self.topology().bodies[body.0].order;
-        let first = order[kinds[0]].len();
-        let mut result = vec![1.0; first + order[kinds[1]].len()];
+        let rows = &self.topology().bodies[body.0];
+        let [first, second] = kinds.map(|kind| rows.mesh_elements(kind));
+        let sources = rows.copies.sources.clone();
+        let mut result = vec![f64::INFINITY; first + second];
         self.each_element(body, |e| {
             if let Some(list) = kinds.iter().position(|kind| *kind == e.kind) {
-                result[list * first + e.index as usize] = e.smallest();
+                // of an element that was cut the smallest of its copies
+                let copy = (e.index as usize).checked_sub([first, second][list]);
+                let index = copy.map_or(e.index, |copy| sources[copy]);
+                let own = &mut result[list * first + index as usize];
+                *own = own.min(e.smallest());
             }
         });
+        result.iter_mut().filter(|ratio| **ratio == f64::INFINITY).for_each(|ratio| *ratio = 1.0);
         result
     }
 

@@ -204,16 +204,18 @@ impl TableImage {
         Some(Self { tables })
     }
 
-    /// Puts the values back, in the world that they are from. Rows that are gone come back as new entities; ticks of
-    /// changes stay as they are.
-    ///
-    /// # Panics
-    /// When the world has more rows than then: a body was added.
+    /// Puts the values back, in the world that they are from. Rows that are gone come back as new entities, those that came
+    /// since at the end of a table go; ticks of changes stay as they are.
     pub fn put_back(&self, world: &mut World) {
         for table in &self.tables {
             let kind = world.archetypes().get(table.archetype);
             let mut now = kind.map_or(0, |kind| kind.len() as usize);
-            assert!(now <= table.rows, "rows were added since");
+            while now > table.rows {
+                let kind = world.archetypes().get(table.archetype);
+                let last = kind.and_then(|kind| kind.entities().last()).map(|entity| entity.id());
+                last.map(|entity| world.despawn(entity));
+                now -= 1;
+            }
             let ids: Vec<ComponentId> = table.columns.iter().map(|(id, ..)| *id).collect();
             while now < table.rows {
                 let value = |(_, size, values): &(ComponentId, usize, Vec<MaybeUninit<u128>>)| {

@@ -177,7 +177,20 @@ pub(crate) fn open_again<S: Scalar>(
 
 /// What is kept for removals from a body, taken out of the world, once it is certain that the body can be cut.
 fn prepared(world: &mut World, body: usize) -> Result<Resection, CutError> {
+    check_cut(world, body)?;
     prepare_removals(world, body)?;
+    Ok(world.remove_resource::<Resection>().unwrap_or_default())
+}
+
+/// Whether a body can be cut.
+///
+/// # Errors
+/// Says why not, and what helps.
+pub fn check_cut(world: &mut World, body: usize) -> Result<(), CutError> {
+    let count = world.resource::<Topology>().bodies.len();
+    if body >= count {
+        return Err(RemovalError::Body { index: body, count }.into());
+    }
     let rows = &world.resource::<Topology>().bodies[body];
     let name = rows.name.clone();
     let only_linear = rows.hexahedra().is_empty()
@@ -211,7 +224,7 @@ fn prepared(world: &mut World, body: usize) -> Result<Resection, CutError> {
         _ if !is_spare => {
             "it has no vertices to spare; build it with `spare`, such as the number of vertices of the mesh"
         }
-        _ => return Ok(world.remove_resource::<Resection>().unwrap_or_default()),
+        _ => return Ok(()),
     };
     Err(CutError::Body { body: name, problem: problem.into() })
 }
@@ -299,7 +312,11 @@ fn open<S: Scalar>(
         let problem = "a component of its elements owns something and has no copy; keep such data on entities of your own";
         return Err(CutError::Body { body: name(), problem: problem.into() });
     }
+    // the image of what was before holds what is kept for removals, too
+    world.insert_resource(std::mem::take(resection));
     before_edit::<S>(world);
+    *resection = world.remove_resource().unwrap_or_default();
+    let own = resection.bodies[body].as_mut().expect("it was prepared");
     log_edit(world, Edit::Cut { body, stroke: stroke.clone() });
     let mut new = parted_rows(&old, own, &material, &changed);
     copy_vertices::<S>(world, &new, &origins);
