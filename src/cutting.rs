@@ -65,8 +65,9 @@ impl Simulation {
             let tools = world.query_filtered::<(), With<Tool>>().iter(world).next().is_some();
             let mut contacts = world.query::<&BodyContact>();
             let touches = contacts.iter(world).any(|contact| contact.bodies.contains(&body.0));
-            (tools || touches)
-                .then_some("wounds have no contact yet; take tools and its contacts away, or remove elements")
+            (tools || touches).then_some(
+                "wounds have no contact yet; take tools and its contacts away, or remove elements",
+            )
         };
         if let (Some(problem), Some(rows)) = (problem, self.topology().bodies.get(body.0)) {
             return Err(CutError::Body { body: rows.name.clone(), problem: problem.into() });

@@ -134,7 +134,8 @@ impl Simulation {
         prepare_removals(self.columns(), body.0)
     }
 
-    /// Elements of a kind that are left, by their indices in the user's mesh or list, ascending.
+    /// Elements of a kind that are left, by their indices in the user's mesh or list, ascending; copies that cuts made are
+    /// numbered after those of the mesh.
     pub fn remaining(&self, body: BodyHandle, kind: ElementKind) -> Vec<u32> {
         let rows = &self.topology().bodies[body.0];
         let resection = self.world().get_resource::<Resection>();

@@ -2,10 +2,10 @@
 
 use sinew::engine::mesh::{CheckError, MeshError};
 use sinew::engine::step::StepError;
-use sinew::models::cutting::CutError;
 use sinew::models::axes::description::AxesError;
 use sinew::models::axes::field::FibreError;
 use sinew::models::body::BodyError;
+use sinew::models::cutting::CutError;
 use sinew::models::material::MaterialError;
 use sinew::models::material::field::FieldError;
 use sinew::replay::ReplayError;

@@ -250,10 +250,12 @@ fn a_lobe_is_cut_off_and_falls() {
     // the blade is a cylinder of radius 0.4 m, so that the wound is hardly larger than the plane section
     assert!((0.003..0.02).contains(&cut.area), "{summary}");
     // no matter and no energy went at the instant: what the ligament carries at the end is the weight of what hangs there
-    let fallen: Vec<f64> = table.vector("lobe.mean_displacement", "m").iter().map(|u| u.z).collect();
+    let fallen: Vec<f64> =
+        table.vector("lobe.mean_displacement", "m").iter().map(|u| u.z).collect();
     let time = table.column("time_s");
     let (start, end) = (0.5, *time.last().unwrap());
-    let way = fallen.last().unwrap() - fallen[time.iter().position(|t| *t >= start - 1e-9).unwrap()];
+    let way =
+        fallen.last().unwrap() - fallen[time.iter().position(|t| *t >= start - 1e-9).unwrap()];
     let free = -0.5 * 9.81 * (end - start) * (end - start);
     // damping by mass holds it back, and it was swinging a little
     assert!((0.6..1.05).contains(&(way / free)), "{way} {free}");

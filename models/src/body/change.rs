@@ -163,7 +163,8 @@ pub(super) fn sum_springs<S: Scalar>(world: &mut World, body: usize) {
     let rest = rest_positions(world, rows.vertices.clone());
     let rest_of = |row: u32| rest[row as usize];
     let matter = soft.matter(&rows.ordered, &rest_of);
-    let lame = matter.field.lame(rows.mesh_elements(ElementKind::Tetrahedron), rows.hexahedra().len());
+    let lame =
+        matter.field.lame(rows.mesh_elements(ElementKind::Tetrahedron), rows.hexahedra().len());
     // a membrane alone has no material of solid elements
     let lame = lame.unwrap_or_default();
     let left = left_of(world, body, &rows);

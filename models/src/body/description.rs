@@ -313,7 +313,9 @@ pub enum BodyError {
         problem: String,
     },
     /// It was cut, so that what is left is no mesh.
-    #[error("body `{body}` was cut: copies of elements are no mesh that a body could be built from")]
+    #[error(
+        "body `{body}` was cut: copies of elements are no mesh that a body could be built from"
+    )]
     Cut {
         /// Name of the body.
         body: String,

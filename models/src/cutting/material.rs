@@ -466,9 +466,13 @@ impl Material {
         faces.sort_unstable();
         let mut skin: Vec<(u32, usize)> = Vec::new();
         for round in faces.chunk_by(|a, b| a.0 == b.0) {
-            let is_wound = |(_, cell, i): &([u32; 3], u32, usize)| self.cells[*cell as usize].wound[*i];
+            let is_wound =
+                |(_, cell, i): &([u32; 3], u32, usize)| self.cells[*cell as usize].wound[*i];
             skin.extend(
-                round.iter().filter(|f| round.len() == 1 || is_wound(f)).map(|&(_, cell, i)| (cell, i)),
+                round
+                    .iter()
+                    .filter(|f| round.len() == 1 || is_wound(f))
+                    .map(|&(_, cell, i)| (cell, i)),
             );
         }
         skin.sort_unstable();

@@ -29,8 +29,8 @@ use sinew_engine::element::{
     RestVolume, TETRAHEDRON_EDGES, TetrahedronBlocks, TetrahedronIndex, TetrahedronVertices,
     shape_gradient_bundle,
 };
-use sinew_engine::layout::{lowest_first, starts};
 use sinew_engine::law::partition_laws;
+use sinew_engine::layout::{lowest_first, starts};
 use sinew_engine::load::Pressure;
 use sinew_engine::row::{LocalRow, MeshVertex, VertexRow};
 use sinew_engine::scalar::Scalar;
@@ -211,8 +211,8 @@ pub fn check_cut(world: &mut World, body: usize) -> Result<(), CutError> {
         Some(soft) if soft.evaluation == Evaluation::Pooled => {
             "pooled springs have no share of a volume; take evaluation = \"fused\""
         }
-        Some(soft) if matches!(soft.model, Model::MassSpring | Model::Axes | Model::Own(_)) => {
-            "its model is not one of the energies of a volume; take such a one, \"svk_comp\" or another"
+        Some(soft) if !scales(soft.model) => {
+            "its model is not proportional to a volume; take one that is, \"svk_comp\" or another"
         }
         Some(soft) if soft.axes.is_some() => "it has axes or fibres; remove elements instead",
         Some(soft) if soft.volume != VolumeRule::Elements => {
@@ -227,6 +227,11 @@ pub fn check_cut(world: &mut World, body: usize) -> Result<(), CutError> {
         _ => return Ok(()),
     };
     Err(CutError::Body { body: name, problem: problem.into() })
+}
+
+/// Whether the energy of a model is proportional to the column of volumes: quadratic springs take lengths at rest from it.
+fn scales(model: Model) -> bool {
+    !matches!(model, Model::QuadraticSprings | Model::MassSpring | Model::Axes | Model::Own(_))
 }
 
 /// The material of a body as it is now.
@@ -278,14 +283,17 @@ fn open<S: Scalar>(
     let rest = rest_of(world, &old);
     let at_rest = |vertex: u32| rest[row_of(&old, vertex) as usize];
     let area = material.wound_area(&at_rest);
-    let origins =
-        if stroke.separated.is_empty() { Vec::new() } else { material.open(stroke) };
+    let origins = if stroke.separated.is_empty() { Vec::new() } else { material.open(stroke) };
     let changed: Vec<u32> = (0..material.elements.len())
         .filter(|&e| before.get(e) != Some(&material.elements[e]))
         .map(|e| e as u32)
         .collect();
     // also neighbours whose vertices are others now
-    let is_parted = |e: &u32| before.get(*e as usize).is_some_and(|was| was.portion != material.elements[*e as usize].portion);
+    let is_parted = |e: &u32| {
+        before
+            .get(*e as usize)
+            .is_some_and(|was| was.portion != material.elements[*e as usize].portion)
+    };
     let copies = before.len()..material.elements.len();
     let mut report = CutReport {
         separated: changed.iter().copied().filter(is_parted).collect(),
@@ -428,7 +436,8 @@ fn copy_vertices<S: Scalar>(world: &mut World, rows: &BodyRows, origins: &[u32])
     };
     for (to, &origin) in (to..).zip(origins) {
         let from = first + row_of(rows, origin) as usize;
-        (rest[to], x[to], u[to], v[to], vertex[to]) = (rest[from], x[from], u[from], v[from], vertex[from]);
+        (rest[to], x[to], u[to], v[to], vertex[to]) =
+            (rest[from], x[from], u[from], v[from], vertex[from]);
     }
 }
 
@@ -439,8 +448,11 @@ fn sum_masses<S: Scalar>(
     new: (&BodyRows, &Connectivity),
 ) {
     let rest = rest_of(world, new.0);
-    let body = world.resource::<Topology>().bodies.iter().position(|own| own.vertices == old.0.vertices);
-    let Some(soft) = world.query::<&SoftBody>().iter(world).find(|s| Some(s.index) == body).cloned() else {
+    let body =
+        world.resource::<Topology>().bodies.iter().position(|own| own.vertices == old.0.vertices);
+    let Some(soft) =
+        world.query::<&SoftBody>().iter(world).find(|s| Some(s.index) == body).cloned()
+    else {
         return;
     };
     let sums = [old, new].map(|(rows, connectivity)| {
@@ -518,7 +530,8 @@ fn write_elements<S: Scalar>(
         let local = rows.tetrahedra()[row];
         let nodes = local.map(|v| v + rows.vertices.start);
         let topology = world.resource::<Topology>();
-        let blocks = TETRAHEDRON_EDGES.map(|[a, b]| topology.block(nodes[a], nodes[b]).unwrap_or(0));
+        let blocks =
+            TETRAHEDRON_EDGES.map(|[a, b]| topology.block(nodes[a], nodes[b]).unwrap_or(0));
         let shape = RestTetrahedron::new(local.map(|v| rest[v as usize].to_array()));
         let shape = shape.expect("the body was built with it");
         let share: f64 = rows.copies.portions[row].iter().sum();

@@ -66,7 +66,8 @@ impl<'a, S: Scalar> Vertices<'a, S> {
 
     /// The mean with these weights: where the material of a copy is.
     pub fn mean(&self, vertices: &[u32], weights: &[f64; 4]) -> DVec3 {
-        let places = vertices.iter().zip(weights).map(|(&v, w)| *w * (self.rest(v) + self.displacement(v)));
+        let places =
+            vertices.iter().zip(weights).map(|(&v, w)| *w * (self.rest(v) + self.displacement(v)));
         places.sum::<DVec3>() / weights.iter().sum::<f64>()
     }
 

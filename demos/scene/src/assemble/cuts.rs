@@ -51,7 +51,11 @@ pub(super) fn spare(cuts: usize, vertices: usize) -> usize {
 }
 
 /// A cut of a scene.
-pub(super) fn cut(key: &Key, entry: &CutEntry, built: &mut BuiltScene) -> Result<BuiltCut, SceneError> {
+pub(super) fn cut(
+    key: &Key,
+    entry: &CutEntry,
+    built: &mut BuiltScene,
+) -> Result<BuiltCut, SceneError> {
     if built.plan.mode == Mode::Static {
         let remedy = "leave it out, or use mode = \"dynamic\"";
         return Err(key.value("a cut in a static scene", remedy));

@@ -118,7 +118,8 @@ impl ContactSet {
             let pair = self.pairs.iter().find(|pair| pair.of.bodies.contains(&body));
             pair.map(|pair| &pair.of.name).or(self.tools.first().map(|tool| &tool.name))
         };
-        let cut = topology.bodies.iter().enumerate().filter(|(_, own)| !own.copies.sources.is_empty());
+        let cut =
+            topology.bodies.iter().enumerate().filter(|(_, own)| !own.copies.sources.is_empty());
         for (body, own) in cut {
             if let Some(name) = touched(body) {
                 return Err(StepError::InvalidContact {
