@@ -12,7 +12,7 @@ use sinew_engine::element::{
 };
 use sinew_engine::isoparametric::{RestHexahedron, RestTetrahedron10};
 use sinew_engine::law::{BodiesWithoutRecovery, partition_laws};
-use sinew_engine::layout::{BodyLayout, spread};
+use sinew_engine::layout::{BodyElements, BodyLayout, spread};
 use sinew_engine::memory;
 use sinew_engine::precision::Precision;
 use sinew_engine::row::LocalRow;
@@ -92,13 +92,10 @@ fn spawn<S: Scalar>(world: &mut World, body: &BodyDescription) -> Result<Entity,
         quads: membrane.map_or_else(PerElement::default, |m| m.quads.into()),
     };
     let bends = membrane.is_some_and(|m| m.bending.is_some());
-    let mut layout = BodyLayout::coupled(body.points.len(), &nodes, |ordered| match bends {
-        // what branches is refused below
-        true => Neighbours::new(ordered.triangles().to_vec()).map_or(Vec::new(), |n| n.couplings()),
-        false => Vec::new(),
-    });
-    layout.ordered.spare = body.spare;
+    let couplings = if bends { couplings } else { |_: &BodyElements| Vec::new() };
+    let mut layout = BodyLayout::coupled(body.points.len(), &nodes, couplings);
     // rows that wait for cuts stand where the first vertex does
+    layout.ordered.spare = body.spare;
     let rest_of = |row: u32| body.points[layout.vertex_of(LocalRow(row)).index()];
     let rest = RestShapes::new(body.name, &layout, &rest_of)?;
     let sheet = match &membrane {
@@ -106,9 +103,9 @@ fn spawn<S: Scalar>(world: &mut World, body: &BodyDescription) -> Result<Entity,
         None => None,
     };
     let (model, evaluation, spring_rule) = (body.model, body.evaluation, body.springs);
-    let field = body.material_field();
-    let membrane_fibres = membrane.map_or(&[][..], |m| m.fibres);
-    let membrane = membrane.map(|m| m.settings());
+    let (rows, field) = (layout.row_count(), body.material_field());
+    let (membrane, membrane_fibres) =
+        (membrane.map(|m| m.settings()), membrane.map_or(&[][..], |m| m.fibres));
     let ordered = &layout.ordered;
     let (given, lumping) = (body.spring_constants.as_deref(), body.masses.lumping());
     let matter = Matter {
@@ -134,11 +131,11 @@ fn spawn<S: Scalar>(world: &mut World, body: &BodyDescription) -> Result<Entity,
         [ElementKind::Tetrahedron, ElementKind::Hexahedron].map(|kind| {
             all[kind].iter().map(|&e| model.lame(user_lame[matter.place(kind, e)])).collect()
         });
-    let mut masses = matter.masses(Items::All(layout.row_count()), &all);
+    let mut masses = matter.masses(Items::All(rows), &all);
     body.masses.apply(&mut masses);
-    let shifts = matter.weight_shifts(Items::All(layout.row_count()), &all);
-    let edges = Items::All(layout.cells.edges.len());
-    let triangles = Items::All(layout.cells.triangles.len());
+    let shifts = matter.weight_shifts(Items::All(rows), &all);
+    let [edges, triangles] =
+        [layout.cells.edges.len(), layout.cells.triangles.len()].map(Items::All);
     let mass_spring = matter.edge_springs(&springs, &layout.cells, edges, &all);
     let pooled = matter.pooled_springs(&layout.cells, [edges, triangles], &all, &lame[0]);
     let at = add_rows(world, body.name, &layout, &rest_of);
@@ -206,6 +203,11 @@ fn spawn<S: Scalar>(world: &mut World, body: &BodyDescription) -> Result<Entity,
         bending::refresh::<S>(world, None);
     }
     Ok(entity)
+}
+
+/// Pairs of vertex rows that bending couples; a sheet that branches is refused elsewhere.
+fn couplings(ordered: &BodyElements) -> Vec<[u32; 2]> {
+    Neighbours::new(ordered.triangles().to_vec()).map_or(Vec::new(), |n| n.couplings())
 }
 
 /// Checks all that does not need the points in order; the membrane, if there is any, and the Lamé parameters
