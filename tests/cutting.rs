@@ -338,6 +338,8 @@ fn what_cannot_be_cut_is_told() {
         assert_eq!(simulation.state_hash(), before);
         simulation.step().unwrap();
     }
+    let many = BodyDescription { spare: u32::MAX as usize, ..plain.clone() };
+    assert!(refused(&many).contains("needs about"), "rows for all vertices that there may be");
     let (mut simulation, body) = alone(options(Precision::F64, 1), &plain);
     let [first, last] = oblique();
     for strip in

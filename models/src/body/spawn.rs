@@ -53,6 +53,9 @@ use crate::material::LameParameters;
 use crate::material::field::MaterialArrays;
 use crate::resection;
 
+/// Memory (bytes) of a row of the vertex table, with what solvers keep for it.
+const ROW: u64 = 2000;
+
 /// Builds a body: orders the mesh, precomputes stiffnesses, spawns one entity per vertex, tetrahedron
 /// and membrane triangle (per edge and triangle too when springs are pooled) and puts the laws it needs into
 /// the force schedule. Its number type is the world's [`Precision`].
@@ -67,7 +70,7 @@ pub fn spawn_body(world: &mut World, body: &BodyDescription) -> Result<Entity, B
         let counts = ByKind { tetrahedra, triangles, hexahedra, quads };
         let bends = body.membrane.is_some_and(|m| m.bending.is_some());
         let hinges = if bends { bending::MEMORY * triangles as u64 } else { 0 };
-        memory::of_body(&counts, body.middles.len()) + hinges
+        memory::of_body(&counts, body.middles.len()) + hinges + ROW * body.spare as u64
     };
     memory::fits(&format!("body `{}`", body.name), needed)?;
     match world.get_resource::<Precision>() {
