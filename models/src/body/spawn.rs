@@ -70,7 +70,8 @@ pub fn spawn_body(world: &mut World, body: &BodyDescription) -> Result<Entity, B
         let counts = ByKind { tetrahedra, triangles, hexahedra, quads };
         let bends = body.membrane.is_some_and(|m| m.bending.is_some());
         let hinges = if bends { bending::MEMORY * triangles as u64 } else { 0 };
-        memory::of_body(&counts, body.middles.len()) + hinges + ROW * body.spare as u64
+        let rows = ROW.saturating_mul(body.spare as u64);
+        (memory::of_body(&counts, body.middles.len()) + hinges).saturating_add(rows)
     };
     memory::fits(&format!("body `{}`", body.name), needed)?;
     match world.get_resource::<Precision>() {
