@@ -34,7 +34,7 @@
 //! | say what a body is made of | [`BodyDescription`], [`YoungPoisson`](models::material::YoungPoisson), [`Model`](models::body::Model) |
 //! | hold, move, load and blow up | [`Constraint`](engine::load::Constraint), [`Load`](engine::load::Load), [`traction_faces`](simulation::Simulation::traction_faces), [`Pressure`](engine::load::Pressure) |
 //! | press, drag, grasp; let bodies touch; pull with a mouse | [`Tool`], [`BodyContact`](touch::pair::BodyContact), [`Pull`](touch::pull::Pull) |
-//! | cut | [`Simulation::remove_elements`], [`models::resection`] |
+//! | cut, remove | [`Simulation::cut`], [`models::cutting`]; [`Simulation::remove_elements`], [`models::resection`] |
 //! | choose integrator, damping and tolerances | [`SolverSettings`](solvers::settings::SolverSettings), [`Integrator`](solvers::settings::Integrator) |
 //! | keep a rate, read states on another thread | [`live`] |
 //! | go back, keep a state, do a session again | [`snapshot`], [`replay`] |
@@ -63,6 +63,7 @@
 //! linear systems.
 //!
 //! [`Simulation`]: simulation::Simulation
+//! [`Simulation::cut`]: simulation::Simulation::cut
 //! [`Simulation::remove_elements`]: simulation::Simulation::remove_elements
 //! [`Simulation::warnings`]: simulation::Simulation::warnings
 //! [`Simulation::verdict`]: simulation::Simulation::verdict
@@ -76,6 +77,7 @@ pub mod simulation;
 mod axes;
 mod contact;
 pub mod live;
+mod cutting;
 pub mod plugin;
 pub mod replay;
 mod resection;

@@ -6,6 +6,7 @@ mod bending;
 mod clusters;
 mod common;
 mod comparison;
+mod cutting;
 mod element;
 mod isoparametric;
 mod lanes;

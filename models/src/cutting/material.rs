@@ -1,0 +1,544 @@
+//! The material of a body and how a blade divides it, as plain numbers.
+
+use glam::DVec3;
+use sinew_engine::sets::DisjointSets;
+use std::collections::{BTreeMap, BTreeSet};
+
+/// Local corners of the edges of a tetrahedron.
+const EDGES: [[usize; 2]; 6] = [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]];
+/// How near (in edges) to its end an edge may be cut: a point of the wound never lies on a vertex.
+const MARGIN: f64 = 1e-3;
+/// No number.
+const NONE: u32 = u32::MAX;
+
+/// A point of the material: a mean of vertices of the mesh by these weights, which add up to 1. Vertices of no weight come
+/// last.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Point {
+    /// Vertices of the mesh, all of one element.
+    pub vertices: [u32; 4],
+    /// Their weights.
+    pub weights: [f64; 4],
+}
+
+impl Point {
+    fn vertex(vertex: u32) -> Self {
+        Self { vertices: [vertex; 4], weights: [1.0, 0.0, 0.0, 0.0] }
+    }
+
+    /// The point at `(1 - t) a + t b`.
+    fn between(a: &Self, b: &Self, t: f64) -> Self {
+        let mut sum = BTreeMap::<u32, f64>::new();
+        for (point, part) in [(a, 1.0 - t), (b, t)] {
+            for (&v, w) in point.vertices.iter().zip(point.weights) {
+                if w != 0.0 {
+                    *sum.entry(v).or_default() += part * w;
+                }
+            }
+        }
+        let mut point = Self { vertices: [*sum.keys().next().unwrap_or(&0); 4], weights: [0.0; 4] };
+        for (at, (v, w)) in sum.into_iter().take(4).enumerate() {
+            (point.vertices[at], point.weights[at]) = (v, w);
+        }
+        point
+    }
+
+    /// The weights of the vertices of an element that it lies in.
+    pub fn weights_in(&self, vertices: [u32; 4]) -> [f64; 4] {
+        let of = |v| (0..4).filter(|&i| self.vertices[i] == v).map(|i| self.weights[i]).sum();
+        vertices.map(of)
+    }
+}
+
+/// A tetrahedron of the material.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Cell {
+    /// Points, positively oriented.
+    pub corners: [u32; 4],
+    /// Element that moves it.
+    pub element: u32,
+    /// Part of the volume of the element of the mesh.
+    pub volume: f64,
+    /// Whether the face opposite each corner was laid open.
+    pub wound: [bool; 4],
+}
+
+impl Cell {
+    /// The face opposite a corner, outward.
+    pub fn face(&self, opposite: usize) -> [u32; 3] {
+        let [a, b, c] = [[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]][opposite];
+        [self.corners[a], self.corners[b], self.corners[c]]
+    }
+
+    fn has(&self, point: u32) -> bool {
+        self.corners.contains(&point)
+    }
+
+    /// Its edges, the lower point first.
+    fn edges(&self) -> [[u32; 2]; 6] {
+        EDGES.map(|ends| sorted(ends.map(|i| self.corners[i])))
+    }
+}
+
+/// An element: one of the mesh, or a copy of one.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Element {
+    /// Its vertices in the mesh, which give its shape at rest.
+    pub vertices: [u32; 4],
+    /// The vertices that move it: those of the mesh, or ghosts of them, which are numbered from the last vertex of the mesh on.
+    pub nodes: [u32; 4],
+    /// Element of the mesh that it is a copy of, or itself.
+    pub source: u32,
+    /// Part of the volume of the whole element that lies at each vertex: integrals of the shape functions over the material.
+    pub portion: [f64; 4],
+}
+
+impl Element {
+    /// Part of the volume of the whole element.
+    pub fn share(&self) -> f64 {
+        self.portion.iter().sum()
+    }
+}
+
+/// An edge of the material that a blade crosses.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct Mark {
+    /// Its points, the lower first.
+    pub edge: [u32; 2],
+    /// Where: at `(1 - at) a + at b`.
+    pub at: f64,
+    /// The blade itself crossed it; else the cut was prolonged to the end of an element.
+    pub swept: bool,
+}
+
+/// What a blade that goes through the material does to it: decisions, from which all else follows.
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct Stroke {
+    /// Marks, by their edges.
+    pub marks: Vec<Mark>,
+    /// Cells that fall apart, ascending.
+    pub separated: Vec<u32>,
+}
+
+/// The material of a body of linear tetrahedra.
+///
+/// A blade divides the *material* only. An element whose material falls apart becomes as many copies of the same shape, each
+/// with its share of the volume and vertices of its own where the two sides come apart (virtual nodes: Molino, Bao, Fedkiw
+/// 2004; Sifakis, Der, Fedkiw 2007). So no small or flat element ever reaches a solver, and nothing is interpolated.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Material {
+    /// Points; those of the mesh first.
+    pub points: Vec<Point>,
+    /// Tetrahedra between them.
+    pub cells: Vec<Cell>,
+    /// Elements; those of the mesh first.
+    pub elements: Vec<Element>,
+    /// Vertex of the mesh that every ghost is of.
+    pub ghosts: Vec<u32>,
+    /// Number of vertices of the mesh.
+    pub vertices: u32,
+}
+
+impl Material {
+    /// Of a whole mesh.
+    pub fn new(vertices: usize, tetrahedra: &[[u32; 4]]) -> Self {
+        let whole = |(element, &corners): (u32, _)| Cell {
+            corners,
+            element,
+            volume: 1.0,
+            wound: [false; 4],
+        };
+        let element = |(source, &vertices): (u32, _)| Element {
+            vertices,
+            nodes: vertices,
+            source,
+            portion: [0.25; 4],
+        };
+        Self {
+            points: (0..vertices as u32).map(Point::vertex).collect(),
+            cells: (0..).zip(tetrahedra).map(whole).collect(),
+            elements: (0..).zip(tetrahedra).map(element).collect(),
+            ghosts: Vec::new(),
+            vertices: vertices as u32,
+        }
+    }
+
+    /// Where a point is, as a corner of a cell, when `at` says where vertices and ghosts are.
+    pub fn place(&self, cell: &Cell, point: u32, at: &dyn Fn(u32) -> DVec3) -> DVec3 {
+        let Element { vertices, nodes, .. } = self.elements[cell.element as usize];
+        let point = &self.points[point as usize];
+        if point.weights[0] == 1.0 {
+            // to the last bit
+            let i = vertices.iter().position(|&v| v == point.vertices[0]).unwrap_or(0);
+            return at(nodes[i]);
+        }
+        nodes.iter().zip(point.weights_in(vertices)).map(|(&n, w)| w * at(n)).sum()
+    }
+
+    /// What the surface that a blade sweeps does: between two positions of the blade (m) it consists of two triangles,
+    /// `(p0, q0, p1)` and `(q0, q1, p1)`. `at` says where vertices and ghosts are.
+    ///
+    /// A cell is separated as soon as the blade has crossed one of its edges, if what the blade crossed, prolonged by the
+    /// plane of the blade, parts its corners. The first mark of an edge counts for all cells round it.
+    pub fn stroke(&self, strip: &[[DVec3; 2]], at: &dyn Fn(u32) -> DVec3) -> Stroke {
+        let mut edges: Vec<([u32; 2], u32)> = Vec::with_capacity(6 * self.cells.len());
+        for (cell, own) in (0..).zip(&self.cells) {
+            edges.extend(own.edges().map(|edge| (edge, cell)));
+        }
+        edges.sort_unstable();
+        edges.dedup_by_key(|(edge, _)| *edge);
+        let number = |edge| edges.partition_point(|(own, _)| *own < edge);
+        let edges_of: Vec<[usize; 6]> =
+            self.cells.iter().map(|cell| cell.edges().map(number)).collect();
+        let ends: Vec<[DVec3; 2]> = edges
+            .iter()
+            .map(|&(edge, cell)| edge.map(|p| self.place(&self.cells[cell as usize], p, at)))
+            .collect();
+        let mut marks: Vec<Option<Mark>> = vec![None; edges.len()];
+        let mark = |e: usize, at: f64, swept| {
+            Some(Mark { edge: edges[e].0, at: at.clamp(MARGIN, 1.0 - MARGIN), swept })
+        };
+        let mut whole = vec![false; edges.len()];
+        let mut separated = BTreeSet::new();
+        for move_ in strip.windows(2) {
+            let [[p0, q0], [p1, q1]] = [move_[0], move_[1]];
+            let parts = [[p0, q0, p1], [q0, q1, p1]];
+            let low = p0.min(q0).min(p1).min(q1);
+            let high = p0.max(q0).max(p1).max(q1);
+            for (e, &[a, b]) in ends.iter().enumerate() {
+                if a.min(b).cmpgt(high).any() || a.max(b).cmplt(low).any() {
+                    continue;
+                }
+                if let Some(t) = parts.iter().find_map(|part| crossing([a, b], part)) {
+                    match &mut marks[e] {
+                        Some(mark) => mark.swept = true,
+                        none => *none = mark(e, t, true),
+                    }
+                }
+            }
+            let normal = (q1 - p1).cross(((p1 + q1) - (p0 + q0)) / 2.0);
+            for (cell, own) in (0..).zip(&edges_of) {
+                let is_swept = |&e: &usize| marks[e].is_some_and(|mark| mark.swept);
+                if separated.contains(&cell) || !own.iter().any(is_swept) {
+                    continue;
+                }
+                for &e in own {
+                    let [a, b] = ends[e].map(|x| normal.dot(x - p1));
+                    if marks[e].is_none() && !whole[e] && (a >= 0.0) != (b >= 0.0) {
+                        marks[e] = mark(e, a / (a - b), false);
+                    }
+                }
+                if groups(own.map(|e| marks[e].is_some())) != [0; 4] {
+                    separated.insert(cell);
+                    own.iter().for_each(|&e| whole[e] |= marks[e].is_none());
+                }
+            }
+        }
+        let marks = marks.into_iter().flatten().collect();
+        Stroke { marks, separated: separated.into_iter().collect() }
+    }
+
+    /// Divides the material by what a stroke decided; see [`Material::stroke`]. Shares, copies and ghosts follow. For every
+    /// ghost that came to be the vertex or ghost in whose place it comes.
+    pub fn open(&mut self, stroke: &Stroke) -> Vec<u32> {
+        // separated cells are cut at their marks, and all round these
+        let marked = |edge: &[u32; 2]| stroke.marks.binary_search_by_key(edge, |mark| mark.edge);
+        let mut used: Vec<usize> = stroke
+            .separated
+            .iter()
+            .flat_map(|&cell| self.cells[cell as usize].edges())
+            .filter_map(|edge| marked(&edge).ok())
+            .collect();
+        used.sort_unstable();
+        used.dedup();
+        let first = self.points.len() as u32;
+        for &mark in &used {
+            let Mark { edge: [a, b], at, .. } = stroke.marks[mark];
+            let [a, b] = [a, b].map(|p| self.points[p as usize]);
+            self.points.push(Point::between(&a, &b, at));
+        }
+        let middle = |edge: &[u32; 2]| {
+            let place = used.binary_search(&marked(edge).ok()?).ok()?;
+            Some(first + place as u32)
+        };
+        let mut cells = Vec::with_capacity(self.cells.len());
+        for (number, cell) in (0..).zip(&self.cells) {
+            let mut cuts: Vec<([u32; 2], u32)> =
+                cell.edges().iter().filter_map(|edge| Some((*edge, middle(edge)?))).collect();
+            // in the order of all edges, so that neighbours agree
+            cuts.sort_unstable();
+            let begin = cells.len();
+            cells.push(*cell);
+            for ([a, b], m) in cuts {
+                for at in begin..cells.len() {
+                    let part: Cell = cells[at];
+                    if part.has(a) && part.has(b) {
+                        let t = stroke.marks[used[(m - first) as usize]].at;
+                        cells[at] = part.with([a, b], m, t);
+                        cells.push(part.with([b, a], m, 1.0 - t));
+                    }
+                }
+            }
+            if stroke.separated.binary_search(&number).is_ok() {
+                let is_cut = cell.edges().map(|edge| middle(&edge).is_some());
+                let group = groups(is_cut);
+                let of = |part: &Cell| {
+                    let corner = (0..4).find(|&i| part.has(cell.corners[i])).unwrap_or(0);
+                    group[corner]
+                };
+                part_groups(&mut cells[begin..], of);
+            }
+        }
+        self.cells = cells;
+        self.part_points(first);
+        self.part_elements();
+        self.part_nodes()
+    }
+
+    /// Gives the new points an own number for each side on which the cells round them hang together.
+    fn part_points(&mut self, first: u32) {
+        let mut round: Vec<Vec<u32>> = vec![Vec::new(); self.points.len() - first as usize];
+        for (number, cell) in (0..).zip(&self.cells) {
+            for &p in cell.corners.iter().filter(|&&p| p >= first) {
+                round[(p - first) as usize].push(number);
+            }
+        }
+        let mut moves = Vec::new();
+        for (point, own) in (first..).zip(&round) {
+            let at_point = |number: u32, face: &[u32; 3]| {
+                face.contains(&point).then(|| own.binary_search(&number).unwrap_or(0) as u32)
+            };
+            let part = self.joined(own, at_point);
+            let count = part.iter().max().map_or(0, |last| last + 1);
+            let copies: Vec<u32> = (1..count)
+                .map(|_| {
+                    self.points.push(self.points[point as usize]);
+                    self.points.len() as u32 - 1
+                })
+                .collect();
+            moves.extend(
+                (0..own.len())
+                    .filter(|&i| part[i] > 0)
+                    .map(|i| (own[i], point, copies[part[i] as usize - 1])),
+            );
+        }
+        for (cell, from, to) in moves {
+            let corners = &mut self.cells[cell as usize].corners;
+            corners.iter_mut().filter(|p| **p == from).for_each(|p| *p = to);
+        }
+    }
+
+    /// Sets of cells among some that hang together by faces for which `place` gives the place of the cell.
+    fn joined(&self, cells: &[u32], place: impl Fn(u32, &[u32; 3]) -> Option<u32>) -> Vec<u32> {
+        let mut sets = DisjointSets::new(cells.len());
+        let mut faces: Vec<([u32; 3], u32)> = Vec::new();
+        for &number in cells {
+            let cell = &self.cells[number as usize];
+            for opposite in (0..4).filter(|&i| !cell.wound[i]) {
+                let face = sorted(cell.face(opposite));
+                faces.extend(place(number, &face).map(|place| (face, place)));
+            }
+        }
+        faces.sort_unstable();
+        for pair in faces.windows(2).filter(|pair| pair[0].0 == pair[1].0) {
+            sets.join(pair[0].1, pair[1].1);
+        }
+        sets.count()
+    }
+
+    /// Makes a copy of every element for each further piece of its material, and sums the portions of all that changed.
+    fn part_elements(&mut self) {
+        let mut own: Vec<Vec<u32>> = vec![Vec::new(); self.elements.len()];
+        for (number, cell) in (0..).zip(&self.cells) {
+            own[cell.element as usize].push(number);
+        }
+        for (element, cells) in own.iter().enumerate().filter(|(_, cells)| cells.len() > 1) {
+            let place = |number: u32, _: &[u32; 3]| Some(cells.partition_point(|c| *c < number));
+            let part = self.joined(cells, |number, face| place(number, face).map(|i| i as u32));
+            let first = self.elements.len() as u32;
+            let count = part.iter().max().map_or(0, |last| *last);
+            if count == 0 {
+                continue;
+            }
+            let source = self.elements[element];
+            self.elements.extend((0..count).map(|_| source));
+            let number = |part: u32| if part == 0 { element as u32 } else { first + part - 1 };
+            let all: Vec<u32> = (0..=count).map(number).collect();
+            all.iter().for_each(|&e| self.elements[e as usize].portion = [0.0; 4]);
+            for (&cell, part) in cells.iter().zip(part) {
+                let cell = &mut self.cells[cell as usize];
+                cell.element = all[part as usize];
+                let to = &mut self.elements[cell.element as usize].portion;
+                for &p in &cell.corners {
+                    let weights = self.points[p as usize].weights_in(source.vertices);
+                    (0..4).for_each(|i| to[i] += 0.25 * cell.volume * weights[i]);
+                }
+            }
+        }
+    }
+
+    /// Gives elements that no longer hang together vertices of their own: who holds a vertex of the mesh keeps it, all others
+    /// get a ghost.
+    fn part_nodes(&mut self) -> Vec<u32> {
+        let mut sets = DisjointSets::new(4 * self.elements.len());
+        let mut faces: Vec<([u32; 3], u32)> = Vec::new();
+        let mut holds = vec![false; 4 * self.elements.len()];
+        let mut alive = vec![false; self.elements.len()];
+        for cell in &self.cells {
+            alive[cell.element as usize] = true;
+            let element = &self.elements[cell.element as usize];
+            for &p in cell.corners.iter().filter(|&&p| p < self.vertices) {
+                let i = element.vertices.iter().position(|&v| v == p).unwrap_or(0);
+                holds[4 * cell.element as usize + i] = true;
+            }
+            let open = (0..4).filter(|&i| !cell.wound[i]);
+            faces.extend(open.map(|i| (sorted(cell.face(i)), cell.element)));
+        }
+        faces.sort_unstable();
+        for pair in faces.windows(2) {
+            let [(face, a), (other, b)] = [pair[0], pair[1]];
+            if face != other || a == b {
+                continue;
+            }
+            let [of_a, of_b] = [a, b].map(|e| self.elements[e as usize].vertices);
+            for (i, v) in (0..).zip(of_a) {
+                if let Some(j) = of_b.iter().position(|&w| w == v) {
+                    sets.join(4 * a + i, 4 * b + j as u32);
+                }
+            }
+        }
+        // whether a set holds its vertex, and what moves it from now on
+        let all = 0..4 * self.elements.len() as u32;
+        let mut keeps = vec![false; holds.len()];
+        all.clone().for_each(|i| keeps[sets.root(i) as usize] |= holds[i as usize]);
+        let mut moved_by = vec![NONE; holds.len()];
+        let mut taken = vec![false; self.vertices as usize + self.ghosts.len()];
+        let living = all.filter(|i| alive[(i / 4) as usize]);
+        for i in living.clone() {
+            let node = self.elements[(i / 4) as usize].nodes[(i % 4) as usize];
+            let root = sets.root(i) as usize;
+            if keeps[root] {
+                (moved_by[root], taken[node as usize]) = (node, true);
+            }
+        }
+        let mut origins = Vec::new();
+        for i in living {
+            let (element, at) = ((i / 4) as usize, (i % 4) as usize);
+            let (root, node) = (sets.root(i) as usize, self.elements[element].nodes[at]);
+            if moved_by[root] == NONE {
+                moved_by[root] = node;
+                if std::mem::replace(&mut taken[node as usize], true) {
+                    moved_by[root] = self.vertices + self.ghosts.len() as u32;
+                    self.ghosts.push(self.elements[element].vertices[at]);
+                    origins.push(node);
+                }
+            }
+            self.elements[element].nodes[at] = moved_by[root];
+        }
+        origins
+    }
+
+    /// Forgets the material of elements that are gone.
+    pub fn keep(&mut self, is_left: impl Fn(u32) -> bool) {
+        self.cells.retain(|cell| is_left(cell.element));
+    }
+
+    /// Area of one side of all wounds, when `rest` says where the vertices of the mesh are.
+    pub fn wound_area(&self, rest: &dyn Fn(u32) -> DVec3) -> f64 {
+        let point = |p: u32| -> DVec3 {
+            let Point { vertices, weights } = self.points[p as usize];
+            vertices.iter().zip(weights).filter(|(_, w)| *w != 0.0).map(|(&v, w)| w * rest(v)).sum()
+        };
+        let faces = self.cells.iter().flat_map(|cell| {
+            let open = (0..4).filter(|&i| cell.wound[i]);
+            open.map(|i| cell.face(i).map(point))
+        });
+        // both sides, and two triangles in a parallelogram
+        faces.map(|[a, b, c]| (b - a).cross(c - a).length()).sum::<f64>() / 4.0
+    }
+
+    /// Faces of the material that bound it, outward: the cell behind each, and whether it was laid open by a cut.
+    pub fn skin(&self) -> Vec<([u32; 3], u32, bool)> {
+        let mut faces: Vec<([u32; 3], u32, usize)> = Vec::with_capacity(4 * self.cells.len());
+        for (number, cell) in (0..).zip(&self.cells) {
+            faces.extend((0..4).map(|i| (sorted(cell.face(i)), number, i)));
+        }
+        faces.sort_unstable();
+        let mut skin: Vec<(u32, usize)> = Vec::new();
+        for round in faces.chunk_by(|a, b| a.0 == b.0) {
+            let is_wound =
+                |(_, cell, i): &([u32; 3], u32, usize)| self.cells[*cell as usize].wound[*i];
+            skin.extend(
+                round
+                    .iter()
+                    .filter(|f| round.len() == 1 || is_wound(f))
+                    .map(|&(_, cell, i)| (cell, i)),
+            );
+        }
+        skin.sort_unstable();
+        let of = |(number, i): (u32, usize)| {
+            let cell = &self.cells[number as usize];
+            (cell.face(i), number, cell.wound[i])
+        };
+        skin.into_iter().map(of).collect()
+    }
+}
+
+impl Cell {
+    /// What is left on the side of `keeps` when its edge from there is cut at a point, `part` of it.
+    fn with(&self, [keeps, goes]: [u32; 2], point: u32, part: f64) -> Self {
+        let mut cell = *self;
+        cell.volume *= part;
+        for i in 0..4 {
+            if self.corners[i] == goes {
+                cell.corners[i] = point;
+            } else if self.corners[i] == keeps {
+                // the face between both parts
+                cell.wound[i] = false;
+            }
+        }
+        cell
+    }
+}
+
+/// Number of the group of every corner of a tetrahedron: those that edges which are not cut hold together.
+fn groups(is_cut: [bool; 6]) -> [u32; 4] {
+    let mut sets = DisjointSets::new(4);
+    for ([a, b], _) in EDGES.iter().zip(is_cut).filter(|(_, cut)| !cut) {
+        sets.join(*a as u32, *b as u32);
+    }
+    [0, 1, 2, 3].map(|corner| sets.root(corner))
+}
+
+/// Opens the faces between parts of different groups of one cell.
+fn part_groups(parts: &mut [Cell], group: impl Fn(&Cell) -> u32) {
+    let mut faces: Vec<([u32; 3], usize, usize)> = Vec::new();
+    for (number, part) in parts.iter().enumerate() {
+        faces.extend((0..4).map(|i| (sorted(part.face(i)), number, i)));
+    }
+    faces.sort_unstable();
+    for pair in faces.windows(2) {
+        let [(face, a, i), (other, b, j)] = [pair[0], pair[1]];
+        if face == other && group(&parts[a]) != group(&parts[b]) {
+            (parts[a].wound[i], parts[b].wound[j]) = (true, true);
+        }
+    }
+}
+
+/// Where a segment crosses a triangle, as a part of the segment.
+fn crossing([a, b]: [DVec3; 2], &[p, q, r]: &[DVec3; 3]) -> Option<f64> {
+    let (d, [x, y, z]) = (b - a, [p - a, q - a, r - a]);
+    // triangles on either side of an edge get opposite numbers to the last bit: nothing passes between them
+    let sides = [x.cross(y).dot(d), y.cross(z).dot(d), z.cross(x).dot(d)];
+    if !(sides.iter().all(|s| *s >= 0.0) || sides.iter().all(|s| *s <= 0.0)) {
+        return None;
+    }
+    let normal = (q - p).cross(r - p);
+    let t = normal.dot(x) / normal.dot(d);
+    (0.0..=1.0).contains(&t).then_some(t)
+}
+
+fn sorted<const N: usize>(mut points: [u32; N]) -> [u32; N] {
+    points.sort_unstable();
+    points
+}
