@@ -249,6 +249,35 @@ fn a_run_leaves_a_page_in_every_build() {
     // before the run, not after it
     check(&["run", &bar, "--page", "no/such/folder/a.html"], 1, "", "no/such/folder");
     check(&["run", &bar, "--page", &path, "--resume"], 2, "", "--resume");
+    check(&["run", &bar, "--page", &path, "--no-page"], 2, "", "--no-page");
+    // beside the files, or in `out`, unless nobody is told of it
+    let folder = file("pages");
+    let _ = std::fs::remove_dir_all(&folder);
+    std::fs::create_dir_all(&folder).unwrap();
+    let run = |more: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_sinew"));
+        command.args(["run", &bar, "--steps", "2"]).args(more).current_dir(&folder);
+        let output = command.output().unwrap();
+        assert!(output.status.success(), "{output:?}");
+        String::from_utf8_lossy(&output.stdout).into_owned()
+    };
+    let pages = || ["out", "x"].map(|sub| folder.join(sub).join("fibre_bar.html").exists());
+    for none in [&["--no-page"][..], &["--quiet"], &["--json", "-"], &["--no-page", "--out", "x"]] {
+        run(none);
+        assert_eq!(pages(), [false; 2], "{none:?}");
+    }
+    let told = run(&[]);
+    let last = told.lines().last().unwrap_or_default().trim();
+    assert!(last.starts_with("out/fibre_bar.html (open in a browser; "), "{told}");
+    run(&["--out", "x", "--quiet"]);
+    assert_eq!(pages(), [true; 2]);
+    // one of an earlier run does not stay
+    run(&["--out", "x", "--no-page"]);
+    assert_eq!(pages(), [true, false]);
+    // a page that nobody asked for does not fail a run
+    std::fs::remove_dir_all(folder.join("out")).unwrap();
+    std::fs::write(folder.join("out"), "no folder").unwrap();
+    assert!(run(&[]).contains("--no-page"));
     #[cfg(not(feature = "render"))]
     check(&["render", &bar, "--png", "x"], 1, "", "--features sinew-cli/render");
 }
