@@ -4,8 +4,9 @@ use clap::Args;
 use sinew::models::material::{TissuePreset, presets};
 use sinew_cli::{Outcome, print};
 use sinew_scene::new_scene::new_scene;
+use sinew_scene::text::wrapped;
 use std::fmt::Write;
-use std::io::Write as _;
+use std::io::{ErrorKind, Write as _};
 use std::path::PathBuf;
 
 #[derive(Args)]
@@ -24,7 +25,10 @@ pub struct NewArguments {
 pub fn new(arguments: &NewArguments) -> Outcome {
     let mesh = &arguments.mesh;
     let out = arguments.out.clone().unwrap_or_else(|| mesh.with_extension("toml"));
-    let error = |e: std::io::Error| format!("{}: {e}", out.display());
+    let error = |e: std::io::Error| match e.kind() {
+        ErrorKind::AlreadyExists => format!("{} is there already; give --out FILE", out.display()),
+        _ => format!("{}: {e}", out.display()),
+    };
     // beside the mesh its name will do, also where both are moved
     let name = match (mesh.parent() == out.parent(), mesh.file_name()) {
         (true, Some(name)) => PathBuf::from(name),
@@ -73,29 +77,12 @@ fn table(markdown: bool) -> String {
     presets().iter().for_each(|preset| row(&mut text, preset));
     if !markdown {
         for preset in presets() {
-            let _ = write!(text, "\n{}\n", preset.name);
-            wrapped(&mut text, preset.note);
-            wrapped(&mut text, &format!("Source: {}.", preset.source));
+            let _ = write!(text, "\n{}\n{}", preset.name, wrapped(preset.note, 92, "  "));
+            text += &wrapped(&format!("Source: {}.", preset.source), 92, "  ");
         }
         text += "\nUse one: material = { preset = \"liver\" } in a [[body]]; sinew new --mesh organ.msh --tissue liver\n";
     }
     text
-}
-
-/// Words in lines of a terminal.
-fn wrapped(text: &mut String, words: &str) {
-    let mut length = usize::MAX;
-    for word in words.split_whitespace() {
-        if length.saturating_add(word.len()) > 90 {
-            text.push_str(if text.ends_with('\n') { "  " } else { "\n  " });
-            length = 0;
-        } else {
-            text.push(' ');
-        }
-        text.push_str(word);
-        length += word.len() + 1;
-    }
-    text.push('\n');
 }
 
 pub fn list(arguments: &PresetArguments) -> Outcome {

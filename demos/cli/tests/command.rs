@@ -282,6 +282,33 @@ fn a_run_leaves_a_page_in_every_build() {
     check(&["render", &bar, "--png", "x"], 1, "", "--features sinew-cli/render");
 }
 
+#[test]
+fn tissues_new_scenes_and_charts() {
+    check(&["presets"], 0, "liver     5         0.45  1060", "");
+    let table = check(&["presets", "--markdown"], 0, "Palmeri et al. 2008", "");
+    let page = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/tissues.md");
+    let page = std::fs::read_to_string(page).unwrap();
+    assert!(
+        page.ends_with(&table),
+        "docs/tissues.md ends with what `sinew presets --markdown` prints"
+    );
+    let [mesh, scene, out] =
+        ["organ.vtk", "organ.toml", "organ"].map(|name| file(name).display().to_string());
+    let (_, _) = (std::fs::remove_file(&scene), std::fs::remove_dir_all(&out));
+    let coarse =
+        sinew_scene::scene_folder().join("../meshes/liver_coarse.msh").display().to_string();
+    check(&["mesh", "convert", &coarse, &mesh], 0, "", "");
+    check(&["new", "--mesh", &mesh, "--tissue", "bone"], 1, "", "known names: brain");
+    check(&["new", "--mesh", &mesh, "--tissue", "kidney"], 0, &scene, "");
+    check(&["new", "--mesh", &mesh], 1, "", "is there already; give --out FILE");
+    assert!(std::fs::read_to_string(&scene).unwrap().contains("mesh = \"organ.vtk\""));
+    check(&["run", &scene, "--steps", "120", "--out", &out, "--no-page"], 0, "ball.tool_force", "");
+    let rows = format!("{out}/organ.csv");
+    check(&["plot", &rows], 0, "organ.plot.html", "");
+    check(&["plot", &rows, "--out", "x.png"], 2, "", ".svg or .html");
+    check(&["plot", &rows, "--column", "magic"], 1, "", "ball.tool_depth (m)");
+}
+
 #[cfg(feature = "render")]
 #[test]
 fn render_writes_a_page_and_refuses_what_it_cannot_draw() {

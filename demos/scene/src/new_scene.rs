@@ -1,8 +1,10 @@
 //! A first scene for a mesh of one's own, with a comment on every line that will be changed.
 
-use crate::text::short;
-use sinew::engine::mesh::{Mesh, MeshError};
+use crate::text::{short, wrapped};
+use glam::DVec3;
+use sinew::engine::mesh::{Group, Mesh, MeshError};
 use sinew::models::material::{MaterialError, preset};
+use std::collections::HashSet;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
@@ -27,7 +29,7 @@ const LARGE: f64 = 4.0;
 const HOLDS: [&str; 8] = ["held", "fix", "ligament", "clamp", "anchor", "base", "bottom", "z0"];
 
 /// The text of a scene with the mesh of a file, which it calls `name`: of this tissue, held at a group of the mesh or its lowest
-/// part, and pressed from above by a ball. A surface is filled with cubes.
+/// part, and pressed by a ball from the other side. A surface is filled with cubes.
 ///
 /// # Errors
 /// When the mesh cannot be read or is empty, or no preset has this name.
@@ -48,7 +50,8 @@ pub fn new_scene(file: &Path, name: &str, tissue: &str) -> Result<String, NewSce
     let mut text = format!(
         "# Written by `sinew new`: look through every line, then `sinew run` it. Metres, seconds, kilograms, newtons, pascals;\n\
          # all keys are in demos/scenes/README.md.\n\n\
-         name = {:?}\ndt = 0.01           # s; a smaller step follows fast motion better\nduration = 3.0      # s\n\n\
+         name = {:?}\ndt = 0.01           # s; a smaller step follows fast motion better\nduration = 3.0      # s\n\
+         # [0.0, 0.0, -9.81] lets it hang, or lie; without, forces are those of the ball alone\ngravity = [0.0, 0.0, 0.0]\n\n\
          [[body]]\nname = \"organ\"\nmesh = {name:?}\n",
         stem.as_ref()
     );
@@ -68,70 +71,91 @@ pub fn new_scene(file: &Path, name: &str, tissue: &str) -> Result<String, NewSce
         );
     }
     let of = &preset.material;
-    let _ = writeln!(
-        text,
-        "# {}: E = {} Pa, nu = {}, {} kg/m^3. {}\n# Source: {}.\n\
-         # Your own figures: material = {{ young_modulus = 5e3, poisson_ratio = 0.45, density = 1060.0 }}\n\
-         material = {{ preset = {:?} }}\n\
-         model = \"neo_hookean\" # gets stiffer under a tool, as tissue does (docs/which-model.md)\n",
+    let about = format!(
+        "{}: E = {} Pa, nu = {}, {} kg/m^3. {} Source: {}. Your own figures: material = {{ young_modulus = 5e3, \
+         poisson_ratio = 0.45, density = 1060.0 }}",
         preset.name,
         short(of.young_modulus),
         short(of.poisson_ratio),
         short(of.density),
         preset.note,
         preset.source,
+    );
+    let _ = writeln!(
+        text,
+        "{}material = {{ preset = {:?} }}\n\
+         model = \"neo_hookean\" # gets stiffer under a tool, as tissue does (docs/which-model.md)\n",
+        wrapped(&about, 100, "# "),
         preset.name,
     );
     let groups: Vec<&str> =
         mesh.groups.iter().filter(|g| !g.vertices.is_empty()).map(|g| g.name.as_str()).collect();
-    // a group of all vertices would hold everything
-    let part = |name: &str| {
-        let count = mesh.groups.iter().filter(|g| g.name == name).map(|g| g.vertices.len()).max();
-        count.is_some_and(|count| count * 2 < mesh.points.len())
+    let corners = mesh.tetrahedra.as_flattened().iter().chain(mesh.hexahedra.as_flattened());
+    let used: HashSet<u32> = corners.copied().collect();
+    // a group of most vertices would hold everything, and cubes know none
+    let part = |group: &&Group| {
+        group.vertices.len() * 2 < mesh.points.len()
+            && group.vertices.iter().any(|v| used.contains(v))
     };
     let held = HOLDS.iter().find_map(|word| {
-        groups.iter().find(|name| solid && name.to_lowercase().contains(word) && part(name))
+        let named = |group: &&Group| group.name.to_lowercase().contains(word);
+        mesh.groups.iter().filter(part).find(named)
     });
     text += "[[constraint]]\nname = \"hold\"\n";
     if !groups.is_empty() {
         let _ = writeln!(text, "# groups of the mesh: {}", groups.join(", "));
     }
+    let middle = 0.5 * (low + high);
+    let mut away = DVec3::Z;
     let _ = match held {
-        Some(group) => writeln!(text, "select = {{ group = {group:?} }}"),
+        Some(group) => {
+            let points = group.vertices.iter().filter_map(|&v| mesh.points.get(v as usize));
+            let sum: DVec3 = points.map(|p| *p * scale - middle).sum();
+            away = (-sum).try_normalize().unwrap_or(DVec3::Z);
+            writeln!(text, "select = {{ group = {:?} }}", group.name)
+        }
         None => {
             let room = 0.05 * extent;
             // of cubes one layer of corners at least
             let top = low.z + if solid { 0.12 } else { 0.3 } * size.z;
-            let list = |x: f64, y: f64, z: f64| [x, y, z].map(short).join(", ");
             writeln!(
                 text,
                 "# its lowest part, a box (m); a group of the mesh is better: select = {{ group = \"...\" }}\n\
-                 select = {{ box = {{ min = [{}], max = [{}] }} }}",
-                list(low.x - room, low.y - room, low.z - room),
-                list(high.x + room, high.y + room, top)
+                 select = {{ box = {{ min = {}, max = {} }} }}",
+                list(&(low - room).to_array()),
+                list(&[high.x + room, high.y + room, top])
             )
         }
     };
-    // the highest point is under the ball
-    let top =
-        mesh.points.iter().copied().max_by(|a, b| a.z.total_cmp(&b.z)).unwrap_or_default() * scale;
+    // opposite of what is held, on the point that is farthest out
+    let out = |p: &DVec3| (*p * scale - middle).dot(away);
+    let finite = mesh.points.iter().filter(|p| p.is_finite());
+    let seat = finite.max_by(|a, b| out(a).total_cmp(&out(b))).map_or(middle, |p| *p * scale);
     let radius = 0.1 * extent;
-    let depth = (0.12 * size.z).min(0.4 * radius).max(0.02 * radius);
-    let pose = |t: f64, z: f64| format!("[{}]", [t, top.x, top.y, z].map(short).join(", "));
-    let (far, near) = (top.z + 1.1 * radius, top.z + radius - depth);
+    let depth = (0.1 * (seat - middle).dot(away)).min(0.4 * radius).max(0.02 * radius);
+    let pose = |t: f64, gap: f64| {
+        let [x, y, z] = (seat + away * (radius + gap)).to_array();
+        list(&[t, x, y, z])
+    };
+    let gap = 0.1 * radius;
     let _ = write!(
         text,
-        "\n# a ball presses from above, {} mm deep, holds and lifts: time (s) and centre (m)\n\
+        "\n# a ball presses {} mm deep, holds and lifts: time (s) and centre (m)\n\
          [[tool]]\nname = \"ball\"\nshape = \"sphere\"\nradius = {}\nfriction = 0.2\n\
-         path = [{}, {}, {}, {}]\n\n\
+         path = [\n    {},\n    {},\n    {},\n    {},\n]\n\n\
          # columns of the table, and graphs of the page\n\
          [[probe]]\nname = \"ball\"\ntool = \"ball\"\nrecord = [\"tool_force\", \"tool_depth\"]\n",
         short(1e3 * depth),
         short(radius),
-        pose(0.0, far),
-        pose(1.0, near),
-        pose(2.0, near),
-        pose(2.5, far),
+        pose(0.0, gap),
+        pose(1.0, -depth),
+        pose(2.0, -depth),
+        pose(2.5, gap),
     );
     Ok(text)
+}
+
+/// Numbers as a list of TOML.
+fn list(numbers: &[f64]) -> String {
+    format!("[{}]", numbers.iter().map(|x| short(*x)).collect::<Vec<_>>().join(", "))
 }

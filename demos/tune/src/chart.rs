@@ -158,34 +158,46 @@ impl Curves {
         let axes = Axes { size: CURVES, x, y: (y.0.min(0.0), y.1.max(0.0)), log: false };
         let mut svg = axes.begin(&self.name, time);
         let several = self.runs.len() > 1;
-        let mut at = CURVES[0] - MARGIN[1];
-        for (r, (run, lines)) in self.runs.iter().enumerate().rev() {
-            for (l, line) in lines.iter().enumerate().rev() {
+        let style = |ink: &str, dash: usize| {
+            let dash = DASHES[dash % DASHES.len()];
+            format!(
+                "fill=\"none\" stroke=\"{ink}\" stroke-width=\"1.6\" stroke-dasharray=\"{dash}\""
+            )
+        };
+        let mut keys: Vec<(&str, String)> = Vec::new();
+        for (r, (run, lines)) in self.runs.iter().enumerate() {
+            if several {
+                keys.push((run, style(INKS[r % INKS.len()], 0)));
+            }
+            for (l, line) in lines.iter().enumerate() {
                 let (ink, dash) = if several { (r, l) } else { (l, 0) };
-                let (ink, dash) = (INKS[ink % INKS.len()], DASHES[dash % DASHES.len()]);
-                let stroke = format!(
-                    "fill=\"none\" stroke=\"{ink}\" stroke-width=\"1.6\" stroke-dasharray=\"{dash}\""
-                );
+                let stroke = style(INKS[ink % INKS.len()], dash);
                 let _ = write!(svg, "<polyline {stroke} points=\"");
                 for [t, v] in line.thinned(POINTS) {
                     let _ = write!(svg, "{:.1},{:.1} ", axes.across(t), axes.up(v));
                 }
-                let of_run = Some(run.as_str()).filter(|_| several);
-                let own = Some(line.name.as_str()).filter(|name| !name.is_empty());
-                let name: Vec<&str> = of_run.into_iter().chain(own).collect();
-                let name = name.join(" ");
-                let _ = writeln!(svg, "\"><title>{}</title></polyline>", escape(&name));
-                // the key, from the right
-                at -= 6.2 * name.chars().count() as f64 + 34.0;
-                let text = at + 22.0;
-                if !name.is_empty() && at > 180.0 {
-                    let _ = writeln!(
-                        svg,
-                        "<path {stroke} d=\"M{at:.0} 12h18\"/><text x=\"{text:.0}\" y=\"16\">{}</text>",
-                        escape(&name)
-                    );
+                let name = format!("{run} {}", line.name);
+                let _ = writeln!(svg, "\"><title>{}</title></polyline>", escape(name.trim()));
+                // several runs have colours, their lines strokes
+                if !several {
+                    keys.push((&line.name, stroke));
                 }
             }
+        }
+        let parts = self.runs[0].1.iter().enumerate().filter(|_| several);
+        keys.extend(parts.map(|(l, line)| (line.name.as_str(), style("#666", l))));
+        // the keys, from the right as far as there is room
+        let (mut at, room) = (CURVES[0] - MARGIN[1], 7.0 * self.name.chars().count() as f64 + 20.0);
+        for (name, stroke) in keys.iter().rev().filter(|(name, _)| !name.is_empty()) {
+            at -= 6.2 * name.chars().count() as f64 + 34.0;
+            if at < room {
+                break;
+            }
+            let (text, name) = (at + 22.0, escape(name));
+            let _ = writeln!(
+                svg,
+                "<path {stroke} d=\"M{at:.0} 12h18\"/><text x=\"{text:.0}\" y=\"16\">{name}</text>"
+            );
         }
         let plain = |c: char| if c.is_alphanumeric() { c } else { '-' };
         let name = self.name.chars().map(plain).collect();

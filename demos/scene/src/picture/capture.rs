@@ -105,6 +105,8 @@ pub struct Recorder<'a> {
     pushes: Vec<Vec<Push>>,
     /// Of every pressure: its faces at the last look, and those with an arrow.
     pushed: HashMap<Entity, (usize, Vec<usize>)>,
+    /// Values of probes before the first step, which are read before anybody is told of the scene.
+    before: Vec<f64>,
     /// Frames that the scene asks for.
     pub(super) due: usize,
     /// The element behind every cell, and its body.
@@ -141,6 +143,7 @@ impl<'a> Recorder<'a> {
             forces: Vec::new(),
             pushes: Vec::new(),
             pushed: HashMap::new(),
+            before: Vec::new(),
             due: 0,
             elements: Vec::new(),
             seconds: 0.0,
@@ -229,6 +232,8 @@ impl<'a> Recorder<'a> {
             self.inside(built, points.len());
             let quantities = probe::quantities(&built.probes);
             self.recording.graphs = quantities.map(graph).collect();
+            let before = std::mem::take(&mut self.before);
+            self.probed(0.0, &before);
         }
         let r = &mut self.recording;
         // only what can be seen, unless removals or a page open bodies
@@ -294,6 +299,17 @@ impl<'a> Recorder<'a> {
                 let points = corners.map(|v| v + part.first as u32);
                 self.recording.cells.push(Cell { points, body: i as u16, gone: u32::MAX });
                 self.elements.push((i, kind, element));
+            }
+        }
+    }
+
+    /// One more point of every line of the probes.
+    fn probed(&mut self, time: f64, probes: &[f64]) {
+        let lines = self.recording.graphs.iter_mut().flat_map(|graph| &mut graph.lines);
+        for (line, value) in lines.zip(probes).filter(|(_, value)| value.is_finite()) {
+            line.points.push([time, *value]);
+            if line.points.len() >= LINE {
+                line.points = line.thinned(LINE / 2);
             }
         }
     }
@@ -545,13 +561,10 @@ impl Observer for Recorder<'_> {
 
     fn row(&mut self, step: u64, time: f64, probes: &[f64]) {
         self.inner.row(step, time, probes);
-        let lines = self.recording.graphs.iter_mut().flat_map(|graph| &mut graph.lines);
-        for (line, value) in lines.zip(probes).filter(|(_, value)| value.is_finite()) {
-            line.points.push([time, *value]);
-            if line.points.len() >= LINE {
-                line.points = line.thinned(LINE / 2);
-            }
+        if step == 0 {
+            self.before = probes.to_vec();
         }
+        self.probed(time, probes);
     }
 
     fn finish(&mut self) {
