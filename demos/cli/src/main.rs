@@ -27,14 +27,16 @@ use sinew::simulation::{Backend, Precision};
 use sinew_cli::{Outcome, PrecisionArgument, choice, exit_code, print, quiet_driver};
 use sinew_scene::assemble::{BuildOptions, generate};
 use sinew_scene::cell_springs::{CellFibres, SpringTable};
-use sinew_scene::check::check_file;
+use sinew_scene::check::{check_file, mistakes};
 use sinew_scene::mesh_tool::{MeshInfo, convert, lattice, merge, read, write};
 use sinew_scene::picture::{page_beside, run_to_page};
 use sinew_scene::run::{LogOptions, Observer, RunOptions, Silent, replay, run};
 use sinew_scene::scene::{BackendName, ExecutorName, LoadedScene};
+use sinew_scene::schema::schema;
 use sinew_scene::validate::{ValidateOptions, validate};
 use sinew_tune::advise::Choice;
-use std::path::PathBuf;
+use std::error::Error;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -90,6 +92,8 @@ enum Command {
     /// Run a scene many times with other values: plan, run in parts on any machines, merge into one table.
     #[command(subcommand)]
     Sweep(sweep::SweepCommand),
+    /// Print the JSON schema of scene files, for editors.
+    Schema,
     /// Look at, convert or generate a mesh.
     #[command(subcommand)]
     Mesh(MeshCommand),
@@ -351,8 +355,12 @@ enum MeshCommand {
 fn main() -> ExitCode {
     quiet_driver();
     exit_code(match Cli::parse().command {
-        Command::Run(arguments) => run_scene(arguments),
+        Command::Run(arguments) => {
+            let scene = arguments.scene.clone();
+            run_scene(arguments).map_err(|error| all_mistakes(&scene, error))
+        }
         Command::Render(arguments) => render::render_scene(*arguments),
+        Command::Schema => print_schema(),
         Command::New(arguments) => new::new(&arguments),
         Command::Presets(arguments) => new::list(&arguments),
         Command::Plot(arguments) => plot::plot(&arguments),
@@ -369,6 +377,22 @@ fn main() -> ExitCode {
         Command::Fit(arguments) => fit(&arguments),
         Command::Sweep(command) => return sweep::sweep(command),
     })
+}
+
+fn print_schema() -> Outcome {
+    sayln!("{}", serde_json::to_string_pretty(&schema())?);
+    Ok(true)
+}
+
+/// Everything that is wrong in a scene, with the lines and marks, where an error is one of its mistakes.
+fn all_mistakes(scene: &Path, error: Box<dyn Error>) -> Box<dyn Error> {
+    let (found, first) = (mistakes(scene), error.to_string());
+    if !found.iter().any(|(mistake, _)| *mistake == first) {
+        return error;
+    }
+    let told =
+        found.iter().map(|(mistake, mark)| format!("{mistake}\n{mark}").trim_end().to_string());
+    told.collect::<Vec<_>>().join("\nerror: ").into()
 }
 
 fn run_scene(arguments: RunArguments) -> Outcome {

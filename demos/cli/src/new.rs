@@ -1,12 +1,13 @@
 //! `sinew new` and `sinew presets`.
 
 use clap::Args;
-use sinew::models::material::{TissuePreset, presets};
+use sinew::models::material::{TissuePreset, YoungPoisson, presets};
 use sinew_cli::{Outcome, print};
 use sinew_scene::new_scene::new_scene;
 use sinew_scene::text::wrapped;
-use std::fmt::Write;
-use std::io::{ErrorKind, Write as _};
+use sinew_tune::table::Table;
+use sinew_tune::table_of;
+use std::io::{ErrorKind, Write};
 use std::path::PathBuf;
 
 #[derive(Args)]
@@ -49,43 +50,31 @@ pub struct PresetArguments {
     markdown: bool,
 }
 
-/// The table of tissues, then what was measured, how far publications differ, and the sources.
-fn table(markdown: bool) -> String {
-    let mut text = String::new();
-    let (head, row): (&str, fn(&mut String, &TissuePreset)) = if markdown {
-        (
-            "| tissue | E (kPa) | nu | density (kg/m^3) | what was measured, and how far publications differ | source |\n\
-          |---|---|---|---|---|---|\n",
-            |text, preset| {
-                let (of, name) = (&preset.material, preset.name);
-                let [e, nu, rho] = [of.young_modulus / 1e3, of.poisson_ratio, of.density];
-                let _ = writeln!(
-                    text,
-                    "| `{name}` | {e} | {nu} | {rho} | {} | {} |",
-                    preset.note, preset.source
-                );
-            },
-        )
-    } else {
-        ("tissue    E (kPa)   nu    kg/m^3\n", |text, preset| {
-            let (of, name) = (&preset.material, preset.name);
-            let [e, nu, rho] = [of.young_modulus / 1e3, of.poisson_ratio, of.density];
-            let _ = writeln!(text, "{name:<9} {e:<9} {nu:<5} {rho}");
-        })
-    };
-    text += head;
-    presets().iter().for_each(|preset| row(&mut text, preset));
+/// Names and constants, in Markdown with all the rest.
+fn table(markdown: bool) -> Table {
+    let mut table = table_of!("tissues", "Tissues"; for preset in presets();
+        where { let YoungPoisson { young_modulus, poisson_ratio, density } = preset.material; }
+        "tissue" => preset.name, "E (kPa)" => young_modulus / 1e3, "nu" => poisson_ratio, "density (kg/m^3)" => density,
+        "what was measured, and how far publications differ" => preset.note, "source" => preset.source,
+    );
     if !markdown {
-        for preset in presets() {
-            let _ = write!(text, "\n{}\n{}", preset.name, wrapped(preset.note, 92, "  "));
-            text += &wrapped(&format!("Source: {}.", preset.source), 92, "  ");
-        }
-        text += "\nUse one: material = { preset = \"liver\" } in a [[body]]; sinew new --mesh organ.msh --tissue liver\n";
+        table.columns.truncate(4);
+        table.rows.iter_mut().for_each(|row| row.truncate(4));
     }
-    text
+    table
 }
 
 pub fn list(arguments: &PresetArguments) -> Outcome {
-    print(format_args!("{}", table(arguments.markdown)))?;
+    if arguments.markdown {
+        print(format_args!("{}", table(true).markdown()))?;
+        return Ok(true);
+    }
+    print(format_args!("{}", table(false).text()))?;
+    for TissuePreset { name, note, source, .. } in presets() {
+        let about = wrapped(&format!("{note} Source: {source}."), 92, "  ");
+        print(format_args!("\n{name}\n{about}"))?;
+    }
+    let how = "material = { preset = \"liver\" } in a [[body]]; sinew new --mesh organ.msh --tissue liver";
+    print(format_args!("\nUse one: {how}\n"))?;
     Ok(true)
 }

@@ -267,8 +267,12 @@ fn a_run_leaves_a_page_in_every_build() {
         assert_eq!(pages(), [false; 2], "{none:?}");
     }
     let told = run(&[]);
-    let last = told.lines().last().unwrap_or_default().trim();
-    assert!(last.starts_with("out/fibre_bar.html (open in a browser; "), "{told}");
+    let last = told
+        .lines()
+        .rev()
+        .take(3)
+        .any(|line| line.trim().starts_with("out/fibre_bar.html (open in"));
+    assert!(last, "{told}");
     run(&["--out", "x", "--quiet"]);
     assert_eq!(pages(), [true; 2]);
     // one of an earlier run does not stay
@@ -282,9 +286,25 @@ fn a_run_leaves_a_page_in_every_build() {
     check(&["render", &bar, "--png", "x"], 1, "", "--features sinew-cli/render");
 }
 
+/// All mistakes of a scene, each with its line and a mark; what editors ask for.
+#[test]
+fn mistakes_and_schema() {
+    let path = file("mistaken.toml").display().to_string();
+    let text = std::fs::read_to_string(shipped("cantilever")).unwrap();
+    let text = text.replace("\"x0\"", "\"x9\"").replace("dt = 0.01", "dt = -0.01");
+    std::fs::write(&path, &text).unwrap();
+    check(&["run", &path], 1, "", "group = \"x9\"");
+    let told = String::from_utf8(sinew(&["run", &path]).stderr).unwrap();
+    assert_eq!(told.matches("error: ").count(), 2, "{told}");
+    assert!(told.contains("dt = -0.01") && told.contains("^^^^"), "{told}");
+    let schema = check(&["schema"], 0, "json-schema.org", "");
+    let schema: serde_json::Value = serde_json::from_str(&schema).unwrap();
+    assert_eq!(schema["properties"]["tool"]["items"]["properties"]["radius"]["type"], "number");
+}
+
 #[test]
 fn tissues_new_scenes_and_charts() {
-    check(&["presets"], 0, "liver     5         0.45  1060", "");
+    check(&["presets"], 0, "liver       5.00  0.450", "");
     let table = check(&["presets", "--markdown"], 0, "Palmeri et al. 2008", "");
     let page = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/tissues.md");
     let page = std::fs::read_to_string(page).unwrap();

@@ -781,10 +781,10 @@
       const anchor = x(t) > right - 16 ? "end" : "middle";
       out.push(`<text x="${x(t)}" y="${height - 4}" text-anchor="${anchor}">${words}</text>`);
     }
-    for (const { points, ink } of graph.lines) {
+    for (const { points, ink, dash } of graph.lines) {
       let path = "";
       for (let i = 0; i < points.length; i += 2) path += `${x(points[i]).toFixed(1)},${y(points[i + 1]).toFixed(1)} `;
-      out.push(`<polyline points="${path}" fill="none" stroke="${ink}" stroke-width="1.6"/>`);
+      out.push(`<polyline points="${path}" fill="none" stroke="${ink}" stroke-dasharray="${dash}" stroke-width="1.6"/>`);
     }
     out.push('<line id="now"/><line id="there"/>');
     svg.innerHTML = out.join("");
@@ -814,22 +814,25 @@
     graph.lines = [];
     byId("names").textContent = "";
     byId("what").value = wanted;
-    for (const run of data.runs) {
+    // several runs have colours, their lines strokes
+    const several = data.runs.length > 1;
+    data.runs.forEach((run, r) => {
       for (const { name: own, unit, lines } of run.graphs.filter((g) => g.name === wanted)) {
         graph.unit = unit;
-        for (const series of lines) {
-          const ink = INKS[graph.lines.length % INKS.length], entry = document.createElement("div");
-          const name = [data.runs.length > 1 ? run.label || run.title : "", series.name || own].filter(Boolean).join(": ");
+        lines.forEach((series, l) => {
+          const ink = INKS[(several ? r : l) % INKS.length], dash = several ? ["", "6 3", "2 3"][l % 3] : "";
+          const entry = document.createElement("div");
+          const name = [several ? run.label || run.title : "", series.name || own].filter(Boolean).join(": ");
           const value = document.createElement("b"), key = document.createElement("i"), words = document.createElement("span");
           key.style.background = ink;
           words.textContent = `${name} `;
           value.style.fontWeight = 500;
           entry.append(key, words, value);
           byId("names").append(entry);
-          graph.lines.push({ name, points: series.points, ink, value });
-        }
+          graph.lines.push({ name, points: series.points, ink, dash, value });
+        });
       }
-    }
+    });
     drawGraph();
   }
   function prepareGraph() {

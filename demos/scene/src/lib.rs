@@ -18,6 +18,7 @@
 //! * [`summary`]: what a run reports, as data and as text.
 //! * [`text`]: numbers and hints in words.
 //! * [`picture`]: pages of runs; pictures and films with the feature `render`.
+//! * [`schema`](mod@schema): the JSON schema of scene files, as the reader knows it.
 //! * [`new_scene`]: a first scene for a mesh of one's own.
 //! * [`check`], [`mesh_tool`], [`validate`](mod@validate): the other subcommands.
 //! * [`modes`](mod@modes): modes of free vibration.
@@ -34,6 +35,7 @@ pub mod picture;
 pub mod probe;
 pub mod run;
 pub mod scene;
+pub mod schema;
 pub mod springs;
 pub mod summary;
 pub mod text;

@@ -19,7 +19,8 @@ fn a_new_scene_runs_and_its_ball_feels_the_body() {
     let large = folder.join("large.vtk");
     write(&large, &mesh).unwrap();
     let solid = Mesh::read(&shipped("liver_coarse.msh")).unwrap();
-    let triangles = solid.surface().triangles.iter().map(|t| t.map(|v| solid.points[v as usize]));
+    let triangles = solid.surface().triangles;
+    let triangles = triangles.iter().map(|t| t.map(|v| solid.points[v as usize]));
     let corners = |[a, b, c]: [glam::DVec3; 3]| {
         let corner = |p: glam::DVec3| format!("vertex {} {} {}\n", p.x, p.y, p.z);
         format!(

@@ -7,34 +7,16 @@ use std::path::{Path, PathBuf};
 
 /// Why nothing could be drawn.
 #[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum PlotError {
-    /// A file could not be read as a table.
-    #[error("{}: {source}", .path.display())]
-    Table {
-        /// The file.
-        path: PathBuf,
-        /// Why.
-        source: csv::Error,
-    },
-    /// There is nothing to draw.
-    #[error("{}: {found}; {remedy}", .path.display())]
-    Nothing {
-        /// The file.
-        path: PathBuf,
-        /// What there is.
-        found: String,
-        /// What to do.
-        remedy: String,
-    },
-    /// The chart could not be written.
-    #[error("{}: {source}", .path.display())]
-    Write {
-        /// The file.
-        path: PathBuf,
-        /// Why.
-        source: std::io::Error,
-    },
+#[error("{}: {problem}", .path.display())]
+pub struct PlotError {
+    path: PathBuf,
+    problem: String,
+}
+
+impl PlotError {
+    fn of(path: &Path, problem: impl ToString) -> Self {
+        Self { path: path.into(), problem: problem.to_string() }
+    }
 }
 
 /// A table of numbers.
@@ -45,7 +27,7 @@ struct Recorded {
 }
 
 fn read(path: &Path) -> Result<Recorded, PlotError> {
-    let error = |source| PlotError::Table { path: path.into(), source };
+    let error = |e: csv::Error| PlotError::of(path, e);
     let mut reader = csv::Reader::from_path(path).map_err(error)?;
     let columns = reader.headers().map_err(error)?.iter().map(str::to_owned).collect();
     let rows = reader.records().map(|row| {
@@ -120,8 +102,11 @@ pub fn charts(files: &[PathBuf], words: &[String]) -> Result<Vec<(String, Chart)
         } else {
             format!("no column holds {}", words.join(", "))
         };
-        let remedy = format!("give --column WORD; columns: {}", first.columns.join(", "));
-        return Err(PlotError::Nothing { path: files[0].clone(), found, remedy });
+        let known = first.columns.join(", ");
+        return Err(PlotError::of(
+            &files[0],
+            format!("{found}; give --column WORD; columns: {known}"),
+        ));
     }
     Ok(charts)
 }
@@ -139,7 +124,7 @@ pub fn write(path: &Path, files: &[PathBuf], charts: &[(String, Chart)]) -> Resu
         charts.iter().for_each(|(_, chart)| page.chart(chart));
         page.html()
     };
-    std::fs::write(path, text).map_err(|source| PlotError::Write { path: path.into(), source })
+    std::fs::write(path, text).map_err(|e| PlotError::of(path, e))
 }
 
 /// Charts below each other.

@@ -55,6 +55,8 @@ pub struct CaptureOptions {
 const PAGE: (usize, usize) = (24 << 20, 600);
 /// Points up to which a page can cut bodies open.
 const INSIDE: usize = 30_000;
+/// Elements above which a page that was not asked for more shows displacements alone: strains take memory and time.
+const MEASURED: usize = 200_000;
 /// Points of a line over time at which half of them, the extremes, are kept.
 const LINE: usize = 8192;
 
@@ -202,6 +204,13 @@ impl<'a> Recorder<'a> {
             r.up = Vec3::Z;
         }
         (r.title, r.subtitle) = titles(self.scene, built);
+        if self.options.page
+            && self.options.quantities.first() == Some(&Quantity::default())
+            && built.element_count() > MEASURED
+        {
+            self.options.quantities.retain(|q| q.index().is_none());
+            r.fields = self.options.quantities.iter().filter_map(|q| q.field()).collect();
+        }
         let needs_measures = self.options.quantities.iter().any(|q| q.index().is_some());
         let cutting = !built.resections.is_empty();
         let mut points = Vec::new();

@@ -318,13 +318,13 @@ pub fn run_to_page(
             summary.files.push(format!("{} (open in a browser; {of})", page.display()));
         }
         Err(error) if asked => return Err(error.into()),
-        Err(error) => summary.warnings.push(Warning::new(
-            "run.page",
-            Level::Warning,
-            "page",
-            error.to_string(),
-            "give --page FILE for another place, or --no-page",
-        )),
+        Err(error) => {
+            // half a page would be worse than none
+            let _ = std::fs::remove_file(page);
+            let remedy = "give --page FILE for another place, or --no-page";
+            let (message, level) = (error.to_string(), Level::Warning);
+            summary.warnings.push(Warning::new("run.page", level, "page", message, remedy));
+        }
     }
     Ok(summary)
 }
