@@ -76,8 +76,8 @@ pub mod simulation;
 
 mod axes;
 mod contact;
-pub mod live;
 mod cutting;
+pub mod live;
 pub mod plugin;
 pub mod replay;
 mod resection;

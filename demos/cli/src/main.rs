@@ -6,6 +6,8 @@ mod advise;
 mod fit;
 mod fit_data;
 mod generate;
+mod new;
+mod plot;
 mod progress;
 mod render;
 mod sweep;
@@ -25,14 +27,16 @@ use sinew::simulation::{Backend, Precision};
 use sinew_cli::{Outcome, PrecisionArgument, choice, exit_code, print, quiet_driver};
 use sinew_scene::assemble::{BuildOptions, generate};
 use sinew_scene::cell_springs::{CellFibres, SpringTable};
-use sinew_scene::check::check_file;
+use sinew_scene::check::{check_file, mistakes};
 use sinew_scene::mesh_tool::{MeshInfo, convert, lattice, merge, read, write};
-use sinew_scene::picture::run_to_page;
+use sinew_scene::picture::{page_beside, run_to_page};
 use sinew_scene::run::{LogOptions, Observer, RunOptions, Silent, replay, run};
 use sinew_scene::scene::{BackendName, ExecutorName, LoadedScene};
+use sinew_scene::schema::schema;
 use sinew_scene::validate::{ValidateOptions, validate};
 use sinew_tune::advise::Choice;
-use std::path::PathBuf;
+use std::error::Error;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -65,6 +69,12 @@ enum Command {
     Run(RunArguments),
     /// Simulate a scene and make a page with a player of it, in a build with the feature `render` also pictures and films.
     Render(Box<render::RenderArguments>),
+    /// Write a commented scene for a mesh of your own.
+    New(new::NewArguments),
+    /// List the tissues, with sources and how far publications differ.
+    Presets(new::PresetArguments),
+    /// Draw what runs recorded over time, several runs over each other.
+    Plot(plot::PlotArguments),
     /// Benches are of `sinew-lab`.
     #[command(hide = true, disable_help_flag = true)]
     Bench(Elsewhere),
@@ -82,6 +92,8 @@ enum Command {
     /// Run a scene many times with other values: plan, run in parts on any machines, merge into one table.
     #[command(subcommand)]
     Sweep(sweep::SweepCommand),
+    /// Print the JSON schema of scene files, for editors.
+    Schema,
     /// Look at, convert or generate a mesh.
     #[command(subcommand)]
     Mesh(MeshCommand),
@@ -94,9 +106,13 @@ struct RunArguments {
     /// Folder for frames (VTU, PVD), probes (CSV) and summary (JSON).
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Page with an interactive player, for any browser; nothing has to be installed.
+    /// Page with an interactive player, for any browser [default: NAME.html beside the other files, in `out` without --out;
+    /// none with --resume, and without --out none with --quiet or --json -].
     #[arg(long, value_name = "FILE", conflicts_with = "resume")]
     page: Option<PathBuf>,
+    /// No page.
+    #[arg(long, conflicts_with = "page")]
+    no_page: bool,
     /// File for the JSON summary; `-` prints it instead of the report.
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
@@ -339,8 +355,15 @@ enum MeshCommand {
 fn main() -> ExitCode {
     quiet_driver();
     exit_code(match Cli::parse().command {
-        Command::Run(arguments) => run_scene(arguments),
+        Command::Run(arguments) => {
+            let scene = arguments.scene.clone();
+            run_scene(arguments).map_err(|error| all_mistakes(&scene, error))
+        }
         Command::Render(arguments) => render::render_scene(*arguments),
+        Command::Schema => print_schema(),
+        Command::New(arguments) => new::new(&arguments),
+        Command::Presets(arguments) => new::list(&arguments),
+        Command::Plot(arguments) => plot::plot(&arguments),
         Command::Bench(_) => {
             return elsewhere(
                 "benches are a command of their own, `sinew-lab`: cargo run --release -p sinew-benches -- bench",
@@ -354,6 +377,22 @@ fn main() -> ExitCode {
         Command::Fit(arguments) => fit(&arguments),
         Command::Sweep(command) => return sweep::sweep(command),
     })
+}
+
+fn print_schema() -> Outcome {
+    sayln!("{}", serde_json::to_string_pretty(&schema())?);
+    Ok(true)
+}
+
+/// Everything that is wrong in a scene, with the lines and marks, where an error is one of its mistakes.
+fn all_mistakes(scene: &Path, error: Box<dyn Error>) -> Box<dyn Error> {
+    let (found, first) = (mistakes(scene), error.to_string());
+    if !found.iter().any(|(mistake, _)| *mistake == first) {
+        return error;
+    }
+    let told =
+        found.iter().map(|(mistake, mark)| format!("{mistake}\n{mark}").trim_end().to_string());
+    told.collect::<Vec<_>>().join("\nerror: ").into()
 }
 
 fn run_scene(arguments: RunArguments) -> Outcome {
@@ -392,8 +431,15 @@ fn run_scene(arguments: RunArguments) -> Outcome {
     };
     let mut progress = Progress::default();
     let observer: &mut dyn Observer = if arguments.quiet { &mut Silent } else { &mut progress };
-    let summary = match &arguments.page {
-        Some(page) => run_to_page(&scene, &options, page, observer),
+    let beside = || {
+        // a run that tells nobody of a file leaves none
+        let told = options.out.is_some() || !(arguments.quiet || print_json);
+        let wanted = told && !arguments.no_page && !arguments.resume;
+        wanted.then(|| page_beside(&scene, options.out.as_deref()))
+    };
+    let asked = arguments.page.is_some();
+    let summary = match arguments.page.or_else(beside) {
+        Some(page) => run_to_page(&scene, &options, &page, asked, observer),
         None => run(&scene, &options, observer).map_err(Into::into),
     };
     let summary = summary.inspect_err(|_| {

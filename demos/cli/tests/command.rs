@@ -249,8 +249,84 @@ fn a_run_leaves_a_page_in_every_build() {
     // before the run, not after it
     check(&["run", &bar, "--page", "no/such/folder/a.html"], 1, "", "no/such/folder");
     check(&["run", &bar, "--page", &path, "--resume"], 2, "", "--resume");
+    check(&["run", &bar, "--page", &path, "--no-page"], 2, "", "--no-page");
+    // beside the files, or in `out`, unless nobody is told of it
+    let folder = file("pages");
+    let _ = std::fs::remove_dir_all(&folder);
+    std::fs::create_dir_all(&folder).unwrap();
+    let run = |more: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_sinew"));
+        command.args(["run", &bar, "--steps", "2"]).args(more).current_dir(&folder);
+        let output = command.output().unwrap();
+        assert!(output.status.success(), "{output:?}");
+        String::from_utf8_lossy(&output.stdout).into_owned()
+    };
+    let pages = || ["out", "x"].map(|sub| folder.join(sub).join("fibre_bar.html").exists());
+    for none in [&["--no-page"][..], &["--quiet"], &["--json", "-"], &["--no-page", "--out", "x"]] {
+        run(none);
+        assert_eq!(pages(), [false; 2], "{none:?}");
+    }
+    let told = run(&[]);
+    let last = told
+        .lines()
+        .rev()
+        .take(3)
+        .any(|line| line.trim().starts_with("out/fibre_bar.html (open in"));
+    assert!(last, "{told}");
+    run(&["--out", "x", "--quiet"]);
+    assert_eq!(pages(), [true; 2]);
+    // one of an earlier run does not stay
+    run(&["--out", "x", "--no-page"]);
+    assert_eq!(pages(), [true, false]);
+    // a page that nobody asked for does not fail a run
+    std::fs::remove_dir_all(folder.join("out")).unwrap();
+    std::fs::write(folder.join("out"), "no folder").unwrap();
+    assert!(run(&[]).contains("--no-page"));
     #[cfg(not(feature = "render"))]
     check(&["render", &bar, "--png", "x"], 1, "", "--features sinew-cli/render");
+}
+
+/// All mistakes of a scene, each with its line and a mark; what editors ask for.
+#[test]
+fn mistakes_and_schema() {
+    let path = file("mistaken.toml").display().to_string();
+    let text = std::fs::read_to_string(shipped("cantilever")).unwrap();
+    let text = text.replace("\"x0\"", "\"x9\"").replace("dt = 0.01", "dt = -0.01");
+    std::fs::write(&path, &text).unwrap();
+    check(&["run", &path], 1, "", "group = \"x9\"");
+    let told = String::from_utf8(sinew(&["run", &path]).stderr).unwrap();
+    assert_eq!(told.matches("error: ").count(), 2, "{told}");
+    assert!(told.contains("dt = -0.01") && told.contains("^^^^"), "{told}");
+    let schema = check(&["schema"], 0, "json-schema.org", "");
+    let schema: serde_json::Value = serde_json::from_str(&schema).unwrap();
+    assert_eq!(schema["properties"]["tool"]["items"]["properties"]["radius"]["type"], "number");
+}
+
+#[test]
+fn tissues_new_scenes_and_charts() {
+    check(&["presets"], 0, "liver       5.00  0.450", "");
+    let table = check(&["presets", "--markdown"], 0, "Palmeri et al. 2008", "");
+    let page = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/tissues.md");
+    let page = std::fs::read_to_string(page).unwrap();
+    assert!(
+        page.ends_with(&table),
+        "docs/tissues.md ends with what `sinew presets --markdown` prints"
+    );
+    let [mesh, scene, out] =
+        ["organ.vtk", "organ.toml", "organ"].map(|name| file(name).display().to_string());
+    let (_, _) = (std::fs::remove_file(&scene), std::fs::remove_dir_all(&out));
+    let coarse =
+        sinew_scene::scene_folder().join("../meshes/liver_coarse.msh").display().to_string();
+    check(&["mesh", "convert", &coarse, &mesh], 0, "", "");
+    check(&["new", "--mesh", &mesh, "--tissue", "bone"], 1, "", "known names: brain");
+    check(&["new", "--mesh", &mesh, "--tissue", "kidney"], 0, &scene, "");
+    check(&["new", "--mesh", &mesh], 1, "", "is there already; give --out FILE");
+    assert!(std::fs::read_to_string(&scene).unwrap().contains("mesh = \"organ.vtk\""));
+    check(&["run", &scene, "--steps", "120", "--out", &out, "--no-page"], 0, "ball.tool_force", "");
+    let rows = format!("{out}/organ.csv");
+    check(&["plot", &rows], 0, "organ.plot.html", "");
+    check(&["plot", &rows, "--out", "x.png"], 2, "", ".svg or .html");
+    check(&["plot", &rows, "--column", "magic"], 1, "", "ball.tool_depth (m)");
 }
 
 #[cfg(feature = "render")]

@@ -2,9 +2,14 @@
 
 use std::process::{Command, Output};
 
-/// What the command says and returns.
+/// What the command says and returns; a run leaves a page where it is asked to.
 pub fn sinew(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_sinew")).args(arguments).output().unwrap()
+    let run = arguments.first() == Some(&"run");
+    let asked = ["--page", "--out"].iter().any(|option| arguments.contains(option));
+    let more: &[&str] = if run && !asked { &["--no-page"] } else { &[] };
+    let mut command = Command::new(env!("CARGO_BIN_EXE_sinew"));
+    command.args(&arguments[..usize::from(run)]).args(more);
+    command.args(&arguments[usize::from(run)..]).output().unwrap()
 }
 
 /// The command returns `code`, and these words are in its output and among its errors; returns its output.

@@ -65,6 +65,9 @@
       shape.normals = r.floats(3 * shape.vertices);
       shape.index = r.words(3 * shape.triangles);
     }
+    for (const line of run.graphs.flatMap((graph) => graph.lines)) line.points = r.floats(2 * line.count);
+    run.corners = r.words(4 * run.cells);
+    run.fates = r.words(2 * run.cells);
     let before = run.rest;
     const fields = run.fields.map(() => null);
     for (const frame of run.frames) {
@@ -94,7 +97,8 @@
   const COMMON = `#version 300 es
   precision highp float;
   uniform vec3 eye, key, upward;
-  uniform float size;
+  uniform float size, night;
+  uniform vec4 cut;
   vec3 shade(vec3 albedo, vec3 place, vec3 normal, float gloss) {
     vec3 toEye = normalize(eye - place);
     float k = smoothstep(-0.12, 1.0, dot(normal, key));
@@ -124,9 +128,11 @@
   in vec3 p, n; in vec4 t; out vec4 colour;
   uniform sampler2D map; uniform float gloss;
   void main() {
+    if (dot(p, cut.xyz) > cut.w) discard;
     vec3 normal = normalize(n) * (gl_FrontFacing ? 1.0 : -1.0);
     vec3 albedo = decode(t.a > 0.5 ? t.rgb : texture(map, vec2((t.r * 255.0 + 0.5) / 256.0, 0.5)).rgb);
-    colour = vec4(encode(shade(albedo, p, normal, gloss)), 1.0);
+    // what is inside has no light of its own: its colours are those of the bar
+    colour = vec4(encode(gloss < 0.0 ? albedo : shade(albedo, p, normal, gloss)), 1.0);
   }`;
   const GHOST_FRAGMENT = COMMON + `
   in vec3 p, n; in vec4 t; out vec4 colour;
@@ -145,7 +151,10 @@
   }`;
   const LINE_FRAGMENT = COMMON + `
   in vec3 p, n; in vec4 t; out vec4 colour;
-  void main() { colour = vec4(0.15, 0.17, 0.2, 0.35); }`;
+  void main() {
+    if (dot(p, cut.xyz) > cut.w) discard;
+    colour = vec4(0.15, 0.17, 0.2, 0.35);
+  }`;
   const SCREEN_VERTEX = COMMON + `
   out vec2 at;
   void main() {
@@ -163,7 +172,9 @@
     return max(l.x, l.y);
   }
   void main() {
-    vec3 c = mix(vec3(0.83, 0.85, 0.875), vec3(0.955, 0.962, 0.97), 0.5 + 0.5 * at.y);
+    float high = 0.5 + 0.5 * at.y;
+    vec3 day = mix(vec3(0.83, 0.85, 0.875), vec3(0.955, 0.962, 0.97), high);
+    vec3 c = mix(day, mix(vec3(0.014, 0.016, 0.02), vec3(0.03, 0.034, 0.042), high), night);
     vec3 ray = forward + right * at.x + up * at.y;
     float down = min(dot(ray, upward), -1e-4);
     float t = (height - dot(eye, upward)) / down;
@@ -173,7 +184,8 @@
     float on = there * step(dot(ray, upward), -1e-4) * step(0.0, t);
     float r = length(q) / (1.5 * size);
     float fade = on * exp(-r * r * 1.4);
-    c = mix(c, vec3(0.94, 0.945, 0.95), 0.75 * fade) * (1.0 - 0.085 * lines(q, width) * fade);
+    c = mix(c, mix(vec3(0.94, 0.945, 0.95), vec3(0.06, 0.066, 0.076), night), 0.75 * fade);
+    c *= 1.0 + mix(-0.085, 0.6, night) * lines(q, width) * fade;
     vec2 uv = 0.5 + 0.5 * q / (side);
     float inside = step(abs(uv.x - 0.5), 0.5) * step(abs(uv.y - 0.5), 0.5);
     c *= 1.0 - on * inside * 0.62 * texture(contact, uv).r;
@@ -203,7 +215,9 @@
   // ---- a view of one run
 
   const camera = { azimuth: data.camera[0], elevation: data.camera[1], zoom: 1, shift: [0, 0] };
-  const shown = { field: data.field, map: "", ghost: true, mesh: false, ground: true };
+  // `cut`: normal and place of a plane that takes away what is before it
+  const shown = { field: data.field, map: "", ghost: true, mesh: false, ground: true, cut: null };
+  const night = matchMedia("(prefers-color-scheme: dark)");
 
   class View {
     constructor(run) {
@@ -233,6 +247,7 @@
       this.body = this.shape();
       this.rest = this.shape();
       this.parts = this.shape();
+      this.inside = this.shape();
       this.tools = this.shape();
       this.map = this.texture(256, 1);
       this.contacts = [0, 1].map(() => {
@@ -422,12 +437,14 @@
       const field = run.fields.findIndex((f) => f.name === shown.field);
       const values = field < 0 ? null : frame.values[field];
       const own = run.fields[field]?.range, common = ranges[shown.field];
-      const tint = (v, source) => {
-        if (!values) return [...data.colours[skin.body[v] % data.colours.length], 255];
-        const x = own[0] + (own[1] - own[0]) * values[source] / 255;
+      const tint = (body, byte) => {
+        if (!values) return [...data.colours[body % data.colours.length], 255];
+        const x = own[0] + (own[1] - own[0]) * byte / 255;
         return [Math.max(0, Math.min(255, 255 * (x - common[0]) / (common[1] - common[0]))), 0, 0, 0];
       };
-      this.fill(this.body, skin, this.metres(frame.places), tint, this.skin === frame.skin);
+      const places = this.metres(frame.places);
+      this.fill(this.body, skin, places, (v, source) => tint(skin.body[v], values?.[source]), this.skin === frame.skin);
+      this.section(i, places, values, tint);
       this.skin = frame.skin;
       this.solids(frame);
       this.placed(frame);
@@ -435,6 +452,41 @@
       note[0].textContent = run.static ? `load ${(100 * frame.time).toFixed(0)} %` : `t = ${frame.time.toFixed(2)} s`;
       note[1].textContent = run.arrowKey ? `${frame.note} · ${run.arrowKey}` : frame.note;
       this.frame = i;
+    }
+
+    // what the plane lays open: every tetrahedron that it meets, cut
+    section(frame, places, values, tint) {
+      const { run } = this, { corners, fates } = run, numbers = [], index = [];
+      this.open = { places: [], bodies: [], bytes: [] };
+      if (shown.cut) {
+        const [a, b, c, w] = shown.cut, heights = new Float32Array(run.points);
+        for (let v = 0; v < run.points; v++) heights[v] = a * places[3 * v] + b * places[3 * v + 1] + c * places[3 * v + 2] - w;
+        for (let cell = 0; cell < run.cells; cell++) {
+          if (fates[2 * cell + 1] <= frame) continue;
+          const below = [], above = [], body = fates[2 * cell];
+          for (let k = 4 * cell; k < 4 * cell + 4; k++) (heights[corners[k]] > 0 ? above : below).push(corners[k]);
+          if (!below.length || !above.length) continue;
+          const first = numbers.length;
+          for (const p of below) {
+            // round the quadrilateral, not across
+            for (const q of p === below[1] && above.length === 2 ? [above[1], above[0]] : above) {
+              const s = heights[p] / (heights[p] - heights[q]), at = (list, i, j) => list[i] + s * (list[j] - list[i]);
+              const place = [0, 1, 2].map((x) => at(places, 3 * p + x, 3 * q + x)), byte = values ? at(values, p, q) : 0;
+              numbers.push([place, [a, b, c], tint(body, byte)]);
+              this.open.places.push(place);
+              this.open.bodies.push(body);
+              this.open.bytes.push(byte);
+            }
+          }
+          // turned towards what was taken away
+          const [p, q, r] = this.open.places.slice(first), back = dot(cross(add(q, p, -1), add(r, p, -1)), shown.cut) < 0;
+          const fan = (i, j) => index.push(first, first + (back ? j : i), first + (back ? i : j));
+          fan(1, 2);
+          if (numbers.length - first === 4) fan(2, 3);
+        }
+      }
+      this.open.index = index;
+      this.uploadMesh(this.inside, numbers, index);
     }
 
     colours() {
@@ -478,11 +530,13 @@
         const values = { eye, key, upward, gx, gy, centre: floor, right: scale(right, tangent * aspect),
           up: scale(up, tangent), forward, ...more };
         for (const [name, v] of Object.entries(values)) {
-          if (v.length === 3) gl.uniform3fv(p.at(name), v);
+          if (v.length === 4) gl.uniform4fv(p.at(name), v);
+          else if (v.length === 3) gl.uniform3fv(p.at(name), v);
           else if (v.length === 2) gl.uniform2fv(p.at(name), v);
           else gl.uniform1f(p.at(name), v);
         }
         gl.uniform1f(p.at("size"), run.size);
+        gl.uniform1f(p.at("night"), night.matches ? 1 : 0);
         gl.uniform1f(p.at("height"), run.floor);
         gl.uniform1f(p.at("side"), run.shade);
         gl.uniform1f(p.at("grid"), run.grid);
@@ -494,6 +548,7 @@
       };
       // plates are clear from behind, walls of cavities always, other tools where they would hide the pressure under them
       const clear = ({ at, up, plate, hollow }) => plate ? dot(add(eye, at, -1), up) < 0 : hollow || shown.field === "pressure";
+      const uncut = [0, 0, 0, 1], cut = shown.cut ?? uncut;
       const tools = (glass) => this.stretches.filter((s) => clear(s) === glass)
         .forEach((s) => shape(this.tools, s.start, s.count));
       // contact shade, blurred
@@ -524,7 +579,7 @@
       use(this.programs.ground, { there: shown.ground ? 1 : 0 });
       gl.drawArrays(gl.TRIANGLES, 0, 3);
       // the rest shape stands behind the bodies
-      if (shown.ghost) {
+      if (shown.ghost && !shown.cut) {
         gl.enable(gl.BLEND);
         gl.blendFunc(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA);
         gl.enable(gl.CULL_FACE);
@@ -535,11 +590,14 @@
       }
       gl.enable(gl.DEPTH_TEST);
       gl.bindTexture(gl.TEXTURE_2D, this.map);
-      use(this.programs.surface, { away: 0, gloss: 0.16 });
+      use(this.programs.surface, { away: 0, gloss: 0.16, cut });
       gl.enable(gl.POLYGON_OFFSET_FILL);
       gl.polygonOffset(1, 1);
       shape(this.body);
       gl.disable(gl.POLYGON_OFFSET_FILL);
+      use(this.programs.surface, { away: 0, gloss: -1, cut: uncut });
+      shape(this.inside);
+      use(this.programs.surface, { away: 0, gloss: 0.16, cut: uncut });
       shape(this.parts);
       tools(false);
       gl.enable(gl.BLEND);
@@ -556,7 +614,7 @@
         gl.depthFunc(gl.LESS);
         gl.disable(gl.CULL_FACE);
       }
-      if (shown.mesh) this.lines(use);
+      if (shown.mesh) this.lines(use, cut);
       gl.depthMask(true);
       gl.disable(gl.BLEND);
     }
@@ -569,28 +627,34 @@
       const { eye, forward, right, up } = this.sight;
       const ray = add(add(forward, right, 2 * x - 1), up, 1 - 2 * y);
       let nearest = Infinity, found = null;
-      const { low, step } = run, places = frame.places;
-      const at = (v) => { const i = 3 * skin.source[v]; return [0, 1, 2].map((k) => low[k] + step[k] * places[i + k]); };
-      for (let t = 0; t < skin.index.length; t += 3) {
-        const v = [skin.index[t], skin.index[t + 1], skin.index[t + 2]], a = at(v[0]);
-        const e = add(at(v[1]), a, -1), f = add(at(v[2]), a, -1), p = cross(ray, f), size = dot(e, p);
-        if (Math.abs(size) < 1e-30) continue;
-        const from = add(eye, a, -1), b = dot(from, p) / size;
-        if (b < 0 || b > 1) continue;
-        const q = cross(from, e), c = dot(ray, q) / size, far = dot(f, q) / size;
-        if (c < 0 || b + c > 1 || far <= 0 || far >= nearest) continue;
-        nearest = far;
-        found = { v, weights: [1 - b - c, b, c] };
-      }
+      const { low, step } = run, places = frame.places, { open } = this;
+      const onSkin = (v) => { const i = 3 * skin.source[v]; return [0, 1, 2].map((k) => low[k] + step[k] * places[i + k]); };
+      const meet = (index, at, inside) => {
+        for (let t = 0; t < index.length; t += 3) {
+          const v = [index[t], index[t + 1], index[t + 2]], a = at(v[0]);
+          const e = add(at(v[1]), a, -1), f = add(at(v[2]), a, -1), p = cross(ray, f), size = dot(e, p);
+          if (Math.abs(size) < 1e-30) continue;
+          const from = add(eye, a, -1), b = dot(from, p) / size;
+          if (b < 0 || b > 1) continue;
+          const q = cross(from, e), c = dot(ray, q) / size, far = dot(f, q) / size;
+          if (c < 0 || b + c > 1 || far <= 0 || far >= nearest) continue;
+          if (!inside && shown.cut && dot(add(eye, ray, far), shown.cut) > shown.cut[3]) continue;
+          nearest = far;
+          found = { v, weights: [1 - b - c, b, c], inside };
+        }
+      };
+      meet(skin.index, onSkin, false);
+      meet(open.index, (v) => open.places[v], true);
       if (!found) return null;
-      const body = run.bodies[skin.body[found.v[0]]];
+      const body = run.bodies[found.inside ? open.bodies[found.v[0]] : skin.body[found.v[0]]];
       if (field < 0) return { body };
       const { range, unit, label } = run.fields[field], values = frame.values[field];
-      const byte = found.v.reduce((sum, v, k) => sum + found.weights[k] * values[skin.source[v]], 0);
+      const byteOf = (v) => (found.inside ? open.bytes[v] : values[skin.source[v]]);
+      const byte = found.v.reduce((sum, v, k) => sum + found.weights[k] * byteOf(v), 0);
       return { body, label, unit, value: range[0] + (range[1] - range[0]) * byte / 255, end: byte >= 254.5 };
     }
 
-    lines(use) {
+    lines(use, cut) {
       const gl = this.gl, skin = this.run.skins[this.skin];
       if (!skin.lines) {
         const seen = new Set(), out = [];
@@ -603,7 +667,7 @@
         }
         skin.lines = new Uint32Array(out);
       }
-      use(this.programs.line, { away: 0 });
+      use(this.programs.line, { away: 0, cut });
       gl.bindVertexArray(this.body.array);
       gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, this.body.lines);
       gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, skin.lines, gl.DYNAMIC_DRAW);
@@ -638,7 +702,8 @@
     if (value === 0) return `0 ${name}`;
     const [factor, unitName] = unitOf(name, Math.abs(value)), x = value * factor;
     const digits = Math.max(0, Math.min(2, 2 - Math.floor(Math.log10(Math.max(Math.abs(x), 1)))));
-    return `${x.toFixed(digits)} ${unitName}`.replace("-", "−");
+    const text = Math.abs(x) < 0.01 ? String(Number(x.toPrecision(3))) : x.toFixed(digits);
+    return `${text} ${unitName}`.replace("-", "−");
   }
 
   // ---- what all views share
@@ -664,6 +729,12 @@
     if (!field) return;
     const map = data.maps[shown.map];
     const [low, high] = ranges[field.name], [factor, name] = unitOf(field.unit, Math.max(Math.abs(low), Math.abs(high)));
+    for (const [id, value] of [["from", low], ["to", high]]) byId(id).value = Number((value * factor).toPrecision(4));
+    byId("from").onchange = byId("to").onchange = () => {
+      const [a, b] = [byId("from"), byId("to")].map((e) => e.valueAsNumber / factor);
+      setRange(b > a ? [a, b] : whole[field.name]);
+    };
+    byId("whole").onclick = () => setRange(whole[field.name]);
     box.querySelector("span").textContent = field.label + (name ? ` (${name})` : "");
     const stops = [];
     for (let i = 0; i <= 16; i++) {
@@ -682,23 +753,27 @@
     }
   }
 
-  // forces over time, with their values at the cursor
+  // what was recorded over time, with its values at the cursor
   const INKS = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#b58900"];
-  const graph = { lines: [], hover: null };
+  const graph = { lines: [], hover: null, unit: "" };
   function drawGraph() {
     const svg = document.querySelector("#graph svg"), width = svg.clientWidth, height = svg.clientHeight;
     byId("graph").hidden = graph.lines.length === 0 || last <= first;
     if (byId("graph").hidden || !width) return;
-    const left = 52, right = width - 8, top = 8, bottom = height - 18;
-    const largest = Math.max(...graph.lines.flatMap((line) => line.points.map((p) => p[1])));
-    const [factor, unitName] = unitOf("N", largest), high = largest * factor * 1.04;
+    const left = 58, right = width - 8, top = 8, bottom = height - 18;
+    const ends = graph.lines.reduce(([low, high], { points }) => {
+      for (let i = 1; i < points.length; i += 2) { low = Math.min(low, points[i]); high = Math.max(high, points[i]); }
+      return [low, high];
+    }, [0, 0]);
+    const [factor, unitName] = unitOf(graph.unit, Math.max(-ends[0], ends[1])), room = 0.04 * (ends[1] - ends[0]) || 1;
+    const low = factor * (ends[0] && ends[0] - room), high = factor * (ends[1] && ends[1] + room) || 1;
     const x = (t) => left + (right - left) * (t - first) / (last - first);
-    const y = (v) => bottom - (bottom - top) * v * factor / high;
+    const y = (v) => bottom - (bottom - top) * (v * factor - low) / (high - low);
     const isStatic = data.runs.every((run) => run.static);
     const out = [];
-    for (const v of ticks(0, high, 3)) {
+    for (const v of ticks(low, high, 3)) {
       const at = y(v / factor);
-      out.push(`<line x1="${left}" x2="${right}" y1="${at}" y2="${at}" stroke="#e4e8ec"/>`,
+      out.push(`<line class="grid" x1="${left}" x2="${right}" y1="${at}" y2="${at}"/>`,
         `<text x="${left - 6}" y="${at + 4}" text-anchor="end">${Number(v.toPrecision(6))} ${unitName}</text>`);
     }
     for (const t of ticks(first, last, Math.max(2, Math.floor(width / 120)))) {
@@ -706,11 +781,12 @@
       const anchor = x(t) > right - 16 ? "end" : "middle";
       out.push(`<text x="${x(t)}" y="${height - 4}" text-anchor="${anchor}">${words}</text>`);
     }
-    for (const { points, ink } of graph.lines) {
-      const path = points.map(([t, v]) => `${x(t).toFixed(1)},${y(v).toFixed(1)}`).join(" ");
-      out.push(`<polyline points="${path}" fill="none" stroke="${ink}" stroke-width="1.6"/>`);
+    for (const { points, ink, dash } of graph.lines) {
+      let path = "";
+      for (let i = 0; i < points.length; i += 2) path += `${x(points[i]).toFixed(1)},${y(points[i + 1]).toFixed(1)} `;
+      out.push(`<polyline points="${path}" fill="none" stroke="${ink}" stroke-dasharray="${dash}" stroke-width="1.6"/>`);
     }
-    out.push('<line id="now" stroke="#262c36" stroke-width="1"/><line id="there" stroke="#9aa3ae" stroke-width="1"/>');
+    out.push('<line id="now"/><line id="there"/>');
     svg.innerHTML = out.join("");
     Object.assign(graph, { left, right, top, bottom, x });
     moveCursor();
@@ -718,7 +794,7 @@
   // the value that holds at a time
   function valueAt(points, t) {
     let value = 0;
-    for (const p of points) { if (p[0] > t + 1e-6 * (last - first)) break; value = p[1]; }
+    for (let i = 0; i < points.length && points[i] <= t + 1e-6 * (last - first); i += 2) value = points[i + 1];
     return value;
   }
   function moveCursor() {
@@ -731,22 +807,39 @@
     put("now", time);
     put("there", graph.hover);
     const t = graph.hover ?? time;
-    graph.lines.forEach((line) => { line.value.textContent = withUnit(valueAt(line.points, t), "N"); });
+    graph.lines.forEach((line) => { line.value.textContent = withUnit(valueAt(line.points, t), graph.unit); });
+  }
+  // forces come first
+  function setGraph(wanted) {
+    graph.lines = [];
+    byId("names").textContent = "";
+    byId("what").value = wanted;
+    // several runs have colours, their lines strokes
+    const several = data.runs.length > 1;
+    data.runs.forEach((run, r) => {
+      for (const { name: own, unit, lines } of run.graphs.filter((g) => g.name === wanted)) {
+        graph.unit = unit;
+        lines.forEach((series, l) => {
+          const ink = INKS[(several ? r : l) % INKS.length], dash = several ? ["", "6 3", "2 3"][l % 3] : "";
+          const entry = document.createElement("div");
+          const name = [several ? run.label || run.title : "", series.name || own].filter(Boolean).join(": ");
+          const value = document.createElement("b"), key = document.createElement("i"), words = document.createElement("span");
+          key.style.background = ink;
+          words.textContent = `${name} `;
+          value.style.fontWeight = 500;
+          entry.append(key, words, value);
+          byId("names").append(entry);
+          graph.lines.push({ name, points: series.points, ink, dash, value });
+        });
+      }
+    });
+    drawGraph();
   }
   function prepareGraph() {
-    for (const run of data.runs) {
-      for (const series of run.forces) {
-        const ink = INKS[graph.lines.length % INKS.length], entry = document.createElement("div");
-        const name = data.runs.length > 1 ? `${run.label || run.title}: ${series.name}` : series.name;
-        const value = document.createElement("b"), key = document.createElement("i"), words = document.createElement("span");
-        key.style.background = ink;
-        words.textContent = `${name} `;
-        value.style.fontWeight = 500;
-        entry.append(key, words, value);
-        byId("names").append(entry);
-        graph.lines.push({ name, points: series.points, ink, value });
-      }
-    }
+    const names = [...new Set(data.runs.flatMap((run) => run.graphs.map((g) => g.name)))];
+    for (const name of names) byId("what").add(new Option(name, name));
+    byId("what").hidden = names.length < 2;
+    byId("what").onchange = (e) => setGraph(e.target.value);
     const svg = document.querySelector("#graph svg");
     const timeOf = (e) => {
       const share = (e.clientX - svg.getBoundingClientRect().left - graph.left) / (graph.right - graph.left);
@@ -759,7 +852,8 @@
       moveCursor();
     };
     svg.onpointerleave = () => { graph.hover = null; moveCursor(); };
-    byId("graph").hidden = graph.lines.length === 0 || last <= first;
+    byId("graph").hidden = names.length === 0 || last <= first;
+    if (names.length) setGraph(names.includes(asked.graph) ? asked.graph : names[0]);
   }
 
   // ---- controls
@@ -768,7 +862,8 @@
     fail("This page needs a browser that can inflate data: a recent Chrome, Edge, Firefox or Safari.");
     return;
   }
-  const ranges = {};
+  // of colours: as asked for, and of the whole run
+  const ranges = {}, whole = {};
   const around = ball(data.runs);
   byId("heading").querySelector("b").textContent = shared((run) => run.title) || document.title;
   byId("heading").querySelector("span").textContent = shared((run) => run.subtitle);
@@ -780,6 +875,7 @@
       const known = ranges[field.name];
       ranges[field.name] = known
         ? [Math.min(known[0], field.range[0]), Math.max(known[1], field.range[1])] : field.range;
+      whole[field.name] = ranges[field.name];
     }
     views = runs.map((run) => new View(run));
   } catch (error) {
@@ -793,10 +889,16 @@
   byId("field").value = shown.field;
   const first = Math.min(...views.map((v) => v.run.frames[0].time));
   const last = Math.max(...views.map((v) => v.run.frames.at(-1).time));
-  // loads are of interest when all of them act; a motion from its start, or from where the address says
-  const asked = Number(/[#&]t=([-\d.]+)/.exec(location.hash)?.[1] ?? NaN);
+  // what the address says: t, field, map, graph, camera, cut, range
+  const asked = Object.fromEntries(new URLSearchParams(location.hash.slice(1)));
+  const numbers = (text, count) => {
+    const found = (text ?? "").split(",").map(Number);
+    return text && found.length === count && found.every(Number.isFinite) ? found : null;
+  };
+  const [at] = numbers(asked.t, 1) ?? [null];
+  // loads are of interest when all of them act; a motion from its start
   const still = data.runs.every((run) => run.static) || matchMedia("(prefers-reduced-motion: reduce)").matches;
-  const opens = Number.isFinite(asked) ? asked : still ? last : first;
+  const opens = at ?? (still ? last : first);
   let time = opens, playing = false, before = 0, dirty = true;
 
   function setTime(value) {
@@ -813,6 +915,37 @@
     const field = views.flatMap((v) => v.run.fields).find((f) => f.name === name);
     setMap(field ? field.map : shown.map || "viridis");
     views.forEach((v) => v.show(v.frame ?? 0));
+  }
+  function setRange(range) {
+    ranges[shown.field] = range;
+    views.forEach((v) => v.show(v.frame ?? 0));
+    legend();
+    dirty = true;
+  }
+  // a plane across an axis, or across the line of sight; what is nearer to the eye goes
+  function setCut() {
+    const axis = "xyz".indexOf(byId("cut").value), { eye, forward } = views[0].sight ?? {};
+    byId("depth").hidden = byId("cut").value === "none";
+    if (byId("cut").value === "none") shown.cut = null;
+    else if (eye && byId("cut").value !== shown.across) {
+      shown.normal = axis < 0 ? scale(forward, -1) : [0, 1, 2].map((k) => (k === axis ? (forward[k] > 0 ? -1 : 1) : 0));
+    }
+    shown.across = byId("cut").value;
+    if (shown.across !== "none") {
+      const place = dot(shown.normal, around.middle) + (1 - 2 * byId("depth").value / 1000) * around.radius;
+      shown.cut = [...shown.normal, place];
+    }
+    views.forEach((v) => v.show(v.frame ?? 0));
+    dirty = true;
+  }
+  // the address of what is seen
+  function link() {
+    const short = (list) => list.map((x) => Number(x.toPrecision(5))).join(",");
+    const parts = { t: short([time]), field: shown.field, map: shown.map, graph: byId("what").value,
+      camera: short([camera.azimuth, camera.elevation, camera.zoom, ...camera.shift]) };
+    if (shown.cut) parts.cut = short(shown.cut);
+    if (ranges[shown.field] !== whole[shown.field]) parts.range = short(ranges[shown.field]);
+    return `${location.href.split("#")[0]}#${Object.entries(parts).map(([k, v]) => `${k}=${encodeURIComponent(v).replaceAll("%2C", ",")}`).join("&")}`;
   }
   function setMap(name) {
     shown.map = name;
@@ -839,6 +972,15 @@
     dirty = true;
   };
   byId("reset").onclick = reset;
+  byId("cut").onchange = byId("depth").oninput = setCut;
+  byId("link").onclick = () => {
+    location.replace(link());
+    navigator.clipboard?.writeText(location.href).catch(() => {});
+    byId("link").textContent = "in the address bar";
+    setTimeout(() => { byId("link").textContent = "Link"; }, 2000);
+  };
+  byId("more").onclick = () => document.body.classList.toggle("all");
+  night.onchange = () => { dirty = true; };
   // all views in one picture, with what stands above them: one that is passed on says what it shows
   const picture = () => {
     const out = document.createElement("canvas"), draw = out.getContext("2d");
@@ -849,13 +991,14 @@
     const head = Math.round(44 * devicePixelRatio);
     out.width = size("width");
     out.height = size("height") + head;
-    draw.fillStyle = "#fff";
+    const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(name);
+    draw.fillStyle = colour("--paper");
     draw.fillRect(0, 0, out.width, out.height);
     const words = (selector) => byId("heading").querySelector(selector).textContent;
     const lines = [`${words("b")} · ${withUnit(time, views[0].run.static ? "of the loads" : "s")}`, words("span")];
     lines.forEach((line, i) => {
       draw.font = `${Math.round((i ? 12 : 15) * devicePixelRatio)}px ${getComputedStyle(document.body).fontFamily}`;
-      draw.fillStyle = i ? "#68707c" : "#262c36";
+      draw.fillStyle = colour(i ? "--faint" : "--ink");
       draw.fillText(line, head / 4, head * (i ? 0.85 : 0.45), out.width - head / 2);
     });
     let x = 0, y = head;
@@ -941,19 +1084,35 @@
       // load steps have no time: the whole run in two seconds
       const rate = views.every((v) => v.run.static) ? (last - first) / 2 : 1;
       const next = time + Math.min(now - before, 200) / 1000 * rate * byId("speed").value;
-      if (next >= last) { setTime(last); play(false); } else setTime(next);
+      // the end is seen for a moment before it begins again
+      if (next < last) setTime(next);
+      else if (!byId("loop").checked) { setTime(last); play(false); }
+      else if (next < last + 0.6 * rate) { setTime(last); time = next; }
+      else setTime(first);
     }
     before = now;
     if (dirty) { dirty = false; views.forEach((v) => v.draw()); }
     requestAnimationFrame(tick);
   }
+  const view = numbers(asked.camera, 5);
+  if (view) Object.assign(camera, { azimuth: view[0], elevation: view[1], zoom: view[2], shift: view.slice(3) });
+  const cut = numbers(asked.cut, 4);
+  if (cut) {
+    Object.assign(shown, { cut, across: "view", normal: cut.slice(0, 3) });
+    byId("cut").value = "view";
+    byId("depth").hidden = false;
+    byId("depth").value = 500 * (1 - (cut[3] - dot(shown.normal, around.middle)) / around.radius);
+  }
   setTime(time);
   views.forEach((v) => { if (v.frame === undefined) v.show(0); });
-  setField(shown.field);
+  byId("field").value = names.includes(asked.field) || asked.field === "none" ? asked.field : shown.field;
+  setField(byId("field").value);
+  if (asked.map in data.maps) setMap(asked.map);
+  const range = numbers(asked.range, 2);
+  if (range && range[1] > range[0] && ranges[shown.field]) setRange(range);
   prepareGraph();
-  drawGraph();
-  if (!still && !Number.isFinite(asked)) play(true);
+  if (!still && at === null) play(true);
   requestAnimationFrame((now) => { before = now; tick(now); });
   // for scripts and tests
-  window.sinew = { views, play, picture, playing: () => playing, time: () => time, setTime, setField, setMap, draw: () => views.forEach((v) => v.draw()), first, last };
+  window.sinew = { views, play, picture, playing: () => playing, time: () => time, setTime, setField, setMap, setGraph, setRange, link, draw: () => views.forEach((v) => v.draw()), first, last };
 })();

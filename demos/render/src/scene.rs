@@ -152,6 +152,28 @@ impl Series {
     }
 }
 
+/// Numbers of one kind over time.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Graph {
+    /// What they are.
+    pub name: String,
+    /// Unit, empty for pure numbers.
+    pub unit: String,
+    /// One line each.
+    pub lines: Vec<Series>,
+}
+
+/// A tetrahedron, for a look inside.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Cell {
+    /// Corners, among the points of the frames.
+    pub points: [u32; 4],
+    /// Its body.
+    pub body: u16,
+    /// The first frame without it.
+    pub gone: u32,
+}
+
 /// All there is to draw of a run.
 #[derive(Clone, Debug, Default)]
 pub struct Recording {
@@ -183,6 +205,10 @@ pub struct Recording {
     pub arrow_key: Option<ArrowKey>,
     /// Force (N) of every tool, pull and moved constraint over time.
     pub forces: Vec<Series>,
+    /// What else was recorded over time, for pages.
+    pub graphs: Vec<Graph>,
+    /// What fills the bodies, for pages that cut them open; empty where surfaces alone are recorded.
+    pub cells: Vec<Cell>,
     /// Simulated time (s) from frame to frame; of a static scene 0.
     pub interval: f64,
     /// The frames.
@@ -270,6 +296,11 @@ impl Recording {
             index("vertex", skin.triangles.iter().flatten().copied().max(), skin.points.len())
         };
         fits(0, &self.rest_skin, self.rest.len())?;
+        let (what, count) = ("point of a cell", self.rest.len());
+        let corner = self.cells.iter().flat_map(|cell| cell.points).max();
+        if let Some(index) = corner.map(|v| v as usize).filter(|v| *v >= count) {
+            return Err(RenderError::Index { frame: 0, what, index, count });
+        }
         for shape in &self.shapes {
             let (what, count) = ("vertex of a shape", shape.points.len().min(shape.normals.len()));
             let vertices = shape.triangles.iter().flatten().map(|&v| v as usize);

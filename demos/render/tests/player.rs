@@ -4,7 +4,7 @@ use glam::Vec3;
 use sinew_render::camera::CameraRequest;
 use sinew_render::page::page;
 use sinew_render::rigid::{Placed, Rigid};
-use sinew_render::scene::{ArrowKey, Recording, Series};
+use sinew_render::scene::{ArrowKey, Graph, Recording, Series};
 use std::io::Write;
 use std::process::{Command, Stdio};
 
@@ -52,20 +52,34 @@ function probe() {
   field.value = "none";
   field.dispatchEvent(new Event("change"));
   const plain = look();
+  // cut open in the middle: half of it goes, and the cursor tells what is inside
+  const choose = (id, value) => { const e = document.getElementById(id); e.value = value; e.dispatchEvent(new Event(id === "depth" ? "input" : "change")); };
+  choose("field", "displacement");
+  choose("cut", "view");
+  const open = look(), half = sinew.views[0].open;
+  const inside = { changed: open.map((p, i) => changed(p, last[i])), triangles: half.index.length / 3,
+    bytes: [Math.min(...half.bytes), Math.max(...half.bytes)], hit: sinew.views[0].under(0.5, 0.5) };
+  const address = sinew.link();
+  choose("cut", "none");
+  choose("to", "1");
+  const ranged = { changed: look().map((p, i) => changed(p, last[i])), address: sinew.link().split("range=")[1] ?? "" };
+  document.getElementById("whole").click();
+  const back = look().map((p, i) => changed(p, last[i]));
+  sinew.setField("none");
   const view = sinew.views[1];
   view.stretches = [];
   const without = look();
   // bodies have colours, background and ground are grey
+  function changed(a, b) { let n = 0; for (let i = 0; i < a.length; i += 4) n += a[i] !== b[i]; return n * 4 / a.length; }
   const vivid = (p) => {
     let n = 0;
     for (let i = 0; i < p.length; i += 4) n += Math.max(p[i], p[i + 1], p[i + 2]) - Math.min(p[i], p[i + 1], p[i + 2]) > 50;
     return n * 4 / p.length;
   };
-  const changed = (a, b) => { let n = 0; for (let i = 0; i < a.length; i += 4) n += a[i] !== b[i]; return n * 4 / a.length; };
   const shot = sinew.picture();
   const saved = { url: shot.toDataURL("image/png").slice(0, 22), width: shot.width, views: canvases.reduce((w, c) => w + c.width, 0) };
   const warned = [...document.querySelectorAll(".warning")].map((e) => (box(e).height > 0 ? e.textContent : ""));
-  const result = { saved, warned, errors, note, opened, pointed, graph, legend, wide, views: canvases.length, vivid: first.map(vivid),
+  const result = { saved, warned, inside, address, ranged, back, errors, note, opened, pointed, graph, legend, wide, views: canvases.length, vivid: first.map(vivid),
     moved: first.map((p, i) => changed(p, last[i])), recoloured: last.map((p, i) => changed(p, plain[i])),
     tools: [0, 1].map((i) => changed(plain[i], without[i])) };
   const out = document.createElement("pre");
@@ -90,7 +104,7 @@ fn browser() -> Option<&'static str> {
 }
 
 /// What the probe saw in a page of these runs, in a window of this width; nothing without a browser.
-fn seen(name: &str, runs: &[&Recording], width: u32) -> Option<serde_json::Value> {
+fn seen(name: &str, runs: &[&Recording], width: u32, address: &str) -> Option<serde_json::Value> {
     let Some(browser) = browser() else {
         let _ = writeln!(std::io::stderr(), "skipped: no chromium on the path");
         return None;
@@ -108,7 +122,7 @@ fn seen(name: &str, runs: &[&Recording], width: u32) -> Option<serde_json::Value
         .arg(format!("--window-size={width},900"))
         .args(["--virtual-time-budget=20000", "--dump-dom"])
         .arg(format!("--user-data-dir={}", folder.join("profile").display()))
-        .arg(format!("file://{}", file.display()))
+        .arg(format!("file://{}{address}", file.display()))
         .output()
         .unwrap();
     let text = String::from_utf8_lossy(&output.stdout);
@@ -116,7 +130,11 @@ fn seen(name: &str, runs: &[&Recording], width: u32) -> Option<serde_json::Value
     let result = result.unwrap_or_else(|| {
         panic!("no result: {}", String::from_utf8_lossy(&output.stderr));
     });
-    let seen: serde_json::Value = serde_json::from_str(result.0).unwrap();
+    // the browser writes text as HTML
+    let result = [("&lt;", "<"), ("&gt;", ">"), ("&amp;", "&")]
+        .iter()
+        .fold(result.0.to_string(), |text, (from, to)| text.replace(from, to));
+    let seen: serde_json::Value = serde_json::from_str(&result).unwrap();
     std::fs::remove_dir_all(folder).unwrap();
     assert_eq!(seen["errors"], serde_json::json!([]), "{seen}");
     assert!(seen["wide"].as_f64().unwrap() <= 0.0, "cut off at {width} pixels: {seen}");
@@ -127,7 +145,7 @@ fn seen(name: &str, runs: &[&Recording], width: u32) -> Option<serde_json::Value
 fn loads_open_where_all_of_them_act() {
     let mut recording = crate::common::bar();
     recording.is_static = true;
-    let Some(seen) = seen("static", &[&recording, &recording], 390) else { return };
+    let Some(seen) = seen("static", &[&recording, &recording], 390, "") else { return };
     assert_eq!(seen["warned"], serde_json::json!(["", "", ""]));
     assert_eq!(seen["opened"], serde_json::json!({ "playing": false, "time": 1.5 }));
     // nothing is moved by the scrub bar, which stands there already
@@ -159,7 +177,7 @@ fn the_player_draws_scrubs_and_recolours_without_an_error() {
     tools.forces = vec![Series { name: "ball".into(), points: rising.collect() }];
     tools.label = "with tools".into();
     tools.warning = "NOT TO BE TRUSTED: <b>".into();
-    let Some(seen) = seen("tools", &[&recording, &tools], 1000) else { return };
+    let Some(seen) = seen("tools", &[&recording, &tools], 1000, "") else { return };
     assert_eq!(seen["opened"]["playing"], true, "{seen}");
     // one colour bar whose numbers stand beside their ticks
     let legend = &seen["legend"];
@@ -185,6 +203,17 @@ fn the_player_draws_scrubs_and_recolours_without_an_error() {
     assert_eq!(seen["saved"]["url"], "data:image/png;base64,");
     assert_eq!(seen["saved"]["width"], seen["saved"]["views"]);
     assert!(seen["note"].as_str().unwrap().contains("1.50 s"), "{seen}");
+    // cut open it is filled, and where it was removed it is not; the address says all of it
+    let inside = &seen["inside"];
+    assert!(inside["triangles"].as_u64().unwrap() > 20, "{seen}");
+    assert!(inside["changed"][0].as_f64().unwrap() > 0.005, "{seen}");
+    assert!(inside["hit"]["value"].as_f64().unwrap() > 0.01, "{seen}");
+    let address = seen["address"].as_str().unwrap();
+    assert!(address.contains("#t=1.5&field=displacement&") && address.contains("&cut="), "{seen}");
+    // colours up to a tenth of the bar, and back
+    assert!(seen["ranged"]["changed"][0].as_f64().unwrap() > 0.01, "{seen}");
+    assert!(seen["ranged"]["address"].as_str().unwrap().starts_with("0,0.01"), "{seen}");
+    assert_eq!(seen["back"], serde_json::json!([0, 0]), "{seen}");
     // the second has tools
     assert!(seen["tools"][0] == 0.0 && seen["tools"][1].as_f64().unwrap() > 0.02, "{seen}");
     for view in 0..2 {
@@ -193,4 +222,23 @@ fn the_player_draws_scrubs_and_recolours_without_an_error() {
         assert!(seen["moved"][view].as_f64().unwrap() > 0.02, "{seen}");
         assert!(seen["recoloured"][view].as_f64().unwrap() > 0.01, "{seen}");
     }
+}
+
+#[test]
+fn an_address_opens_at_its_time_and_colours() {
+    let mut recording = crate::common::bar();
+    let lines = ["x", "y"].map(|name| Series {
+        name: name.into(),
+        points: vec![[0.0, 0.0], [0.5, -2.0], [1.0, 3.0]],
+    });
+    recording.graphs =
+        vec![Graph { name: "tip.mean_velocity".into(), unit: "m/s".into(), lines: lines.to_vec() }];
+    // its last cells are gone when the third frame comes
+    let count = recording.cells.len();
+    recording.cells[count / 2..].iter_mut().for_each(|cell| cell.gone = 2);
+    let address = "#t=0.5&field=none&camera=90,5,1.5,0,0&graph=tip.mean%20velocity";
+    let Some(seen) = seen("address", &[&recording, &recording], 1280, address) else { return };
+    assert_eq!(seen["opened"], serde_json::json!({ "playing": false, "time": 0.5 }));
+    let words = seen["graph"]["words"].as_str().unwrap();
+    assert!(words.contains("Bar: x 3.00 m/s") && seen["graph"]["lines"] == 4, "{seen}");
 }

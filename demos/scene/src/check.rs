@@ -26,6 +26,8 @@ pub struct CheckSummary {
     pub error: Option<String>,
     /// All that is wrong in a scene, as far as it can be told at once, the error among it.
     pub mistakes: Vec<String>,
+    /// For each of them the line of the file and marks under the place; empty where there is none.
+    pub marks: Vec<String>,
     /// One report per mesh.
     pub meshes: Vec<CheckReport>,
     /// What was found beside the meshes: materials, constraints; in a scene also the meshes.
@@ -46,13 +48,14 @@ pub fn check_file(path: &Path) -> CheckSummary {
         usable: true,
         error: None,
         mistakes: Vec::new(),
+        marks: Vec::new(),
         meshes: Vec::new(),
         warnings: Vec::new(),
         plan: Vec::new(),
     };
     let error = if scene {
         let error = check_scene(path, &mut summary).err();
-        summary.mistakes = error.iter().flat_map(|_| mistakes(path)).collect();
+        (summary.mistakes, summary.marks) = error.iter().flat_map(|_| mistakes(path)).unzip();
         error.map(|e| e.to_string())
     } else {
         check_mesh(path, &mut summary).err().map(|e| e.to_string())
@@ -62,13 +65,13 @@ pub fn check_file(path: &Path) -> CheckSummary {
     summary
 }
 
-/// What is wrong in a scene that cannot be built.
-fn mistakes(path: &Path) -> Vec<String> {
+/// What is wrong in a scene that cannot be built, each with its line and marks under the place.
+pub fn mistakes(path: &Path) -> Vec<(String, String)> {
     // what is no text was told
     let Ok(text) = std::fs::read_to_string(path) else { return Vec::new() };
     let options = BuildOptions { threads: Some(1), ..BuildOptions::default() };
     let found = LoadedScene::mistakes(&text, path, |scene| build(scene, &options).map(drop));
-    found.iter().map(SceneError::to_string).collect()
+    found.iter().map(|error| (error.to_string(), LoadedScene::marked(&text, error))).collect()
 }
 
 fn check_scene(path: &Path, summary: &mut CheckSummary) -> Result<(), SceneError> {
@@ -270,11 +273,15 @@ impl fmt::Display for CheckSummary {
             (false, _) => "CANNOT be simulated",
         };
         writeln!(f, "{} ({}): {verdict}", self.file, self.kind)?;
-        if let Some(error) = &self.error {
+        let known = |error: &&String| !self.mistakes.contains(*error);
+        if let Some(error) = self.error.as_ref().filter(known) {
             writeln!(f, "  error: {error}")?;
         }
-        for error in self.mistakes.iter().filter(|own| Some(*own) != self.error.as_ref()) {
+        for (error, mark) in self.mistakes.iter().zip(&self.marks) {
             writeln!(f, "  error: {error}")?;
+            if !mark.is_empty() {
+                writeln!(f, "{mark}")?;
+            }
         }
         for line in &self.plan {
             writeln!(f, "  {line}")?;

@@ -18,6 +18,8 @@
 //! * [`summary`]: what a run reports, as data and as text.
 //! * [`text`]: numbers and hints in words.
 //! * [`picture`]: pages of runs; pictures and films with the feature `render`.
+//! * [`schema`](mod@schema): the JSON schema of scene files, as the reader knows it.
+//! * [`new_scene`]: a first scene for a mesh of one's own.
 //! * [`check`], [`mesh_tool`], [`validate`](mod@validate): the other subcommands.
 //! * [`modes`](mod@modes): modes of free vibration.
 
@@ -27,11 +29,13 @@ pub mod check;
 pub mod error;
 pub mod mesh_tool;
 pub mod modes;
+pub mod new_scene;
 pub mod output;
 pub mod picture;
 pub mod probe;
 pub mod run;
 pub mod scene;
+pub mod schema;
 pub mod springs;
 pub mod summary;
 pub mod text;

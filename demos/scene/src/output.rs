@@ -142,7 +142,7 @@ pub(crate) fn checkpoints(folder: &Path) -> Vec<(u64, PathBuf)> {
 }
 
 /// The name of a scene as that of files.
-fn stem(name: &str) -> String {
+pub(crate) fn stem(name: &str) -> String {
     let kept = |c: char| c.is_alphanumeric() || c == '-' || c == '_';
     name.chars().map(|c| if kept(c) { c } else { '_' }).collect()
 }
@@ -430,16 +430,17 @@ fn fit_in_f32(vectors: &[DVec3], length: f64) -> bool {
 /// Takes away what an earlier run left under the same name, which this one would be mixed up with, and says so.
 fn remove_old(folder: &Path, stem: &str) -> Result<Option<Warning>, RunError> {
     let frames = folder.join("frames");
-    let [summary, index, surfaces, rows, unfinished] = [
+    let [summary, index, surfaces, rows, page, unfinished] = [
         folder.join("summary.json"),
         folder.join(format!("{stem}.pvd")),
         folder.join(format!("{stem}-surface.pvd")),
         folder.join(format!("{stem}.csv")),
+        folder.join(format!("{stem}.html")),
         frames.join("unfinished"),
     ];
     // a run that was killed has rows but no summary
     let cut_short = rows.exists() && !summary.exists();
-    let mut old = vec![summary, index, surfaces, rows, unfinished];
+    let mut old = vec![summary, index, surfaces, rows, page, unfinished];
     for entry in std::fs::read_dir(&frames).map_err(write_error(&frames))? {
         let path = entry.map_err(write_error(&frames))?.path();
         let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();

@@ -270,15 +270,20 @@ impl ProbeSubject<'_> {
     }
 }
 
+/// What probes record: names, units, and the endings of the columns of each.
+pub fn quantities(
+    probes: &[BuiltProbe],
+) -> impl Iterator<Item = (String, &'static str, &'static [&'static str])> {
+    let recorded = probes.iter().flat_map(|p| p.record.iter().map(move |own| (&p.name, own)));
+    recorded.map(|(name, own)| (format!("{name}.{}", own.column), own.unit, own.endings()))
+}
+
 /// Names of the columns of probes.
 pub fn columns(probes: &[BuiltProbe]) -> Vec<String> {
-    let recorded = probes.iter().flat_map(|p| p.record.iter().map(move |own| (&p.name, own)));
-    recorded
-        .flat_map(|(name, own)| {
-            let column = move |end| format!("{name}.{}{end} ({})", own.column, own.unit);
-            own.endings().iter().map(column)
-        })
-        .collect()
+    let of = |(name, unit, endings): (String, &str, &[&str])| -> Vec<String> {
+        endings.iter().map(|end| format!("{name}{end} ({unit})")).collect()
+    };
+    quantities(probes).flat_map(of).collect()
 }
 
 /// Values of probes in the order of [`columns`]; `reaction` is told constraints and their reactions (N).

@@ -34,6 +34,18 @@ pub fn short(x: f64) -> String {
     }
 }
 
+/// Words in lines of at most `width` characters, each with a beginning of its own.
+pub fn wrapped(words: &str, width: usize, begin: &str) -> String {
+    let mut lines: Vec<String> = Vec::new();
+    for word in words.split_whitespace() {
+        match lines.last_mut().filter(|line| line.len() + 1 + word.len() <= width) {
+            Some(line) => *line += &format!(" {word}"),
+            None => lines.push(format!("{begin}{word}")),
+        }
+    }
+    lines.into_iter().map(|line| line + "\n").collect()
+}
+
 /// A pressure in the unit that suits it.
 pub fn pressure(x: f64) -> String {
     match x {

@@ -15,6 +15,7 @@ use sinew_scene::mesh_tool::write;
 use sinew_scene::probe::PROBES;
 use sinew_scene::scene::{LoadedScene, Scene};
 use sinew_scene::scene_folder;
+use sinew_scene::schema::schema;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
@@ -755,6 +756,87 @@ fn all_mistakes_are_told_at_once() {
     assert!(summary.mistakes.contains(summary.error.as_ref().unwrap()));
     let text = summary.to_string();
     assert_eq!(text.matches("error: ").count(), expected.len(), "{text}");
+    // under each its line, with marks below the value, or below the key that there is not
+    for (at, marked) in [
+        ("dt = -0.01", "-0.01"),
+        ("gravitiy = 0", "gravitiy"),
+        ("select = { group = \"x9\" }", "\"x9\""),
+        ("force = \"1 N\"", "\"1 N\""),
+        ("curve = { rampe = [0.0, 0.05] }", "rampe"),
+    ] {
+        let number = bad.lines().position(|line| line == at).unwrap() + 1;
+        let before = " ".repeat(at.find(marked).unwrap());
+        let mark = format!("{number:>6} | {at}\n       | {before}{}\n", "^".repeat(marked.len()));
+        assert!(text.contains(&mark), "{mark}{text}");
+    }
+    // a long line is cut, and what is broken has its line at least
+    let long = GOOD.replace("dt = 0.01", &format!("{}dt = -1", " ".repeat(300)));
+    let text = checked("long", &long).to_string();
+    let marks = text.lines().find(|line| line.contains('^')).unwrap();
+    assert!(marks.len() < 90 && marks.ends_with(" ^^"), "{text}");
+    let text = checked("broken", &GOOD.replace("dt = 0.01", "dt = = 1")).to_string();
+    assert!(text.contains("     3 | dt = = 1\n       | ^"), "{text}");
+}
+
+/// What the schema allows the reader takes: shipped scenes fit, and misspelt keys, choices and types do not.
+#[test]
+fn the_schema_is_that_of_the_reader() {
+    fn misfit(schema: &serde_json::Value, value: &toml::Value, at: &str) -> Option<String> {
+        let not = |what: &str| Some(format!("{at} is no {what}"));
+        if let Some(any) = schema["anyOf"].as_array() {
+            let each = || any.iter().map(|schema| misfit(schema, value, at));
+            return if each().any(|own| own.is_none()) { None } else { each().flatten().next() };
+        }
+        if let Some(choices) = schema["enum"].as_array() {
+            let known = choices.iter().any(|own| own.as_str() == value.as_str());
+            return if known { None } else { not("choice") };
+        }
+        match (schema["type"].as_str()?, value) {
+            ("object", toml::Value::Table(table)) => table.iter().find_map(|(key, own)| {
+                let at = format!("{at}.{key}");
+                match &schema["properties"][key] {
+                    serde_json::Value::Null => Some(format!("{at} is unknown")),
+                    schema => misfit(schema, own, &at),
+                }
+            }),
+            ("array", toml::Value::Array(list)) => {
+                let count = schema["minItems"].as_u64();
+                if count.is_some_and(|count| count as usize != list.len()) {
+                    return not("list of this length");
+                }
+                list.iter().find_map(|own| misfit(&schema["items"], own, at))
+            }
+            ("number", own) if own.is_float() || own.is_integer() => None,
+            ("integer", own) if own.is_integer() => None,
+            ("boolean", own) if own.is_bool() => None,
+            ("string", own) if own.is_str() => None,
+            (wanted, _) => not(wanted),
+        }
+    }
+    let schema = schema();
+    let fits = |text: &str| misfit(&schema, &toml::from_str(text).unwrap(), "scene");
+    let (mut scenes, mut keys) = (0, BTreeSet::new());
+    for entry in std::fs::read_dir(scene_folder()).unwrap() {
+        let path = entry.unwrap().path();
+        if path.extension().is_none_or(|end| end != "toml") {
+            continue;
+        }
+        let text = std::fs::read_to_string(&path).unwrap();
+        assert_eq!(fits(&text), None, "{}", path.display());
+        keys.extend(toml::from_str::<toml::Table>(&text).unwrap().into_iter().map(|own| own.0));
+        scenes += 1;
+    }
+    assert!(scenes > 20 && keys.len() > 12, "{scenes} {keys:?}");
+    let wrong = |from: &str, to: &str| fits(&GOOD.replace(from, to));
+    assert_eq!(fits(GOOD), None);
+    assert_eq!(wrong("poisson_ratio", "nu").as_deref(), Some("scene.body.material.nu is unknown"));
+    assert_eq!(
+        wrong("\"safe\"", "\"magic\"").as_deref(),
+        Some("scene.solver.integrator is no choice")
+    );
+    assert_eq!(wrong("dt = 0.01", "dt = true").as_deref(), Some("scene.dt is no number"));
+    assert!(wrong("gravity = [0.0, ", "gravity = [").is_some());
+    assert!(wrong("cells = [4, 1, 1]", "cell = [4, 1, 1]").is_some());
 }
 
 /// An entry that cannot be read does not shift the places of others, and what speaks of it is no mistake of its own.

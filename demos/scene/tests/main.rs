@@ -14,6 +14,7 @@ mod lattice;
 mod material_fields;
 mod measure;
 mod modes;
+mod new_scene;
 #[cfg(feature = "render")]
 mod pictures;
 mod read;

@@ -400,7 +400,7 @@ fn a_motion_far_beyond_the_body_is_warned_of_and_not_trusted() {
     }
     // so does its page, above everything else
     let page = std::env::temp_dir().join(format!("sinew-doubt-{}.html", std::process::id()));
-    run_to_page(&loaded(&text), &RunOptions::default(), &page, &mut Silent).unwrap();
+    run_to_page(&loaded(&text), &RunOptions::default(), &page, true, &mut Silent).unwrap();
     let written = std::fs::read_to_string(&page).unwrap();
     std::fs::remove_file(&page).unwrap();
     says(

@@ -11,6 +11,7 @@ mod measures;
 mod page;
 mod parameter;
 mod parquet;
+mod plot;
 mod record;
 mod sampling;
 mod statistics;

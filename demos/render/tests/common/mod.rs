@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 use sinew_render::colour::ColourMap;
-use sinew_render::scene::{Arrow, Ball, Field, Frame, Recording, Rod};
+use sinew_render::scene::{Arrow, Ball, Cell, Field, Frame, Recording, Rod};
 use sinew_render::skin::{CREASE_ANGLE, Facet, Skin};
 use std::sync::Arc;
 
@@ -85,7 +85,22 @@ pub fn bar() -> Recording {
             }
         })
         .collect();
+    let mut cells = Vec::new();
+    for corner in 0..nx * ny * nz {
+        let (i, j, k) = (corner / (ny * nz), corner / nz % ny, corner % nz);
+        let p = |a: u32, b: u32, c: u32| index(i + a, j + b, k + c);
+        // from corner to corner of a cube, along three edges in every order
+        for [a, b] in [[0, 1], [1, 2], [2, 0], [1, 0], [2, 1], [0, 2]] {
+            let unit = |axes: &[u32]| {
+                let [x, y, z] = [0, 1, 2].map(|axis| u32::from(axes.contains(&axis)));
+                p(x, y, z)
+            };
+            let points = [p(0, 0, 0), unit(&[a]), unit(&[a, b]), p(1, 1, 1)];
+            cells.push(Cell { points, body: 0, gone: u32::MAX });
+        }
+    }
     Recording {
+        cells,
         title: "Bar".into(),
         subtitle: "bends to an arc".into(),
         up: Vec3::Z,

@@ -5,19 +5,21 @@ use super::measure::{MeasuredBody, ModuliFields};
 use super::quantity::Quantity;
 use super::tools::{Force, Tools, append};
 use crate::assemble::{BuiltBody, BuiltScene};
+use crate::probe;
 use crate::run::Observer;
 use crate::scene::{LoadedScene, Mode, Scene};
 use bevy_ecs::entity::Entity;
 use glam::{DVec3, Vec3};
 use sinew::engine::connectivity::ElementKind;
 use sinew::engine::load::{Load, Pressure};
+use sinew::engine::mesh::Mesh;
 use sinew::engine::report::SystemTimes;
 use sinew::engine::row::{MeshVertex, VertexRow};
 use sinew::engine::topology::BodyRows;
 use sinew::touch::pull::{Pull, PullReport};
 use sinew_render::colour::{ColourMap, Rgb};
 use sinew_render::scale::with_unit;
-use sinew_render::scene::{Arrow, Ball, Frame, Recording, Rod, Series};
+use sinew_render::scene::{Arrow, Ball, Cell, Frame, Graph, Recording, Rod, Series};
 use sinew_render::skin::{CREASE_ANGLE, Facet, Skin};
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -45,7 +47,18 @@ pub struct CaptureOptions {
     pub crease: f32,
     /// Steps of this run in one of the run whose frames it must meet; 1 for a run of its own.
     pub substeps: u64,
+    /// For a page: with what is inside of bodies and what probes record, and within a bound on its size.
+    pub page: bool,
 }
+
+/// Bytes of all points and values of a page before they are packed, and its frames: of more, some are left out.
+const PAGE: (usize, usize) = (24 << 20, 600);
+/// Points up to which a page can cut bodies open.
+const INSIDE: usize = 30_000;
+/// Elements above which a page that was not asked for more shows displacements alone: strains take memory and time.
+const MEASURED: usize = 200_000;
+/// Points of a line over time at which half of them, the extremes, are kept.
+const LINE: usize = 8192;
 
 impl Default for CaptureOptions {
     fn default() -> Self {
@@ -54,6 +67,7 @@ impl Default for CaptureOptions {
             quantities: vec![Quantity::Displacement],
             crease: CREASE_ANGLE,
             substeps: 1,
+            page: false,
         }
     }
 }
@@ -93,6 +107,12 @@ pub struct Recorder<'a> {
     pushes: Vec<Vec<Push>>,
     /// Of every pressure: its faces at the last look, and those with an arrow.
     pushed: HashMap<Entity, (usize, Vec<usize>)>,
+    /// Values of probes before the first step, which are read before anybody is told of the scene.
+    before: Vec<f64>,
+    /// Frames that the scene asks for.
+    pub(super) due: usize,
+    /// The element behind every cell, and its body.
+    elements: Vec<(usize, ElementKind, u32)>,
     seconds: f64,
 }
 
@@ -125,6 +145,9 @@ impl<'a> Recorder<'a> {
             forces: Vec::new(),
             pushes: Vec::new(),
             pushed: HashMap::new(),
+            before: Vec::new(),
+            due: 0,
+            elements: Vec::new(),
             seconds: 0.0,
         }
     }
@@ -181,6 +204,13 @@ impl<'a> Recorder<'a> {
             r.up = Vec3::Z;
         }
         (r.title, r.subtitle) = titles(self.scene, built);
+        if self.options.page
+            && self.options.quantities.first() == Some(&Quantity::default())
+            && built.element_count() > MEASURED
+        {
+            self.options.quantities.retain(|q| q.index().is_none());
+            r.fields = self.options.quantities.iter().filter_map(|q| q.field()).collect();
+        }
         let needs_measures = self.options.quantities.iter().any(|q| q.index().is_some());
         let cutting = !(built.resections.is_empty() && built.cuts.is_empty());
         let mut points = Vec::new();
@@ -207,19 +237,31 @@ impl<'a> Recorder<'a> {
             r.bodies.push(body.name.clone());
         }
         self.faces(built);
+        if self.options.page {
+            self.inside(built, points.len());
+            let quantities = probe::quantities(&built.probes);
+            self.recording.graphs = quantities.map(graph).collect();
+            let before = std::mem::take(&mut self.before);
+            self.probed(0.0, &before);
+        }
         let r = &mut self.recording;
-        // only what can be seen, unless removals open new surfaces
+        // only what can be seen, unless removals or a page open bodies
         let mut kept = vec![cutting; points.len()];
         for part in &self.parts {
             for v in part.faces.iter().flat_map(|f| f.vertices) {
                 kept[part.first + v as usize] = true;
             }
         }
+        for v in r.cells.iter().flat_map(|cell| cell.points) {
+            kept[v as usize] = true;
+        }
         self.place = vec![u32::MAX; points.len()];
         for (i, _) in kept.iter().enumerate().filter(|(_, kept)| **kept) {
             self.place[i] = self.kept.len() as u32;
             self.kept.push(i as u32);
         }
+        let place = &self.place;
+        r.cells.iter_mut().for_each(|cell| cell.points = cell.points.map(|v| place[v as usize]));
         r.rest = self.kept.iter().map(|&i| points[i as usize]).collect();
         self.skin = self.new_skin();
         let r = &mut self.recording;
@@ -243,6 +285,59 @@ impl<'a> Recorder<'a> {
         };
         self.wanted.iter_mut().for_each(|step| *step *= substeps);
         self.wanted.dedup();
+        self.due = self.wanted.len();
+        if self.options.page && self.options.frames.is_none() {
+            // every cut may bring a new surface
+            let of_point = 6 + self.recording.fields.len() + if cutting { 32 } else { 0 };
+            let most = (PAGE.0 / (of_point * self.kept.len()).max(1)).clamp(2, PAGE.1);
+            let (every, last) = ((self.due - 1).div_ceil(most - 1).max(1), self.due - 1);
+            let mut at = 0..;
+            self.wanted.retain(|_| at.next().is_some_and(|i: usize| i % every == 0 || i == last));
+        }
+    }
+
+    /// What fills the bodies, by indices among all points, as far as it is not too much.
+    fn inside(&mut self, built: &BuiltScene, points: usize) {
+        if points > INSIDE {
+            return;
+        }
+        // cells of a lattice stick out of the surface that the body carries
+        let parts = self.parts.iter().enumerate().filter(|(_, part)| !part.carries);
+        for (i, part) in parts {
+            for (corners, kind, element) in filling(&built.bodies[i].mesh) {
+                let points = corners.map(|v| v + part.first as u32);
+                self.recording.cells.push(Cell { points, body: i as u16, gone: u32::MAX });
+                self.elements.push((i, kind, element));
+            }
+        }
+    }
+
+    /// One more point of every line of the probes.
+    fn probed(&mut self, time: f64, probes: &[f64]) {
+        let lines = self.recording.graphs.iter_mut().flat_map(|graph| &mut graph.lines);
+        for (line, value) in lines.zip(probes).filter(|(_, value)| value.is_finite()) {
+            line.points.push([time, *value]);
+            if line.points.len() >= LINE {
+                line.points = line.thinned(LINE / 2);
+            }
+        }
+    }
+
+    /// Marks cells whose elements were removed.
+    fn remove_cells(&mut self, built: &BuiltScene) {
+        let left = |body: &BuiltBody, kind| built.simulation.remaining(body.handle, kind);
+        let left: Vec<_> = built
+            .bodies
+            .iter()
+            .map(|b| [ElementKind::Tetrahedron, ElementKind::Hexahedron].map(|kind| left(b, kind)))
+            .collect();
+        let now = self.recording.frames.len() as u32;
+        for (cell, (body, kind, e)) in self.recording.cells.iter_mut().zip(&self.elements) {
+            let left = &left[*body][usize::from(*kind == ElementKind::Hexahedron)];
+            if cell.gone == u32::MAX && left.binary_search(e).is_err() {
+                cell.gone = now;
+            }
+        }
     }
 
     /// Looks for removed elements; returns whether there are any new ones.
@@ -299,6 +394,7 @@ impl<'a> Recorder<'a> {
         let cutting = !(built.resections.is_empty() && built.cuts.is_empty());
         if step > 0 && cutting && self.faces(built) {
             self.skin = self.new_skin();
+            self.remove_cells(built);
         }
         let mut points = Vec::with_capacity(self.kept.len());
         let mut fields = vec![Vec::with_capacity(self.kept.len()); self.recording.fields.len()];
@@ -473,9 +569,54 @@ impl Observer for Recorder<'_> {
         }
     }
 
+    fn row(&mut self, step: u64, time: f64, probes: &[f64]) {
+        self.inner.row(step, time, probes);
+        if step == 0 {
+            self.before = probes.to_vec();
+        }
+        self.probed(time, probes);
+    }
+
     fn finish(&mut self) {
         self.inner.finish();
     }
+}
+
+/// An empty graph of what a probe records.
+fn graph((name, unit, endings): (String, &str, &[&str])) -> Graph {
+    let line = |end: &&str| Series { name: end.trim_start_matches('_').into(), points: Vec::new() };
+    let unit = if unit == "-" { String::new() } else { unit.into() };
+    Graph { name, unit, lines: endings.iter().map(line).collect() }
+}
+
+/// Tetrahedra that fill the solid elements of a mesh, each with its element; those with middles and hexahedra in parts.
+fn filling(mesh: &Mesh) -> Vec<([u32; 4], ElementKind, u32)> {
+    // corners cut off, and the octahedron between them
+    const TEN: [[usize; 4]; 8] = [
+        [0, 4, 6, 7],
+        [4, 1, 5, 8],
+        [6, 5, 2, 9],
+        [7, 8, 9, 3],
+        [6, 8, 4, 5],
+        [6, 8, 5, 9],
+        [6, 8, 9, 7],
+        [6, 8, 7, 4],
+    ];
+    // around a diagonal
+    const EIGHT: [[usize; 4]; 6] =
+        [[0, 6, 1, 2], [0, 6, 2, 3], [0, 6, 3, 7], [0, 6, 7, 4], [0, 6, 4, 5], [0, 6, 5, 1]];
+    let mut cells = Vec::new();
+    for (e, corners) in (0u32..).zip(&mesh.tetrahedra) {
+        let kind = ElementKind::Tetrahedron;
+        match mesh.second_order(e as usize) {
+            Some(ten) => cells.extend(TEN.map(|cell| (cell.map(|v| ten[v]), kind, e))),
+            None => cells.push((*corners, kind, e)),
+        }
+    }
+    for (e, corners) in (0u32..).zip(&mesh.hexahedra) {
+        cells.extend(EIGHT.map(|cell| (cell.map(|v| corners[v]), ElementKind::Hexahedron, e)));
+    }
+    cells
 }
 
 /// Where everything is at a step.
@@ -685,12 +826,17 @@ fn note(forces: &[Series], frame: &Frame) -> String {
 
 /// Ranges of the colour bars from what is seen in all frames; single peaks, as at clamped corners, are cut off.
 pub(crate) fn set_ranges(recording: &mut Recording) {
-    let size = recording.size();
+    let (size, inside) = (recording.size(), !recording.cells.is_empty());
     for (i, field) in recording.fields.iter_mut().enumerate() {
         let mut values: Vec<f32> = recording
             .frames
             .iter()
-            .flat_map(|frame| frame.skin.points.iter().map(move |&v| frame.fields[i][v as usize]))
+            .flat_map(|frame| {
+                // where bodies can be cut open, all points are seen
+                let surface: &[u32] = if inside { &[] } else { &frame.skin.points };
+                let all: &[f32] = if inside { &frame.fields[i] } else { &[] };
+                surface.iter().map(move |&v| frame.fields[i][v as usize]).chain(all.iter().copied())
+            })
             .filter(|x| x.is_finite())
             .map(|x| if field.map == ColourMap::Diverging { (x - 1.0).abs() } else { x.abs() })
             .collect();
@@ -698,7 +844,6 @@ pub(crate) fn set_ranges(recording: &mut Recording) {
             // most of a surface is not touched
             values.retain(|x| *x > 0.0);
         }
-        values.sort_unstable_by(f32::total_cmp);
         let share = match &*field.name {
             "displacement" => 1.0,
             // blows are short
@@ -706,6 +851,9 @@ pub(crate) fn set_ranges(recording: &mut Recording) {
             _ => 0.998,
         };
         let at = ((values.len() as f64 * share) as usize).min(values.len().saturating_sub(1));
+        if !values.is_empty() {
+            values.select_nth_unstable_by(at, f32::total_cmp);
+        }
         let mut largest = values.get(at).copied().filter(|x| *x > 0.0).unwrap_or(1.0);
         if recording.falling && field.unit == "m" {
             // what falls goes further than anything else, and out of the picture

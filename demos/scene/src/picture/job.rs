@@ -5,9 +5,11 @@ use super::capture::{CaptureOptions, Recorder};
 use super::quantity::Quantity;
 use crate::assemble::BuildOptions;
 use crate::error::RunError;
+use crate::output::stem;
 use crate::run::{Observer, RunOptions, Silent, run};
 use crate::scene::{LoadedScene, Mode};
 use crate::summary::RunSummary;
+use crate::warning::{Level, Warning};
 use glam::Vec3;
 use sinew_render::RenderError;
 #[cfg(feature = "render")]
@@ -242,7 +244,9 @@ fn recorded(
 ) -> Result<(Recording, RunSummary), RenderJobError> {
     let quantities =
         if job.html.is_some() { page_quantities(job.quantity) } else { vec![job.quantity] };
-    let capture = CaptureOptions { frames: job.frames, quantities, ..CaptureOptions::default() };
+    let page = job.html.is_some();
+    let capture =
+        CaptureOptions { frames: job.frames, quantities, page, ..CaptureOptions::default() };
     let finer =
         if job.quantity == Quantity::Error { Some(finer(scene, job, &capture)?) } else { None };
     let (mut recording, summary, [run, copy]) = record(scene, job.build, capture, observer)?;
@@ -264,7 +268,13 @@ fn page_quantities(first: Quantity) -> Vec<Quantity> {
     all.filter(|q| *q != Quantity::None).collect()
 }
 
-/// Runs a scene as [`run`] does and writes a page with a player of it, up to where it failed.
+/// Where the page of a run is that nobody named: beside its files, or in the folder `out`.
+pub fn page_beside(scene: &LoadedScene, out: Option<&Path>) -> PathBuf {
+    out.unwrap_or("out".as_ref()).join(format!("{}.html", stem(&scene.scene.name)))
+}
+
+/// Runs a scene as [`run`] does and writes a page with a player of it, up to where it failed. A page that was not
+/// `asked` for may fail: the run then has a warning.
 ///
 /// # Errors
 /// When the scene cannot be built or a file cannot be written.
@@ -272,30 +282,50 @@ pub fn run_to_page(
     scene: &LoadedScene,
     options: &RunOptions,
     page: &Path,
+    asked: bool,
     observer: &mut dyn Observer,
 ) -> Result<RunSummary, RenderJobError> {
-    // a page that cannot be written should not cost a run
-    let fresh = !page.exists();
-    let opened = std::fs::File::options().create(true).append(true).open(page);
-    opened.map_err(|e| RenderError::Write { path: page.into(), reason: e.to_string() })?;
-    let quantities = page_quantities(Quantity::default());
-    let capture = CaptureOptions { quantities, ..CaptureOptions::default() };
-    let mut recorder = Recorder::new(scene, capture, observer);
-    let mut summary = match run(scene, options, &mut recorder) {
-        Ok(summary) => summary,
-        Err(error) => {
-            if fresh {
-                // nothing was written; what cannot be removed is empty
-                let _ = std::fs::remove_file(page);
-            }
-            return Err(error.into());
+    if asked {
+        // a page that cannot be written should not cost a run
+        let fresh = !page.exists();
+        let opened = std::fs::File::options().create(true).append(true).open(page);
+        opened.map_err(|e| RenderError::Write { path: page.into(), reason: e.to_string() })?;
+        if fresh {
+            // what cannot be removed is empty
+            let _ = std::fs::remove_file(page);
         }
-    };
+    }
+    let quantities = page_quantities(Quantity::default());
+    let capture = CaptureOptions { quantities, page: true, ..CaptureOptions::default() };
+    let mut recorder = Recorder::new(scene, capture, observer);
+    let mut summary = run(scene, options, &mut recorder)?;
+    let due = recorder.due;
     let (mut recording, _) = recorder.finish();
     doubt(&mut recording, &summary);
     drop_unused_pressure(&mut recording);
-    write_page(page, &[&recording], CameraRequest::default())?;
-    summary.files.push(page.display().to_string());
+    if let Some(folder) = page.parent().filter(|_| !asked) {
+        // the page says so if it cannot be made
+        let _ = std::fs::create_dir_all(folder);
+    }
+    match write_page(page, &[&recording], CameraRequest::default()) {
+        Ok(()) => {
+            let frames = recording.frames.len();
+            let of = if frames < due && summary.completed {
+                format!("{frames} of {due} frames, for its size")
+            } else {
+                format!("{frames} frames")
+            };
+            summary.files.push(format!("{} (open in a browser; {of})", page.display()));
+        }
+        Err(error) if asked => return Err(error.into()),
+        Err(error) => {
+            // half a page would be worse than none
+            let _ = std::fs::remove_file(page);
+            let remedy = "give --page FILE for another place, or --no-page";
+            let (message, level) = (error.to_string(), Level::Warning);
+            summary.warnings.push(Warning::new("run.page", level, "page", message, remedy));
+        }
+    }
     Ok(summary)
 }
 

@@ -207,10 +207,21 @@ pub fn measures(g: DMat3, LameParameters { lambda, mu }: LameParameters) -> Meas
     let normal = (x.x - y.y).powi(2) + (y.y - z.z).powi(2) + (z.z - x.x).powi(2);
     let shear = x.y * x.y + y.z * y.z + x.z * x.z;
     let square: f64 = strain.to_cols_array().iter().map(|e| e * e).sum();
-    let largest =
-        nalgebra::Matrix3::from_column_slice(&strain.to_cols_array()).symmetric_eigenvalues().max();
+    let largest = largest_eigenvalue(strain);
     let energy = 0.5 * lambda * trace * trace + mu * square;
     [largest, (0.5 * normal + 3.0 * shear).sqrt(), energy, ratio]
+}
+
+/// The largest eigenvalue of a symmetric matrix, by its characteristic polynomial: the angle of its invariants.
+fn largest_eigenvalue(a: DMat3) -> f64 {
+    let mean = (a.x_axis.x + a.y_axis.y + a.z_axis.z) / 3.0;
+    let rest = a - DMat3::from_diagonal(DVec3::splat(mean));
+    let spread = (rest.to_cols_array().iter().map(|x| x * x).sum::<f64>() / 6.0).sqrt();
+    if spread <= f64::MIN_POSITIVE {
+        return mean;
+    }
+    let cosine = 0.5 * (rest * spread.recip()).determinant();
+    mean + 2.0 * spread * (cosine.clamp(-1.0, 1.0).acos() / 3.0).cos()
 }
 
 /// The same in the plane of a triangle from its corners at rest and their displacements (m), whose material keeps its

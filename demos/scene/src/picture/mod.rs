@@ -18,7 +18,8 @@ pub use figures::{FIGURES, GalleryFigures, SceneFigures, checksum, scenes_table,
 pub use gallery::gallery;
 pub use gallery::{GalleryEntry, gallery_page};
 pub use job::{
-    RenderJob, RenderJobError, RenderReport, Variant, nearest, record, render, run_to_page,
+    RenderJob, RenderJobError, RenderReport, Variant, nearest, page_beside, record, render,
+    run_to_page,
 };
 pub use measure::{Measures, measures, sheet_measures};
 pub use quantity::Quantity;

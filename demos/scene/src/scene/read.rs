@@ -23,6 +23,9 @@ const MOST: f64 = 1e12;
 /// Largest number of any key, moduli among them; most keys have closer limits.
 const BEYOND: f64 = 1e18;
 
+/// Half of the characters of a line that is shown.
+const WIDE: usize = 60;
+
 /// Endings of mesh files.
 const MESHES: [&str; 8] = ["msh", "vtk", "vtu", "node", "ele", "face", "obj", "stl"];
 
@@ -281,6 +284,40 @@ impl LoadedScene {
             .and_then(|bytes| String::from_utf8(bytes).map_err(utf8))
             .map_err(|source| SceneError::Io { path: path.into(), source })?;
         Self::parse(&text, path)
+    }
+
+    /// The line of a scene that an error is about, and marks under its place; empty where there is none.
+    pub(crate) fn marked(text: &str, error: &SceneError) -> String {
+        let SceneError::At { place, problem } = error else { return String::new() };
+        let line = place.line.unwrap_or_default();
+        let Some(source) = line.checked_sub(1).and_then(|before| text.lines().nth(before)) else {
+            return String::new();
+        };
+        let start: usize = text.split('\n').take(line - 1).map(|line| line.len() + 1).sum();
+        let keys = KeySpans::new(text);
+        let unknown = matches!(problem, SceneProblem::Unknown { kind: "key", .. });
+        let key = match problem {
+            SceneProblem::Unknown { name, .. } if unknown && place.key.is_empty() => name.clone(),
+            SceneProblem::Unknown { name, .. } if unknown => format!("{}.{name}", place.key),
+            _ => place.key.clone(),
+        };
+        let within = |span: &Range<usize>| (start..start + source.len()).contains(&span.start);
+        let span = keys.spans.get(&key).map(|own| if unknown { &own.key } else { &own.value });
+        let all = start + source.len() - source.trim_start().len()..start + source.trim_end().len();
+        let span = span.filter(|span| within(span)).unwrap_or(&all);
+        let end = span.end.min(start + source.len());
+        let count =
+            |from: usize, to: usize| text.get(from..to).map_or(1, |part| part.chars().count());
+        let (from, width) = (count(start, span.start), count(span.start, end).max(1));
+        // of a long line what is around the place
+        let cut = if from > WIDE { from - WIDE / 2 } else { 0 };
+        let shown: String = source.chars().skip(cut).take(2 * WIDE).collect();
+        let marks = "^".repeat(width.min(2 * WIDE + cut - from));
+        format!(
+            "{line:>6} | {}\n       | {}{marks}",
+            shown.replace('\t', " "),
+            " ".repeat(from - cut)
+        )
     }
 
     /// Reads a scene from text; mesh files are looked for beside `file`, which need not exist, or where

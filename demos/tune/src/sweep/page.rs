@@ -3,6 +3,7 @@
 use super::manifest::Manifest;
 use super::sampling::RangeScale;
 use super::table::SweepTable;
+use crate::chart::Axes;
 use crate::page::{Chart, Page};
 use crate::table::{Cell, Table, escape, three_digits};
 use std::collections::BTreeMap;
@@ -157,48 +158,12 @@ fn plots(page: &mut Page, table: &SweepTable, runs: usize, scales: &[Option<Rang
     page.add("</div>");
 }
 
-/// Round numbers from `low` to `high` at which an axis has its ticks: at most seven, on a logarithmic axis over two decades and
-/// more the powers of ten alone.
-pub fn ticks((low, high): (f64, f64), log: bool) -> Vec<f64> {
-    // NaN and single values have no scale
-    let wide = high > low;
-    if !wide {
-        return vec![low];
-    }
-    let power = |x: f64| 10f64.powi(x as i32);
-    let within = |x: &f64| (low..=high).contains(x);
-    let mut found: Vec<f64> = Vec::new();
-    if log {
-        let (first, last) = (low.log10().floor(), high.log10().ceil());
-        let decades = last - first;
-        let parts: &[f64] = if decades <= 2.0 { &[1.0, 2.0, 5.0] } else { &[1.0] };
-        let every = (decades / 6.0).ceil().max(1.0) as usize;
-        let exponents = (first as i32..=last as i32).step_by(every);
-        let all = exponents.flat_map(|e| parts.iter().map(move |p| p * 10f64.powi(e)));
-        found.extend(all.filter(within));
-    }
-    if found.len() < 2 {
-        let rough = (high - low) / 5.0;
-        let unit = power(rough.log10().floor());
-        let step = [1.0, 2.0, 5.0, 10.0]
-            .iter()
-            .map(|p| p * unit)
-            .find(|&step| step >= rough)
-            .unwrap_or(rough);
-        let first = (low / step).ceil();
-        found = (0..8).map(|i| (first + f64::from(i)) * step).filter(within).collect();
-    }
-    found
-}
-
 /// A scatter plot; the axis of a parameter has the scale that the study gives it, else it is logarithmic over a decade and more.
 fn scatter(
     points: &[(usize, f64, f64)],
     (parameter, scale): (&str, Option<RangeScale>),
     result: &str,
 ) -> Option<String> {
-    const SIZE: [f64; 2] = [360.0, 240.0];
-    const MARGIN: [f64; 4] = [62.0, 12.0, 30.0, 40.0]; // left, right, top, bottom
     let ends = |of: fn(&(usize, f64, f64)) -> f64| {
         let start = (f64::INFINITY, f64::NEG_INFINITY);
         points.iter().map(of).fold(start, |(low, high), x| (low.min(x), high.max(x)))
@@ -208,67 +173,16 @@ fn scatter(
         return None;
     }
     let log = x.0 > 0.0 && scale.map_or(x.1 >= 10.0 * x.0, |scale| scale == RangeScale::Log);
-    let scaled = |x: f64| if log { x.ln() } else { x };
-    let share =
-        |v: f64, (low, high): (f64, f64)| if high > low { (v - low) / (high - low) } else { 0.5 };
-    let (left, right, top, bottom) =
-        (MARGIN[0], SIZE[0] - MARGIN[1], MARGIN[2], SIZE[1] - MARGIN[3]);
-    let across =
-        |v: f64| left + 6.0 + (right - left - 12.0) * share(scaled(v), (scaled(x.0), scaled(x.1)));
-    let up = |v: f64| bottom - 6.0 - (bottom - top - 12.0) * share(v, y);
-    let mut svg = format!(
-        "<svg viewBox=\"0 0 {} {}\" role=\"img\" font-family=\"system-ui, sans-serif\" font-size=\"11\" fill=\"#333\">\n\
-         <title>{} over {}</title>\n\
-         <path d=\"M{left} {top}V{bottom}H{right}\" fill=\"none\" stroke=\"#999\"/>\n",
-        SIZE[0],
-        SIZE[1],
-        escape(result),
-        escape(parameter),
-    );
-    // a width that holds the text
-    let fitted = |text: &str, most: f64| {
-        let size = (most / (0.56 * text.chars().count().max(1) as f64)).clamp(6.0, 12.0);
-        format!("font-size=\"{size:.1}\">{}", escape(text))
-    };
-    let _ = writeln!(
-        svg,
-        "<text x=\"6\" y=\"16\" font-weight=\"600\" {}</text>",
-        fitted(result, SIZE[0] - 20.0)
-    );
-    let name = if log { format!("{parameter} (log)") } else { parameter.to_string() };
-    let _ = writeln!(
-        svg,
-        "<text x=\"{right}\" y=\"{}\" text-anchor=\"end\" {}</text>",
-        SIZE[1] - 6.0,
-        fitted(&name, SIZE[0] - 20.0)
-    );
-    for v in ticks(y, false) {
-        let at = up(v);
-        let _ = writeln!(
-            svg,
-            "<path d=\"M{left} {at:.1}h-4\" stroke=\"#999\"/><text x=\"{}\" y=\"{:.1}\" text-anchor=\"end\">{}</text>",
-            left - 7.0,
-            at + 4.0,
-            three_digits(v)
-        );
-    }
-    for v in ticks(x, log) {
-        let at = across(v);
-        let _ = writeln!(
-            svg,
-            "<path d=\"M{at:.1} {bottom}v4\" stroke=\"#999\"/><text x=\"{at:.1}\" y=\"{}\" text-anchor=\"middle\">{}</text>",
-            bottom + 16.0,
-            three_digits(v)
-        );
-    }
+    let axes = Axes { size: [360.0, 240.0], x, y, log };
+    let mut svg = axes.begin(result, parameter);
     let _ = writeln!(svg, "<g fill=\"#0059a8\" fill-opacity=\"0.55\">");
     let radius = if points.len() > 400 { 1.8 } else { 3.0 };
     for (row, px, py) in points {
         let _ = writeln!(
             svg,
             "<circle cx=\"{:.1}\" cy=\"{:.1}\" r=\"{radius}\"><title>run {row}: {}, {}</title></circle>",
-            across(*px),
-            up(*py),
+            axes.across(*px),
+            axes.up(*py),
             three_digits(*px),
             three_digits(*py)
         );
