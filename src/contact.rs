@@ -170,7 +170,7 @@ impl Simulation {
             let read = world.get_resource::<sinew_engine::surface::SurfaceReader>().copied()?;
             let surface = (read.0)(world, body);
             for triangle in surface.triangles.iter().chain(&surface.sheets) {
-                let corners = triangle.map(|v| positions[rows.vertex_order[LocalRow(v)].index()]);
+                let corners = triangle.map(|v| positions[rows.vertex_of(LocalRow(v)).index()]);
                 let Some((distance, weights)) =
                     sinew_contact::pull::hit(origin, direction, corners)
                 else {
@@ -197,7 +197,7 @@ impl Simulation {
         if let Some(contact) = self.world().get_resource::<ContactSet>() {
             for &(row, pressure) in contact.pressures() {
                 if let Some(local) = rows.local(row) {
-                    result[rows.vertex_order[local].index()] = pressure;
+                    result[rows.vertex_of(local).index()] = pressure;
                 }
             }
         }
@@ -211,7 +211,7 @@ impl Simulation {
         if let Some(contact) = self.world().get_resource::<ContactSet>() {
             for &(row, force) in contact.forces() {
                 if let Some(local) = rows.local(row) {
-                    result[rows.vertex_order[local].index()] = force;
+                    result[rows.vertex_of(local).index()] = force;
                 }
             }
         }

@@ -34,7 +34,7 @@
 //! | say what a body is made of | [`BodyDescription`], [`YoungPoisson`](models::material::YoungPoisson), [`Model`](models::body::Model) |
 //! | hold, move, load and blow up | [`Constraint`](engine::load::Constraint), [`Load`](engine::load::Load), [`traction_faces`](simulation::Simulation::traction_faces), [`Pressure`](engine::load::Pressure) |
 //! | press, drag, grasp; let bodies touch; pull with a mouse | [`Tool`], [`BodyContact`](touch::pair::BodyContact), [`Pull`](touch::pull::Pull) |
-//! | cut | [`Simulation::remove_elements`], [`models::resection`] |
+//! | cut, remove | [`Simulation::cut`], [`models::cutting`]; [`Simulation::remove_elements`], [`models::resection`] |
 //! | choose integrator, damping and tolerances | [`SolverSettings`](solvers::settings::SolverSettings), [`Integrator`](solvers::settings::Integrator) |
 //! | go back, keep a state, do a session again | [`snapshot`], [`replay`] |
 //! | know what went wrong or looks unintended, and whether to trust a run | [`Simulation::warnings`], [`Simulation::verdict`], [`warning`] |
@@ -62,6 +62,7 @@
 //! linear systems.
 //!
 //! [`Simulation`]: simulation::Simulation
+//! [`Simulation::cut`]: simulation::Simulation::cut
 //! [`Simulation::remove_elements`]: simulation::Simulation::remove_elements
 //! [`Simulation::warnings`]: simulation::Simulation::warnings
 //! [`Simulation::verdict`]: simulation::Simulation::verdict
@@ -74,6 +75,7 @@ pub mod simulation;
 
 mod axes;
 mod contact;
+mod cutting;
 pub mod plugin;
 pub mod replay;
 mod resection;

@@ -134,7 +134,8 @@ impl Simulation {
         prepare_removals(self.columns(), body.0)
     }
 
-    /// Elements of a kind that are left, by their indices in the user's mesh or list, ascending.
+    /// Elements of a kind that are left, by their indices in the user's mesh or list, ascending; copies that cuts made are
+    /// numbered after those of the mesh.
     pub fn remaining(&self, body: BodyHandle, kind: ElementKind) -> Vec<u32> {
         let rows = &self.topology().bodies[body.0];
         let resection = self.world().get_resource::<Resection>();
@@ -159,7 +160,7 @@ impl Simulation {
     }
 
     /// Triangles of the surface of what is left of the solid, outward, each with the element behind it; all by
-    /// their indices in the user's mesh. Faces of hexahedra are cut into two triangles. It is kept up to date
+    /// their indices in the user's mesh. Faces that a cut parted are not among them: [`Simulation::skin`] has them. Faces of hexahedra are cut into two triangles. It is kept up to date
     /// by removals: the cost is that of the list, once the body is prepared.
     ///
     /// # Errors
@@ -173,8 +174,9 @@ impl Simulation {
         let resection = self.world().get_resource::<Resection>();
         let connectivity = resection.and_then(|r| r.connectivity(body.0));
         let surface = connectivity.into_iter().flat_map(|c| c.surface());
+        let surface = surface.filter(|(_, kind, e)| rows.is_whole(*kind, *e));
         let user = |(triangle, kind, e): ([u32; 3], ElementKind, u32)| {
-            let vertices = triangle.map(|v| rows.vertex_order[LocalRow(v)].0);
+            let vertices = triangle.map(|v| rows.vertex_of(LocalRow(v)).0);
             (vertices, kind, rows.order[kind][e as usize])
         };
         Ok(surface.map(user).collect())

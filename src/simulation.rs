@@ -34,7 +34,7 @@ use sinew_engine::step::ColumnsBehind;
 use sinew_engine::step::{Gravity, StepClock, StepError, install_engine};
 pub use sinew_engine::topology::BodyHandle;
 use sinew_engine::topology::{BodyRows, Topology};
-use sinew_engine::vertex::{Displacement, Velocity};
+use sinew_engine::vertex::{Displacement, Mass, Velocity};
 use sinew_engine::workers::{Threads, Workers, WorkersError};
 use sinew_models::axes::description::AxesError;
 use sinew_models::body::change::set_material;
@@ -171,7 +171,7 @@ pub enum SimulationError {
     /// A pressure or traction names a face whose edges are not all in elements of its body.
     #[error(
         "`{name}`: face {triangle} (vertices {vertices:?}) of body `{body}` is no face of its \
-         solid elements and no cell of its membrane, so nothing can act on it"
+         solid elements, as far as these are whole, and no cell of its membrane, so nothing can act on it"
     )]
     Face {
         /// Pressure or traction.
@@ -511,6 +511,7 @@ impl Simulation {
         cells: &[[u32; N]],
     ) -> Result<Vec<[VertexRow; N]>, SimulationError> {
         let mut faces = Vec::with_capacity(cells.len());
+        let parted = self.parted_faces(body);
         for (triangle, vertices) in cells.iter().enumerate() {
             let rows = self.rows(body, name, vertices)?;
             let topology = self.topology();
@@ -519,7 +520,10 @@ impl Simulation {
             };
             // of a quadrilateral both diagonals too: elements couple all their vertices
             let mut pairs = (0..N).flat_map(|i| (0..i).map(move |j| (i, j)));
-            if !pairs.all(|(i, j)| is_edge((rows[i], rows[j]))) {
+            let mut corners = rows.clone();
+            corners.sort_unstable();
+            let is_parted = N == 3 && parted.binary_search(&corners).is_ok();
+            if is_parted || !pairs.all(|(i, j)| is_edge((rows[i], rows[j]))) {
                 let (body, name) = (topology.bodies[body.0].name.clone(), name.into());
                 let vertices = [vertices[0], vertices[1], vertices[2]];
                 return Err(SimulationError::Face { name, body, triangle, vertices });
@@ -651,8 +655,7 @@ impl Simulation {
 
     /// Kinetic energy of a body (J).
     fn kinetic_energy(&mut self, body: BodyHandle) -> f64 {
-        let (m, v) = (self.masses(body), self.velocities(body));
-        m.iter().zip(&v).map(|(m, v)| 0.5 * m * v.length_squared()).sum()
+        by_precision!(self.precision, kinetic_energy(self.columns(), body))
     }
 
     /// Sets gravity (m/s^2), from the next step on.
@@ -865,14 +868,20 @@ impl Simulation {
     }
 
     fn ratios(&mut self, body: BodyHandle, kinds: [ElementKind; 2]) -> Vec<f64> {
-        let order = &self.topology().bodies[body.0].order;
-        let first = order[kinds[0]].len();
-        let mut result = vec![1.0; first + order[kinds[1]].len()];
+        let rows = &self.topology().bodies[body.0];
+        let [first, second] = kinds.map(|kind| rows.mesh_elements(kind));
+        let sources = rows.copies.sources.clone();
+        let mut result = vec![f64::INFINITY; first + second];
         self.each_element(body, |e| {
             if let Some(list) = kinds.iter().position(|kind| *kind == e.kind) {
-                result[list * first + e.index as usize] = e.smallest();
+                // of an element that was cut the smallest of its copies
+                let copy = (e.index as usize).checked_sub([first, second][list]);
+                let index = copy.map_or(e.index, |copy| sources[copy]);
+                let own = &mut result[list * first + index as usize];
+                *own = own.min(e.smallest());
             }
         });
+        result.iter_mut().filter(|ratio| **ratio == f64::INFINITY).for_each(|ratio| *ratio = 1.0);
         result
     }
 
@@ -1033,11 +1042,25 @@ fn hash_rows<S: Scalar>(world: &mut World) -> u64 {
     for body in 0..world.resource::<Topology>().bodies.len() {
         let u = by_vertex::<S>(world, body, |now| now.displacement.get());
         let v = by_vertex::<S>(world, body, |now| now.velocity.get());
-        for x in u.iter().chain(&v).flat_map(|x| x.to_array()) {
+        let ghosts = ghosts::<S>(world, body);
+        for x in u.iter().chain(&v).chain(&ghosts).flat_map(|x| x.to_array()) {
             x.to_bits().to_le_bytes().into_iter().for_each(|byte| hash.add(byte.into()));
         }
     }
     hash.0
+}
+
+/// Displacements (m) and velocities (m/s) of the ghosts that cuts of a body made.
+fn ghosts<S: Scalar>(world: &mut World, body: usize) -> Vec<DVec3> {
+    let rows = &world.resource::<Topology>().bodies[body];
+    let first = rows.vertices.start as usize + rows.vertex_order.len();
+    let count = rows.copies.ghosts.len();
+    if count == 0 {
+        return Vec::new();
+    }
+    let mut query = world.query::<(&Displacement<S>, &Velocity<S>)>();
+    let own = query.iter(world).skip(first).take(count);
+    own.flat_map(|(u, v)| [u.get(), v.get()]).collect()
 }
 
 #[cfg(feature = "gpu")]
@@ -1066,6 +1089,15 @@ fn write_state<S: Scalar>(
         world.run_system_cached(measure_area_ratios::<S>).map_err(|e| failed(&e))?;
     }
     world.run_system_cached(measure_volume_ratios::<S>).map_err(|e| failed(&e))
+}
+
+fn kinetic_energy<S: Scalar>(world: &mut World, body: BodyHandle) -> f64 {
+    let own = world.resource::<Topology>().bodies[body.0].vertices.clone();
+    let mut query = world.query::<(&Mass<S>, &Velocity<S>)>();
+    let Some((m, v)) = single_table(query.contiguous_iter(world)) else { return 0.0 };
+    let own = own.start as usize..own.end as usize;
+    let rows = m[own.clone()].iter().zip(&v[own]);
+    rows.map(|(m, v)| 0.5 * m.0.to_f64() * v.get().length_squared()).sum()
 }
 
 fn check_support<S: Scalar>(world: &mut World) -> Result<(), StepError> {

@@ -9,6 +9,7 @@ mod common;
 mod comparison_models;
 mod contact;
 mod cross;
+mod cutting;
 mod determinism;
 mod documents;
 mod elements;

@@ -405,6 +405,40 @@ fn removals_and_materials() {
 }
 
 /// Elements of a membrane go, and the pressure on them with them.
+/// Cuts between steps, one across another, and a removal of what they left.
+#[test]
+fn cuts() {
+    let mesh = beam_mesh();
+    let build = |options| {
+        let mut simulation = Simulation::new(options).unwrap();
+        let beam = BodyDescription::new("beam", &mesh, soft(2e5, 0.4));
+        let body = simulation.add_body(&BodyDescription { spare: 400, ..beam }).unwrap();
+        // rows after those of the body that is cut
+        let other = mesh.transformed(1.0, DQuat::IDENTITY, DVec3::Y * 0.3);
+        let other = simulation.add_body(&BodyDescription::new("other", &other, soft(2e5, 0.3)));
+        clamp(&mut simulation, body, &mesh, "x0");
+        clamp(&mut simulation, other.unwrap(), &mesh, "x0");
+        simulation
+    };
+    let act = |simulation: &mut Simulation, step: u64| {
+        let body = BodyHandle(0);
+        let edge =
+            |x: f64, y: f64, down: f64| [DVec3::new(x, y, 0.3), DVec3::new(x + 0.01, y, down)];
+        let strip = match step {
+            9 => [edge(0.14, -0.1, 0.05), edge(0.15, 0.3, 0.05)],
+            40 => [edge(0.1, -0.1, -0.3), edge(0.25, 0.3, -0.3)],
+            60 => {
+                let region = Region::Sphere { centre: DVec3::new(0.1, 0.05, 0.05), radius: 0.04 };
+                simulation.remove_elements(body, &Removal::new(region)).unwrap();
+                return;
+            }
+            _ => return,
+        };
+        assert!(!simulation.cut(body, &strip).unwrap().copies.is_empty());
+    };
+    exact("cuts", threads(2), &Scene { build: &build, act: &act });
+}
+
 #[test]
 fn removals_under_pressure() {
     let mesh = triangle_grid(DVec2::new(0.3, 0.1), [9, 3]).unwrap();

@@ -81,6 +81,39 @@ pub fn move_rows_to_front(world: &mut World, entity: Entity, rows: &[usize]) {
     }
 }
 
+/// Spawns an entity with the same values as another, whatever laws or users put there.
+///
+/// # Panics
+/// When [`can_move_rows`] says no.
+pub fn copy_entity(world: &mut World, entity: Entity) -> Entity {
+    assert!(can_move_rows(world, entity), "a component owns something and cannot be copied");
+    let ids = world.entity(entity).archetype().components().to_vec();
+    let mut values = Vec::with_capacity(ids.len());
+    for &id in &ids {
+        let layout = world.components().get_info(id).expect("it has this component").layout();
+        assert!(layout.align() <= align_of::<u128>(), "its alignment is that of no number");
+        let size = layout.size();
+        let mut copy = vec![MaybeUninit::<u128>::uninit(); size.div_ceil(size_of::<u128>())];
+        let own = world.entity(entity).get_by_id(id).expect("it has this component");
+        // SAFETY: the value has that many bytes, the copy is as long, and neither is the other. Padding is copied as what
+        // it is.
+        unsafe {
+            let to = copy.as_mut_ptr().cast::<MaybeUninit<u8>>();
+            std::ptr::copy_nonoverlapping(own.as_ptr().cast(), to, size);
+        }
+        values.push(copy);
+    }
+    let mut new = world.spawn_empty();
+    let pointers = values.iter_mut().map(|copy| {
+        let first = NonNull::new(copy.as_mut_ptr().cast::<u8>()).unwrap_or(NonNull::dangling());
+        // SAFETY: a valid value of its component, which owns nothing; columns of elements are aligned to 16 bytes at most
+        unsafe { OwningPtr::new(first) }
+    });
+    // SAFETY: ids and values come in pairs, from an entity of this world.
+    unsafe { new.insert_by_ids(&ids, pointers) };
+    new.id()
+}
+
 /// One column of a table.
 struct RawColumn {
     first: *mut u8,
@@ -171,16 +204,18 @@ impl TableImage {
         Some(Self { tables })
     }
 
-    /// Puts the values back, in the world that they are from. Rows that are gone come back as new entities; ticks of
-    /// changes stay as they are.
-    ///
-    /// # Panics
-    /// When the world has more rows than then: a body was added.
+    /// Puts the values back, in the world that they are from. Rows that are gone come back as new entities, those that came
+    /// since at the end of a table go; ticks of changes stay as they are.
     pub fn put_back(&self, world: &mut World) {
         for table in &self.tables {
             let kind = world.archetypes().get(table.archetype);
             let mut now = kind.map_or(0, |kind| kind.len() as usize);
-            assert!(now <= table.rows, "rows were added since");
+            while now > table.rows {
+                let kind = world.archetypes().get(table.archetype);
+                let last = kind.and_then(|kind| kind.entities().last()).map(|entity| entity.id());
+                last.map(|entity| world.despawn(entity));
+                now -= 1;
+            }
             let ids: Vec<ComponentId> = table.columns.iter().map(|(id, ..)| *id).collect();
             while now < table.rows {
                 let value = |(_, size, values): &(ComponentId, usize, Vec<MaybeUninit<u128>>)| {

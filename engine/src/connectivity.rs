@@ -143,7 +143,7 @@ pub struct Touched {
 impl Connectivity {
     /// Of a whole body.
     pub fn new(body: &BodyRows) -> Self {
-        let n = body.vertex_order.len();
+        let n = body.row_count();
         let cells = Cells::new(n, &body.nodes);
         let edges = cells.edges.len();
         let round_vertex = ByKind::of(|kind| Incidence::new(n, &body.nodes[kind]));

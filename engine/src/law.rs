@@ -155,8 +155,8 @@ pub struct Span<S> {
 }
 
 impl<S> Span<S> {
-    /// Cuts a range of elements, which lie body by body, into fixed ranges; `vertices(i)` lists the
-    /// vertex rows of element `i`.
+    /// Cuts a range of elements into fixed ranges, each of one body; `vertices(i)` lists the vertex rows of element `i`.
+    /// Elements lie body by body, but copies that cuts made come after all others.
     pub fn cut<'a>(
         elements: Range<usize>,
         topology: &Topology,
@@ -164,9 +164,11 @@ impl<S> Span<S> {
     ) -> Vec<Self> {
         let mut spans = Vec::new();
         let mut first = elements.start;
-        for (body, rows) in topology.bodies.iter().enumerate() {
+        while first < elements.end {
+            let row = vertices(first)[0];
+            let body = topology.bodies.partition_point(|body| body.vertices.end <= row);
             let mut end = first;
-            while end < elements.end && rows.vertices.contains(&vertices(end)[0]) {
+            while end < elements.end && topology.bodies[body].vertices.contains(&vertices(end)[0]) {
                 end += 1;
             }
             let own = end - first;

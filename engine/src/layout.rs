@@ -35,6 +35,23 @@ pub struct BodyElements {
     pub nodes: ByKind<PerElement>,
     /// Index in the user's mesh or list of every element row.
     pub order: ByKind<Vec<u32>>,
+    /// Rows after those of the mesh's vertices, for cuts: first the ghosts of [`Copies::ghosts`], then what is left.
+    pub spare: usize,
+    /// What cuts made of the elements.
+    pub copies: Copies,
+}
+
+/// What cuts made of the elements of a body; empty while it is whole. An element whose material falls apart becomes several
+/// of the same shape, each with its share of the volume.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Copies {
+    /// Row of the vertex of the mesh that every ghost is of. Ghosts move copies where these come apart; they belong to no
+    /// vertex of the mesh, and nothing holds or loads them.
+    pub ghosts: Vec<u32>,
+    /// Element of the mesh, by its index there, that every copy is of; copies are numbered after all elements of the mesh.
+    pub sources: Vec<u32>,
+    /// Parts of the volume of every tetrahedron row that its material has at its vertices: a quarter each where it is whole.
+    pub portions: Vec<[f64; 4]>,
 }
 
 impl BodyElements {
@@ -57,7 +74,37 @@ impl BodyElements {
                 _ => ordered::<10>(&elements[kind], &row_of_vertex, |tetrahedron| tetrahedron),
             };
         }
-        Self { vertex_order, row_of_vertex, nodes, order }
+        Self { vertex_order, row_of_vertex, nodes, order, spare: 0, copies: Copies::default() }
+    }
+
+    /// Number of vertex rows.
+    pub fn row_count(&self) -> usize {
+        self.vertex_order.len() + self.spare
+    }
+
+    /// Vertex of the user's mesh that a row belongs to, or is a ghost of.
+    pub fn vertex_of(&self, row: LocalRow) -> MeshVertex {
+        let ghost = row.index().checked_sub(self.vertex_order.len());
+        let source = ghost.map_or(row.0, |g| self.copies.ghosts.get(g).copied().unwrap_or(0));
+        self.vertex_order[LocalRow(source)]
+    }
+
+    /// Number of elements of the user's mesh, without copies.
+    pub fn mesh_elements(&self, kind: ElementKind) -> usize {
+        let copies = if kind == ElementKind::Tetrahedron { self.copies.sources.len() } else { 0 };
+        self.order[kind].len() - copies
+    }
+
+    /// Whether no cut parted an element, given by its row.
+    pub fn is_whole(&self, kind: ElementKind, element: u32) -> bool {
+        let portion = self.copies.portions.get(element as usize);
+        kind != ElementKind::Tetrahedron || portion.is_none_or(|portion| *portion == [0.25; 4])
+    }
+
+    /// Index in the user's mesh of an element, for a copy that of the element it is of.
+    pub fn source(&self, kind: ElementKind, index: u32) -> u32 {
+        let copy = (index as usize).checked_sub(self.mesh_elements(kind));
+        copy.map_or(index, |copy| self.copies.sources[copy])
     }
 
     /// Vertex rows of the tetrahedra, where they have four vertices.
@@ -262,7 +309,7 @@ impl Cells {
 
 /// An even permutation that puts the lowest entry first and the next lowest second. Then only the
 /// edge of the last two local vertices may run against the order of rows.
-fn lowest_first(mut t: [u32; 4]) -> [u32; 4] {
+pub fn lowest_first(mut t: [u32; 4]) -> [u32; 4] {
     let lowest = (0..4).min_by_key(|&i| t[i]).unwrap_or(0);
     if lowest != 0 {
         // two exchanges

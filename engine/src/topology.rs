@@ -96,15 +96,15 @@ impl BodyRows {
         self.vertices.contains(&row.0).then(|| LocalRow(row.0 - self.vertices.start))
     }
 
-    /// Vertex of the user's mesh that has a row of this body.
+    /// Vertex of the user's mesh that has a row of this body, or that a ghost there is of.
     ///
     /// # Panics
     /// When the row is another body's.
     pub fn vertex(&self, row: VertexRow) -> MeshVertex {
-        self.vertex_order[LocalRow(row.0 - self.vertices.start)]
+        self.vertex_of(LocalRow(row.0 - self.vertices.start))
     }
 
-    /// Vertices of the user's mesh with their rows, in the order of rows.
+    /// Vertices of the user's mesh with their rows, in the order of rows; ghosts are none of them.
     pub fn vertices_and_rows(&self) -> impl Iterator<Item = (MeshVertex, VertexRow)> + Clone {
         self.vertex_order.iter().copied().zip(self.vertices.clone().map(VertexRow))
     }
@@ -155,8 +155,10 @@ impl Topology {
     /// Appends a body whose vertices and edges follow all others; `edges` in local rows.
     pub fn push(&mut self, mut body: BodyRows, edges: &[[u32; 2]]) {
         let (v0, e0) = (self.vertex_count() as u32, self.edges.len() as u32);
-        let n = body.vertex_order.len();
+        let n = body.row_count();
         body.piece = pieces(n, edges.iter().copied());
+        let used = n - body.spare;
+        body.piece[used..].fill(crate::layout::UNUSED);
         body.vertices = v0..v0 + n as u32;
         body.blocks = e0..e0 + edges.len() as u32;
         let local = starts(n, edges.iter().map(|e| e[0]));

@@ -13,6 +13,7 @@ use crate::body::axis_modulus::set_axis_modulus;
 use crate::body::change::set_material;
 use crate::body::edit_log::{Edit, EditImage, EditLog, before_edit};
 use crate::body::present::{Resection, rows_again};
+use crate::cutting::open_again;
 use crate::laws::{bending, pressure};
 use crate::resection::{Region, remove_batch};
 
@@ -41,6 +42,9 @@ impl Edit {
                     Ok(_) => Ok(()),
                     Err(error) => Err(error.to_string()),
                 })
+            }
+            Self::Cut { body, stroke } => {
+                open_again::<S>(world, *body, stroke).map_err(|e| e.to_string())
             }
             Self::Material { body, material, arrays } if *body < bodies => {
                 set_material::<S>(world, *body, &arrays.field(*material)).map_err(|e| e.to_string())
@@ -116,7 +120,7 @@ impl EditState {
 pub enum EditError {
     /// It has had others.
     #[error(
-        "elements were removed from its bodies, or their materials changed, in other ways than here: restore \
+        "its bodies were cut, lost elements or got other materials in other ways than here: restore \
          into a simulation that was built anew"
     )]
     Other,

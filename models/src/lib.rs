@@ -9,6 +9,7 @@
 //! | [`axes`] | axes of anisotropy, fibre fields, muscles, preservation of volume |
 //! | [`body`] | from mesh and material to entities, and to a new material; membranes and lumped springs as parts of bodies |
 //! | [`resection`] | removal of elements |
+//! | [`cutting`] | cuts through elements: material, copies with shares of volume, ghosts |
 //! | [`traction`] | what vertices get of tractions on faces |
 //!
 //! Comparison models, each fused only, without compression term:

@@ -25,7 +25,8 @@ fn case(name: &str) -> Option<Value> {
             use std::io::Write;
             assert!(named.is_none() && name != "recut", "{}: {error}", file.display());
             // straight to stderr: the harness would swallow it
-            let _ = writeln!(std::io::stderr(), "skipped: no {} (set SINEW_REFERENCE)", file.display());
+            let _ =
+                writeln!(std::io::stderr(), "skipped: no {} (set SINEW_REFERENCE)", file.display());
             None
         }
     }
@@ -90,7 +91,11 @@ fn check(material: &Material, rest: &[DVec3], tetrahedra: &[[u32; 4]]) {
     for cell in &material.cells {
         let own = volume_of(cell.corners.map(|p| rest_of(material, rest, p)));
         let whole = volume(&material.elements[cell.element as usize].vertices);
-        assert!((own - cell.volume * whole).abs() <= 1e-12 * whole, "{own} {}", cell.volume * whole);
+        assert!(
+            (own - cell.volume * whole).abs() <= 1e-12 * whole,
+            "{own} {}",
+            cell.volume * whole
+        );
     }
     let mut edges = std::collections::BTreeMap::<[u32; 2], i32>::new();
     let mut area = DVec3::ZERO;
@@ -191,7 +196,8 @@ fn cases_of_a_separate_program() {
         assert_eq!(used_nodes(&material) as u64, results["vertices"].as_u64().unwrap(), "{name}");
         let mut copies: Vec<(u32, f64, DVec3)> = Vec::new();
         for element in &material.elements {
-            let whole = material.elements.iter().filter(|e| e.source == element.source).count() == 1;
+            let whole =
+                material.elements.iter().filter(|e| e.source == element.source).count() == 1;
             if !whole {
                 let x = element.vertices.map(|v| rest[v as usize]);
                 let sum: DVec3 = x.iter().zip(element.portion).map(|(x, w)| w * *x).sum();
@@ -212,7 +218,8 @@ fn cases_of_a_separate_program() {
             // the number of moves does not matter
             let ends = [blade[0], blade[blade.len() - 1]];
             for moves in [1, 50, 400] {
-                let at = |i: usize| [0, 1].map(|k| ends[0][k].lerp(ends[1][k], i as f64 / moves as f64));
+                let at =
+                    |i: usize| [0, 1].map(|k| ends[0][k].lerp(ends[1][k], i as f64 / moves as f64));
                 let blade: Vec<_> = (0..=moves).map(at).collect();
                 let other = cut(&mut Material::new(rest.len(), &tetrahedra), &rest, &blade);
                 assert_eq!(other.separated, stroke.separated);
@@ -274,7 +281,11 @@ fn random_cuts(blocks: u64) {
         if seed % 7 != 3 {
             check(&material, &mesh.points, &mesh.tetrahedra);
             if seed < 4 {
-                assert_eq!(zero_modes(&material, &mesh.points), 6 * pieces(&material), "block {seed}");
+                assert_eq!(
+                    zero_modes(&material, &mesh.points),
+                    6 * pieces(&material),
+                    "block {seed}"
+                );
             }
         }
     }
@@ -306,7 +317,8 @@ fn wounds_lie_on_the_blade() {
     cut(&mut material, &mesh.points, &blade);
     let (mut sum, mut worst, mut count) = (0.0, 0.0_f64, 0.0);
     for (face, _, _) in material.skin().into_iter().filter(|(.., wound)| *wound) {
-        let x: DVec3 = face.map(|p| rest_of(&material, &mesh.points, p)).iter().sum::<DVec3>() / 3.0;
+        let x: DVec3 =
+            face.map(|p| rest_of(&material, &mesh.points, p)).iter().sum::<DVec3>() / 3.0;
         let off = ((x.x + 1.5).hypot(x.y - 0.5) - 2.0).abs() * 8.0;
         (sum, worst, count) = (sum + off * off, worst.max(off), count + 1.0);
     }

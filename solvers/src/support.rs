@@ -82,7 +82,7 @@ fn check_pieces(body: &BodyRows, held: &[(usize, [f64; 6])]) -> Result<(), StepE
                  held, so its equilibrium is not unique; fix more vertices or axes, or use a \
                  dynamic integrator",
                 body.name,
-                body.vertex_order[LocalRow(sample as u32)]
+                body.vertex_of(LocalRow(sample as u32))
             )));
         }
     }
@@ -119,7 +119,7 @@ fn check_parts(
              about it in {free} ways without deforming, so its equilibrium is not unique; join their meshes \
              by faces, fix more vertices, or use a dynamic integrator",
             body.name,
-            body.vertex_order[LocalRow(local as u32)]
+            body.vertex_of(LocalRow(local as u32))
         ))),
         _ => Ok(()),
     }

@@ -192,6 +192,10 @@ fn about_what_acts(built: &BuiltScene) -> Vec<String> {
         let (name, body) = (&own.summary.name, &own.summary.body);
         lines.push(format!("resection `{name}`: elements of `{body}` {}", own.words()));
     }
+    for own in &built.cuts {
+        let (name, body) = (&own.summary.name, &own.summary.body);
+        lines.push(format!("cut `{name}`: through `{body}` {}", own.words()));
+    }
     for probe in &built.probes {
         let (body, count) = (name(probe.body), probe.vertices.len());
         let record: Vec<&str> = probe.record.iter().map(|own| own.key).collect();

@@ -5,6 +5,7 @@ use sinew::engine::step::StepError;
 use sinew::models::axes::description::AxesError;
 use sinew::models::axes::field::FibreError;
 use sinew::models::body::BodyError;
+use sinew::models::cutting::CutError;
 use sinew::models::material::MaterialError;
 use sinew::models::material::field::FieldError;
 use sinew::replay::ReplayError;
@@ -159,6 +160,9 @@ pub enum SceneProblem {
     /// A body that cannot be built.
     #[error(transparent)]
     Body(Box<BodyError>),
+    /// A body that cannot be cut.
+    #[error(transparent)]
+    Cut(Box<CutError>),
     /// A setting of the solver.
     #[error(transparent)]
     Setting(#[from] StepError),
@@ -182,6 +186,7 @@ boxed! {
     Fibres: FibreError;
     Axes: AxesError;
     Body: BodyError;
+    Cut: CutError;
     Simulation: SimulationError;
 }
 

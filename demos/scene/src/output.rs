@@ -326,7 +326,7 @@ impl Writer {
         let (mut j, mut of_body, mut index) = (Vec::new(), Vec::new(), Vec::new());
         for kind in ElementKind::IN_FILES {
             for (i, body) in built.bodies.iter().enumerate() {
-                for e in simulation.remaining(body.handle, kind) {
+                for e in body.whole(simulation, kind) {
                     left[kind].push(self.start[i][kind] + e as usize);
                     j.push(ratios[i][kind][e as usize]);
                     of_body.push(i as f64);

@@ -144,6 +144,12 @@ bad! {
     box_without_cells: "[4, 1, 1]" => "[4, 0, 1]", Mesh { .. }, 11, ["cells[1]"];
     two_shapes: "{ box =" => "{ sphere = { radius = 1.0, shells = 2 }, box =",
         Value { .. }, 11, ["exactly one shape"];
+    cut_with_one_position: "[[probe]]"
+        => "[[cut]]\nname = \"cut\"\ntime = 0.0\nstrip = [[[0, 0, 1], [0, 0, 0]]]\n\n[[probe]]", Value { .. }, 27, ["1 position(s)", "two at least"];
+    cut_without_a_blade: "[[probe]]"
+        => "[[cut]]\nname = \"cut\"\ntime = 0.0\nstrip = [[[0, 0, 1], [0, 0, 1]], [[1, 0, 1], [1, 0, 1]]]\n\n[[probe]]", Value { .. }, 27, ["without length", "different ends"];
+    cut_before_the_start: "[[probe]]"
+        => "[[cut]]\nname = \"cut\"\ntime = -1.0\nstrip = [[[0, 0, 1], [0, 0, 0]], [[1, 0, 1], [1, 0, 0]]]\n\n[[probe]]", Value { .. }, 26, ["time"];
     resection_of_nothing: "[[probe]]"
         => "[[resection]]\nname = \"cut\"\n\n[[probe]]", Value { .. }, 24, ["exactly one kind of resection"];
     resection_of_two_kinds: "[[probe]]"
@@ -396,6 +402,7 @@ fn the_readme_lists_exactly_the_keys_that_exist() {
         ("[[pull]]", "name = \"a\"\n[[pull]]\nname = \"b\"\nzzz = 1".into()),
         ("[[contact]]", "name = \"a\"\n[[contact]]\nname = \"b\"\nzzz = 1".into()),
         ("[[resection]]", format!("{resection}zzz = 1")),
+        ("[[cut]]", "name = \"a\"\n[[cut]]\nname = \"b\"\nzzz = 1".into()),
         ("tool", format!("{resection}tool = {{ zzz = 1 }}")),
         ("[[probe]]", "name = \"a\"\n[[probe]]\nzzz = 1".into()),
         ("[output]", "name = \"a\"\n[output]\nzzz = 1".into()),

@@ -410,7 +410,7 @@ fn surface(world: &mut World, index: usize) -> SinewSurface {
     };
     let found = (read.0)(world, index);
     let body = &world.resource::<Topology>().bodies[index];
-    let user = |triangle: &[u32; 3]| triangle.map(|v| body.vertex_order[LocalRow(v)].0);
+    let user = |triangle: &[u32; 3]| triangle.map(|v| body.vertex_of(LocalRow(v)).0);
     let triangles = found.triangles.iter().chain(&found.sheets).map(user).collect();
     SinewSurface { triangles, revision: 1, changes: body.changes }
 }

@@ -8,6 +8,7 @@ use sinew::identify::IdentifyError;
 use sinew::models::axes::description::AxesError;
 use sinew::models::axes::muscle::ActivationError;
 use sinew::models::body::BodyError;
+use sinew::models::cutting::CutError;
 use sinew::models::material::MaterialError;
 use sinew::models::material::field::FieldError;
 use sinew::models::resection::RemovalError;
@@ -178,6 +179,7 @@ codes! {
     ToolError => |e| if matches!(e, ToolError::NoTool(_)) { Code::Handle } else { Code::Argument };
     ShapeError => |_| Code::Mesh;
     RemovalError => |_| Code::Argument;
+    CutError => |_| Code::Argument;
     ActivationError => |_| Code::Argument;
     SnapshotError => |_| Code::Snapshot;
 }

@@ -69,7 +69,7 @@ fn change<S: Scalar>(
     // what is filled is a matter of shape
     let kept = soft.arrays.clone();
     let field = &MaterialField { filled: kept.field(field.material).filled, ..*field };
-    let lame = field.lame(rows.order.tetrahedra.len(), rows.hexahedra().len())?;
+    let lame = field.lame(rows.mesh_elements(ElementKind::Tetrahedron), rows.hexahedra().len())?;
     let rest = rest_positions(world, rows.vertices.clone());
     let rest_of = |row: u32| rest[row as usize];
     let matter = Matter { field: *field, ..soft.matter(&rows.ordered, &rest_of) };
@@ -83,7 +83,7 @@ fn change<S: Scalar>(
     soft.masses.apply(&mut masses);
     let shifts = matter.weight_shifts(Items::All(rest.len()), &left);
     before_edit::<S>(world);
-    set_moduli::<S>(world, body, soft.model, (&lame, rows.order.tetrahedra.len()));
+    set_moduli::<S>(world, body, soft.model, &lame);
     set_hourglass_stiffness::<S>(world, body, (soft.model, rows.vertices.start), &matter, &lame);
     if matter.is_pooled() || !springs.is_empty() {
         set_springs::<S>(world, body, (&matter, &springs), (&left, &lame));
@@ -107,22 +107,21 @@ fn change<S: Scalar>(
     Ok(())
 }
 
-/// Writes the moduli of the elements that are left; `lame` are the Lamé parameters (Pa) of all, hexahedra from
-/// place `first` on.
-fn set_moduli<S: Scalar>(
-    world: &mut World,
-    body: usize,
-    model: Model,
-    (lame, first): (&[LameParameters], usize),
-) {
+/// Writes the moduli of the elements that are left; `lame` are the Lamé parameters (Pa) of all of the mesh, hexahedra after
+/// tetrahedra.
+fn set_moduli<S: Scalar>(world: &mut World, body: usize, model: Model, lame: &[LameParameters]) {
     let mut query = world.query::<(
         (&BodyId, &RestVolume<S>, AnyOf<(&TetrahedronIndex, &HexahedronIndex)>),
         (&mut FirstLameParameter<S>, &mut ShearModulus<S>, &mut CompressionModulus<S>),
     )>();
+    let ordered = world.resource::<Topology>().bodies[body].ordered.clone();
+    let first = ordered.mesh_elements(ElementKind::Tetrahedron);
     for ((id, volume, (t, h)), (mut lambda, mut mu, mut compression)) in query.iter_mut(world) {
         // removed ones have no volume
         if id.0 as usize == body && volume.0 != S::ZERO {
-            let index = t.map_or(first, |t| t.0 as usize) + h.map_or(0, |h| h.0 as usize);
+            let tetrahedron = |t: &TetrahedronIndex| ordered.source(ElementKind::Tetrahedron, t.0);
+            let index = t.map_or(first, |t| tetrahedron(t) as usize);
+            let index = index + h.map_or(0, |h| h.0 as usize);
             (*lambda, *mu, *compression) =
                 moduli_bundle::<S>(model.lame(lame[index]), model.has_compression());
         }
@@ -164,7 +163,8 @@ pub(super) fn sum_springs<S: Scalar>(world: &mut World, body: usize) {
     let rest = rest_positions(world, rows.vertices.clone());
     let rest_of = |row: u32| rest[row as usize];
     let matter = soft.matter(&rows.ordered, &rest_of);
-    let lame = matter.field.lame(rows.order.tetrahedra.len(), rows.hexahedra().len());
+    let lame =
+        matter.field.lame(rows.mesh_elements(ElementKind::Tetrahedron), rows.hexahedra().len());
     // a membrane alone has no material of solid elements
     let lame = lame.unwrap_or_default();
     let left = left_of(world, body, &rows);
@@ -195,7 +195,7 @@ fn set_springs<S: Scalar>(
         Some(connectivity) => Cow::Borrowed(&connectivity.cells),
         None => {
             let ordered = matter.ordered;
-            Cow::Owned(Cells::new(ordered.vertex_order.len(), &ordered.nodes))
+            Cow::Owned(Cells::new(ordered.row_count(), &ordered.nodes))
         }
     };
     let (edges, triangles) = (Items::All(cells.edges.len()), Items::All(cells.triangles.len()));

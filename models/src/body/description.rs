@@ -70,6 +70,9 @@ pub struct BodyDescription<'a> {
     /// Membrane beside the solid, or instead of it: without solid elements `material`, `model` and
     /// `evaluation` mean nothing.
     pub membrane: Option<MembraneDescription<'a>>,
+    /// How many more vertices [cuts](crate::cutting) may make. They have rows from the start on, so that those of others do not
+    /// change: without any the body cannot be cut. A full section of a block of n x n x n cells needs some 2 (n + 1)^2.
+    pub spare: usize,
     /// Axes of anisotropy beside the model, or with [`Model::Axes`] instead of one.
     pub axes: Option<AxesDescription<'a>>,
 }
@@ -108,6 +111,7 @@ impl<'a> BodyDescription<'a> {
             spring_constants: None,
             masses: MassRule::default(),
             membrane: None,
+            spare: 0,
             axes: None,
         }
     }
@@ -307,6 +311,14 @@ pub enum BodyError {
         body: String,
         /// Why not, and what to do.
         problem: String,
+    },
+    /// It was cut, so that what is left is no mesh.
+    #[error(
+        "body `{body}` was cut: copies of elements are no mesh that a body could be built from"
+    )]
+    Cut {
+        /// Name of the body.
+        body: String,
     },
     /// A membrane that cannot be built.
     #[error("membrane of body `{body}`: {source}")]

@@ -15,6 +15,7 @@ use std::sync::{Arc, OnceLock, Weak};
 
 use super::description::SoftBody;
 use super::present::{MassPolicy, Resection};
+use crate::cutting::material::Stroke;
 use crate::frame::rules::{Integration, VolumeRule};
 use crate::material::YoungPoisson;
 use crate::material::field::MaterialArrays;
@@ -49,6 +50,13 @@ pub enum Edit {
         family: String,
         /// Modulus (Pa).
         modulus: f64,
+    },
+    /// It was cut.
+    Cut {
+        /// Index of the body.
+        body: usize,
+        /// What the blade did to its material.
+        stroke: Stroke,
     },
 }
 
@@ -143,6 +151,9 @@ pub fn scene_hash<S: Scalar>(world: &mut World) -> u64 {
             let rows: Vec<u32> = body.row_of_vertex.iter().map(row).collect();
             sum.numbers(&vertices);
             sum.numbers(&rows);
+            if body.spare > 0 {
+                sum.add(body.spare as u64);
+            }
             for kind in ElementKind::ALL {
                 sum.numbers(&body.order[kind]);
             }

@@ -147,9 +147,9 @@ impl Matter<'_> {
 
     /// Place of a solid element in the arrays of the material: hexahedra follow tetrahedra.
     pub fn place(&self, kind: ElementKind, element: u32) -> usize {
-        let user = self.ordered.order[kind][element as usize] as usize;
+        let user = self.ordered.source(kind, self.ordered.order[kind][element as usize]) as usize;
         let hexahedron = kind == ElementKind::Hexahedron;
-        user + if hexahedron { self.ordered.order.tetrahedra.len() } else { 0 }
+        user + if hexahedron { self.ordered.mesh_elements(ElementKind::Tetrahedron) } else { 0 }
     }
 
     /// Material of a solid element.
@@ -217,8 +217,10 @@ impl Matter<'_> {
             add(&nodes, &volumes.map(|volume| density * volume));
         }
         for &t in elements[ElementKind::Tetrahedron].iter().filter(|_| !tens) {
-            let share = density(ElementKind::Tetrahedron, t) * self.tetrahedron(t).volume / 4.0;
-            add(&self.ordered.tetrahedra()[t as usize], &[share; 4]);
+            let mass = density(ElementKind::Tetrahedron, t) * self.tetrahedron(t).volume;
+            let portion = self.ordered.copies.portions.get(t as usize);
+            let shares = portion.map_or([mass / 4.0; 4], |portion| portion.map(|part| part * mass));
+            add(&self.ordered.tetrahedra()[t as usize], &shares);
         }
         for &h in &elements[ElementKind::Hexahedron] {
             let density = density(ElementKind::Hexahedron, h);

@@ -10,6 +10,7 @@ use sinew_engine::isoparametric::{AxisHexahedron, HexahedronIndex, QuadIndex};
 use sinew_engine::topology::Topology;
 use sinew_engine::vertex::BodyId;
 
+use crate::cutting::material::Material;
 use crate::laws::pooled::TriangleVertices;
 use crate::laws::quadratic::MassSpring;
 
@@ -49,6 +50,8 @@ pub(crate) struct BodyResection {
     pub dead: ByKind<usize>,
     /// Number of connected pieces.
     pub pieces: usize,
+    /// Its material, once it was cut.
+    pub material: Option<Box<Material>>,
 }
 
 /// Entities in whose rows the elements of a body stand.

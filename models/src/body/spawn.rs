@@ -12,7 +12,7 @@ use sinew_engine::element::{
 };
 use sinew_engine::isoparametric::{RestHexahedron, RestTetrahedron10};
 use sinew_engine::law::{BodiesWithoutRecovery, partition_laws};
-use sinew_engine::layout::{BodyLayout, spread};
+use sinew_engine::layout::{BodyElements, BodyLayout, spread};
 use sinew_engine::memory;
 use sinew_engine::precision::Precision;
 use sinew_engine::row::LocalRow;
@@ -53,6 +53,9 @@ use crate::material::LameParameters;
 use crate::material::field::MaterialArrays;
 use crate::resection;
 
+/// Memory (bytes) of a row of the vertex table, with what solvers keep for it.
+const ROW: u64 = 2000;
+
 /// Builds a body: orders the mesh, precomputes stiffnesses, spawns one entity per vertex, tetrahedron
 /// and membrane triangle (per edge and triangle too when springs are pooled) and puts the laws it needs into
 /// the force schedule. Its number type is the world's [`Precision`].
@@ -67,7 +70,8 @@ pub fn spawn_body(world: &mut World, body: &BodyDescription) -> Result<Entity, B
         let counts = ByKind { tetrahedra, triangles, hexahedra, quads };
         let bends = body.membrane.is_some_and(|m| m.bending.is_some());
         let hinges = if bends { bending::MEMORY * triangles as u64 } else { 0 };
-        memory::of_body(&counts, body.middles.len()) + hinges
+        let rows = ROW.saturating_mul(body.spare as u64);
+        (memory::of_body(&counts, body.middles.len()) + hinges).saturating_add(rows)
     };
     memory::fits(&format!("body `{}`", body.name), needed)?;
     match world.get_resource::<Precision>() {
@@ -92,21 +96,20 @@ fn spawn<S: Scalar>(world: &mut World, body: &BodyDescription) -> Result<Entity,
         quads: membrane.map_or_else(PerElement::default, |m| m.quads.into()),
     };
     let bends = membrane.is_some_and(|m| m.bending.is_some());
-    let layout = BodyLayout::coupled(body.points.len(), &nodes, |ordered| match bends {
-        // what branches is refused below
-        true => Neighbours::new(ordered.triangles().to_vec()).map_or(Vec::new(), |n| n.couplings()),
-        false => Vec::new(),
-    });
-    let rest_of = |row: u32| body.points[layout.vertex_order[LocalRow(row)].index()];
+    let couplings = if bends { couplings } else { |_: &BodyElements| Vec::new() };
+    let mut layout = BodyLayout::coupled(body.points.len(), &nodes, couplings);
+    // rows that wait for cuts stand where the first vertex does
+    layout.ordered.spare = body.spare;
+    let rest_of = |row: u32| body.points[layout.vertex_of(LocalRow(row)).index()];
     let rest = RestShapes::new(body.name, &layout, &rest_of)?;
     let sheet = match &membrane {
         Some(m) => Some(Sheet::new(m, &layout, rest_of).map_err(of_membrane)?),
         None => None,
     };
     let (model, evaluation, spring_rule) = (body.model, body.evaluation, body.springs);
-    let field = body.material_field();
-    let membrane_fibres = membrane.map_or(&[][..], |m| m.fibres);
-    let membrane = membrane.map(|m| m.settings());
+    let (rows, field) = (layout.row_count(), body.material_field());
+    let (membrane, membrane_fibres) =
+        (membrane.map(|m| m.settings()), membrane.map_or(&[][..], |m| m.fibres));
     let ordered = &layout.ordered;
     let (given, lumping) = (body.spring_constants.as_deref(), body.masses.lumping());
     let matter = Matter {
@@ -132,11 +135,11 @@ fn spawn<S: Scalar>(world: &mut World, body: &BodyDescription) -> Result<Entity,
         [ElementKind::Tetrahedron, ElementKind::Hexahedron].map(|kind| {
             all[kind].iter().map(|&e| model.lame(user_lame[matter.place(kind, e)])).collect()
         });
-    let mut masses = matter.masses(Items::All(layout.vertex_order.len()), &all);
+    let mut masses = matter.masses(Items::All(rows), &all);
     body.masses.apply(&mut masses);
-    let shifts = matter.weight_shifts(Items::All(layout.vertex_order.len()), &all);
-    let edges = Items::All(layout.cells.edges.len());
-    let triangles = Items::All(layout.cells.triangles.len());
+    let shifts = matter.weight_shifts(Items::All(rows), &all);
+    let [edges, triangles] =
+        [layout.cells.edges.len(), layout.cells.triangles.len()].map(Items::All);
     let mass_spring = matter.edge_springs(&springs, &layout.cells, edges, &all);
     let pooled = matter.pooled_springs(&layout.cells, [edges, triangles], &all, &lame[0]);
     let at = add_rows(world, body.name, &layout, &rest_of);
@@ -204,6 +207,11 @@ fn spawn<S: Scalar>(world: &mut World, body: &BodyDescription) -> Result<Entity,
         bending::refresh::<S>(world, None);
     }
     Ok(entity)
+}
+
+/// Pairs of vertex rows that bending couples; a sheet that branches is refused elsewhere.
+fn couplings(ordered: &BodyElements) -> Vec<[u32; 2]> {
+    Neighbours::new(ordered.triangles().to_vec()).map_or(Vec::new(), |n| n.couplings())
 }
 
 /// Checks all that does not need the points in order; the membrane, if there is any, and the Lamé parameters
@@ -440,8 +448,7 @@ impl RestShapes {
 
 impl SolidPart<'_> {
     fn spawn_vertices<S: Scalar>(&self, world: &mut World, masses: &[f64], shifts: &[f64]) {
-        let order = self.layout.vertex_order.iter().zip(masses.iter().zip(shifts));
-        let vertices = (0..).zip(order).map(|(row, (&vertex, (&mass, &shift)))| {
+        let vertices = (0..).zip(masses.iter().zip(shifts)).map(|(row, (&mass, &shift))| {
             let x = (self.rest_of)(row);
             (
                 RestPosition(x),
@@ -454,7 +461,7 @@ impl SolidPart<'_> {
                 Mass(S::from_f64(mass)),
                 WeightShift(S::from_f64(shift)),
                 FixedAxes::NONE,
-                vertex,
+                self.layout.vertex_of(LocalRow(row)),
                 self.at.body,
             )
         });

@@ -18,7 +18,7 @@ pub(super) fn read_surface(world: &mut World, body: usize) -> BodySurface {
     };
     let first = world.resource::<Topology>().bodies[body].vertices.start as usize;
     let mut rest = world.query::<&RestPosition>();
-    let n = world.resource::<Topology>().bodies[body].vertex_order.len();
+    let n = world.resource::<Topology>().bodies[body].row_count();
     let rest: Vec<DVec3> = rest.iter(world).skip(first).take(n).map(|x| x.0).collect();
     let rows = &world.resource::<Topology>().bodies[body];
     let known = world.get_resource::<Resection>().and_then(|r| r.connectivity(body));
@@ -35,7 +35,9 @@ pub(super) fn read_surface(world: &mut World, body: usize) -> BodySurface {
             }
         }
     }
-    let outside: Vec<([u32; 3], ElementKind, u32)> = connectivity.surface().collect();
+    // a face that a cut parted is in the skin of the material alone
+    let outside = connectivity.surface().filter(|(_, kind, e)| rows.is_whole(*kind, *e));
+    let outside: Vec<([u32; 3], ElementKind, u32)> = outside.collect();
     let halves = outside.partition_point(|(_, kind, _)| *kind == ElementKind::Tetrahedron);
     let triangles = outside.into_iter().map(|(triangle, _, _)| triangle).collect();
     let mut sheets = Vec::new();

@@ -238,8 +238,9 @@ impl Material {
         Stroke { marks, separated: separated.into_iter().collect() }
     }
 
-    /// Divides the material by what a stroke decided; see [`Material::stroke`]. Shares, copies and ghosts follow.
-    pub fn open(&mut self, stroke: &Stroke) {
+    /// Divides the material by what a stroke decided; see [`Material::stroke`]. Shares, copies and ghosts follow. For every
+    /// ghost that came to be the vertex or ghost in whose place it comes.
+    pub fn open(&mut self, stroke: &Stroke) -> Vec<u32> {
         // separated cells are cut at their marks, and all round these
         let marked = |edge: &[u32; 2]| stroke.marks.binary_search_by_key(edge, |mark| mark.edge);
         let mut used: Vec<usize> = stroke
@@ -291,7 +292,7 @@ impl Material {
         self.cells = cells;
         self.part_points(first);
         self.part_elements();
-        self.part_nodes();
+        self.part_nodes()
     }
 
     /// Gives the new points an own number for each side on which the cells round them hang together.
@@ -378,7 +379,7 @@ impl Material {
 
     /// Gives elements that no longer hang together vertices of their own: who holds a vertex of the mesh keeps it, all others
     /// get a ghost.
-    fn part_nodes(&mut self) {
+    fn part_nodes(&mut self) -> Vec<u32> {
         let mut sets = DisjointSets::new(4 * self.elements.len());
         let mut faces: Vec<([u32; 3], u32)> = Vec::new();
         let mut holds = vec![false; 4 * self.elements.len()];
@@ -420,6 +421,7 @@ impl Material {
                 (moved_by[root], taken[node as usize]) = (node, true);
             }
         }
+        let mut origins = Vec::new();
         for i in living {
             let (element, at) = ((i / 4) as usize, (i % 4) as usize);
             let (root, node) = (sets.root(i) as usize, self.elements[element].nodes[at]);
@@ -428,15 +430,31 @@ impl Material {
                 if std::mem::replace(&mut taken[node as usize], true) {
                     moved_by[root] = self.vertices + self.ghosts.len() as u32;
                     self.ghosts.push(self.elements[element].vertices[at]);
+                    origins.push(node);
                 }
             }
             self.elements[element].nodes[at] = moved_by[root];
         }
+        origins
     }
 
     /// Forgets the material of elements that are gone.
     pub fn keep(&mut self, is_left: impl Fn(u32) -> bool) {
         self.cells.retain(|cell| is_left(cell.element));
+    }
+
+    /// Area of one side of all wounds, when `rest` says where the vertices of the mesh are.
+    pub fn wound_area(&self, rest: &dyn Fn(u32) -> DVec3) -> f64 {
+        let point = |p: u32| -> DVec3 {
+            let Point { vertices, weights } = self.points[p as usize];
+            vertices.iter().zip(weights).filter(|(_, w)| *w != 0.0).map(|(&v, w)| w * rest(v)).sum()
+        };
+        let faces = self.cells.iter().flat_map(|cell| {
+            let open = (0..4).filter(|&i| cell.wound[i]);
+            open.map(|i| cell.face(i).map(point))
+        });
+        // both sides, and two triangles in a parallelogram
+        faces.map(|[a, b, c]| (b - a).cross(c - a).length()).sum::<f64>() / 4.0
     }
 
     /// Faces of the material that bound it, outward: the cell behind each, and whether it was laid open by a cut.
@@ -448,9 +466,13 @@ impl Material {
         faces.sort_unstable();
         let mut skin: Vec<(u32, usize)> = Vec::new();
         for round in faces.chunk_by(|a, b| a.0 == b.0) {
-            let is_wound = |(_, cell, i): &([u32; 3], u32, usize)| self.cells[*cell as usize].wound[*i];
+            let is_wound =
+                |(_, cell, i): &([u32; 3], u32, usize)| self.cells[*cell as usize].wound[*i];
             skin.extend(
-                round.iter().filter(|f| round.len() == 1 || is_wound(f)).map(|&(_, cell, i)| (cell, i)),
+                round
+                    .iter()
+                    .filter(|f| round.len() == 1 || is_wound(f))
+                    .map(|&(_, cell, i)| (cell, i)),
             );
         }
         skin.sort_unstable();

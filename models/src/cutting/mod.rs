@@ -1,3 +1,589 @@
-//! Cuts: a blade goes through bodies of linear tetrahedra.
+//! Cuts: a blade goes through bodies of linear tetrahedra, at once, in their present shape.
+//!
+//! An element that the blade parts becomes several of the same shape, each with its share of the volume, that are moved by
+//! vertices of their own where they come apart ([`Material`]). Volume enters energy, force, tangent and mass linearly, so
+//! that neither of them changes at the instant of the cut, nor do kinetic energy and momentum; no element is smaller, flatter
+//! or softer than before, and no state is interpolated.
+//!
+//! - The vertices of the mesh stay where they are and mean what they meant: constraints, loads, pulls and lists of positions
+//!   have the material that held them. The vertices that copies got are *ghosts*: nothing holds or loads them but the weight
+//!   of their material. They have rows that the body was given when it was built ([`BodyDescription::spare`]).
+//! - Copies are numbered after all tetrahedra of the mesh, in the order in which they came. A removal takes the material that
+//!   has the number that it names; regions hold a copy where its own material is.
+//! - A blade that ends inside leaves elements at its end that it has entered: they are parted to their far side if it crossed
+//!   one of their edges. So the mechanical cut may be up to an element longer than the blade, or shorter.
+//! - A body at its rest shape does not gape when it is cut: what opens wounds is tension, from loads, muscles or a shape at
+//!   rest that the scene does not let it have.
+//!
+//! [`BodyDescription::spare`]: crate::body::BodyDescription::spare
 
 pub mod material;
+
+use bevy_ecs::prelude::*;
+use glam::DVec3;
+use serde::Serialize;
+use sinew_engine::columns::{can_move_rows, copy_entity, single_table};
+use sinew_engine::compiled_here;
+use sinew_engine::connectivity::{ByKind, Connectivity, ElementKind};
+use sinew_engine::element::{
+    RestVolume, TETRAHEDRON_EDGES, TetrahedronBlocks, TetrahedronIndex, TetrahedronVertices,
+    shape_gradient_bundle,
+};
+use sinew_engine::law::partition_laws;
+use sinew_engine::layout::{lowest_first, starts};
+use sinew_engine::load::Pressure;
+use sinew_engine::row::{LocalRow, MeshVertex, VertexRow};
+use sinew_engine::scalar::Scalar;
+use sinew_engine::topology::{BodyRows, ElementTables, Topology};
+use sinew_engine::vertex::{Displacement, Mass, Position, RestPosition, Velocity};
+use std::collections::BTreeMap;
+use std::time::{Duration, Instant};
+
+use self::material::{Element, Material, Stroke};
+use crate::body::description::{MassRule, SoftBody};
+use crate::body::edit_log::{Edit, before_edit, log_edit};
+use crate::body::matter::{Chosen, Items, chosen};
+use crate::body::present::{BodyResection, Resection};
+use crate::element::precompute::RestTetrahedron;
+use crate::frame::rules::{Evaluation, VolumeRule};
+use crate::laws::models::Model;
+use crate::laws::{bending, pressure};
+use crate::resection::{RemovalError, prepare_removals, renumber_blocks};
+
+/// Tetrahedra.
+const KIND: ElementKind = ElementKind::Tetrahedron;
+
+/// What a cut did.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct CutReport {
+    /// Tetrahedra that it parted, by their numbers, ascending.
+    pub separated: Vec<u32>,
+    /// Number of every copy that came to be, and of the tetrahedron of the mesh that it is of.
+    pub copies: Vec<[u32; 2]>,
+    /// Vertices that it made.
+    pub vertices: usize,
+    /// Vertices that further cuts may make.
+    pub spare: usize,
+    /// Connected pieces of the body now.
+    pub pieces: usize,
+    /// Least share of a tetrahedron of the body now.
+    pub least_share: f64,
+    /// Area (m^2, at rest) of one side of the wound.
+    pub area: f64,
+    /// Duration.
+    pub time: Duration,
+}
+
+/// A cut that cannot be carried out; nothing has changed.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum CutError {
+    /// The surface of the blade cannot be used.
+    #[error("the strip of the cut {problem}")]
+    Strip {
+        /// What is wrong with it, and what it must be.
+        problem: String,
+    },
+    /// The body cannot be cut.
+    #[error("body `{body}` cannot be cut: {problem}")]
+    Body {
+        /// Name of the body.
+        body: String,
+        /// Why, and what helps.
+        problem: String,
+    },
+    /// It has too few vertices to spare.
+    #[error(
+        "the cut of body `{body}` needs {needed} more vertices and {left} are spare: build it with a larger `spare`"
+    )]
+    Spare {
+        /// Name of the body.
+        body: String,
+        /// Vertices that the cut would make.
+        needed: usize,
+        /// Vertices left.
+        left: usize,
+    },
+    /// No such body, or its tables were changed from outside.
+    #[error(transparent)]
+    Rows(#[from] RemovalError),
+}
+
+/// Cuts a body along the surface that a blade sweeps: its edge is at `[p, q]` (m), one position after another, in the
+/// present shape of the body; between two of them lie the triangles `(p0, q0, p1)` and `(q0, q1, p1)`.
+///
+/// # Errors
+/// When strip or body cannot be used; nothing is changed then. A blade that parts nothing is no error.
+pub fn cut_body<S: Scalar>(
+    world: &mut World,
+    body: usize,
+    strip: &[[DVec3; 2]],
+) -> Result<CutReport, CutError> {
+    compiled_here!(S, cut(world: &mut World, body: usize, strip: &[[DVec3; 2]]) -> Result<CutReport, CutError>)
+}
+
+fn cut<S: Scalar>(
+    world: &mut World,
+    body: usize,
+    strip: &[[DVec3; 2]],
+) -> Result<CutReport, CutError> {
+    let problem = |problem: &str| Err(CutError::Strip { problem: problem.into() });
+    if strip.len() < 2 {
+        return problem("needs two positions of the blade at least");
+    }
+    if !strip.iter().flatten().all(|x| x.is_finite()) {
+        return problem("has a number that is not finite");
+    }
+    if strip.iter().all(|[p, q]| p == q) {
+        return problem("has no width: the ends of the blade must be two points");
+    }
+    let start = Instant::now();
+    let mut resection = prepared(world, body)?;
+    let result = (|| {
+        let own = resection.bodies[body].as_ref().expect("it was prepared");
+        let material = material_of(world, body, own);
+        let at = places::<S>(world, body);
+        let stroke = material.stroke(strip, &|node| at[node as usize]);
+        let mut report = open::<S>(world, body, &mut resection, (material, &stroke))?;
+        report.time = start.elapsed();
+        Ok(report)
+    })();
+    world.insert_resource(resection);
+    result
+}
+
+/// Does a cut again.
+pub(crate) fn open_again<S: Scalar>(
+    world: &mut World,
+    body: usize,
+    stroke: &Stroke,
+) -> Result<(), CutError> {
+    let mut resection = prepared(world, body)?;
+    let own = resection.bodies[body].as_ref().expect("it was prepared");
+    let material = material_of(world, body, own);
+    let (points, cells) = (material.points.len() as u32, material.cells.len() as u32);
+    let known = stroke.marks.iter().flat_map(|mark| mark.edge).all(|point| point < points)
+        && stroke.marks.iter().all(|mark| mark.at > 0.0 && mark.at < 1.0)
+        && stroke.separated.iter().all(|&cell| cell < cells);
+    let result = if known {
+        open::<S>(world, body, &mut resection, (material, stroke)).map(|_| ())
+    } else {
+        let problem = "the cut is of another mesh".into();
+        Err(CutError::Strip { problem })
+    };
+    world.insert_resource(resection);
+    result
+}
+
+/// What is kept for removals from a body, taken out of the world, once it is certain that the body can be cut.
+fn prepared(world: &mut World, body: usize) -> Result<Resection, CutError> {
+    check_cut(world, body)?;
+    prepare_removals(world, body)?;
+    Ok(world.remove_resource::<Resection>().unwrap_or_default())
+}
+
+/// Whether a body can be cut.
+///
+/// # Errors
+/// Says why not, and what helps.
+pub fn check_cut(world: &mut World, body: usize) -> Result<(), CutError> {
+    let count = world.resource::<Topology>().bodies.len();
+    if body >= count {
+        return Err(RemovalError::Body { index: body, count }.into());
+    }
+    let rows = &world.resource::<Topology>().bodies[body];
+    let name = rows.name.clone();
+    let only_linear = rows.hexahedra().is_empty()
+        && rows.tetrahedra10().is_empty()
+        && rows.triangles().is_empty()
+        && rows.quads().is_empty();
+    let is_spare = rows.spare > 0;
+    if world.get_resource::<ElementTables>().is_some_and(|own| *own != ElementTables::of(world)) {
+        return Err(RemovalError::LayoutChanged { body: name }.into());
+    }
+    let mut soft = world.query::<&SoftBody>();
+    let soft = soft.iter(world).find(|soft| soft.index == body).cloned();
+    let problem = match &soft {
+        None => "it has no elements",
+        Some(_) if !only_linear => {
+            "only bodies of linear tetrahedra alone can, without membranes; remove elements instead"
+        }
+        Some(soft) if soft.evaluation == Evaluation::Pooled => {
+            "pooled springs have no share of a volume; take evaluation = \"fused\""
+        }
+        Some(soft) if !scales(soft.model) => {
+            "its model is not proportional to a volume; take one that is, \"svk_comp\" or another"
+        }
+        Some(soft) if soft.axes.is_some() => "it has axes or fibres; remove elements instead",
+        Some(soft) if soft.volume != VolumeRule::Elements => {
+            "means of volumes would join both sides of the wound; take volume = \"elements\""
+        }
+        Some(soft) if soft.masses == MassRule::Equal => {
+            "equal masses have no share of a volume; take masses = \"volume\""
+        }
+        _ if !is_spare => {
+            "it has no vertices to spare; build it with `spare`, such as the number of vertices of the mesh"
+        }
+        _ => return Ok(()),
+    };
+    Err(CutError::Body { body: name, problem: problem.into() })
+}
+
+/// Whether the energy of a model is proportional to the column of volumes: quadratic springs take lengths at rest from it.
+fn scales(model: Model) -> bool {
+    !matches!(model, Model::QuadraticSprings | Model::MassSpring | Model::Axes | Model::Own(_))
+}
+
+/// The material of a body as it is now.
+fn material_of(world: &World, body: usize, own: &BodyResection) -> Material {
+    let is_left = |e: u32| own.connectivity.is_present(KIND, own.element_of[KIND][e as usize]);
+    let mut material = match &own.material {
+        Some(material) => (**material).clone(),
+        None => {
+            let rows = &world.resource::<Topology>().bodies[body];
+            let mut tetrahedra = vec![[0; 4]; rows.tetrahedra().len()];
+            for (nodes, &index) in rows.tetrahedra().iter().zip(&rows.order.tetrahedra) {
+                tetrahedra[index as usize] = nodes.map(|v| rows.vertex_order[LocalRow(v)].0);
+            }
+            Material::new(rows.mesh_vertices(), &tetrahedra)
+        }
+    };
+    material.keep(is_left);
+    material
+}
+
+/// Row of a vertex of the mesh or a ghost, as the material numbers them.
+fn row_of(rows: &BodyRows, node: u32) -> u32 {
+    match (node as usize).checked_sub(rows.mesh_vertices()) {
+        Some(ghost) => (rows.vertex_order.len() + ghost) as u32,
+        None => rows.row_of_vertex[MeshVertex(node)].map_or(0, |row| row.0),
+    }
+}
+
+/// Places (m) of the vertices of the mesh and the ghosts of a body.
+fn places<S: Scalar>(world: &mut World, body: usize) -> Vec<DVec3> {
+    let mut query = world.query::<(&RestPosition, &Displacement<S>)>();
+    let rows = &world.resource::<Topology>().bodies[body];
+    let Some((rest, u)) = single_table(query.contiguous_iter(world)) else { return Vec::new() };
+    let nodes = 0..(rows.mesh_vertices() + rows.copies.ghosts.len()) as u32;
+    let at = |node| (rows.vertices.start + row_of(rows, node)) as usize;
+    nodes.map(|node| rest[at(node)].0 + u[at(node)].get()).collect()
+}
+
+/// Divides a body by what a stroke decided.
+fn open<S: Scalar>(
+    world: &mut World,
+    body: usize,
+    resection: &mut Resection,
+    (mut material, stroke): (Material, &Stroke),
+) -> Result<CutReport, CutError> {
+    let own = resection.bodies[body].as_mut().expect("it was prepared");
+    let old = world.resource::<Topology>().bodies[body].clone();
+    let before = material.elements.clone();
+    let rest = rest_of(world, &old);
+    let at_rest = |vertex: u32| rest[row_of(&old, vertex) as usize];
+    let area = material.wound_area(&at_rest);
+    let origins = if stroke.separated.is_empty() { Vec::new() } else { material.open(stroke) };
+    let changed: Vec<u32> = (0..material.elements.len())
+        .filter(|&e| before.get(e) != Some(&material.elements[e]))
+        .map(|e| e as u32)
+        .collect();
+    // also neighbours whose vertices are others now
+    let is_parted = |e: &u32| {
+        before
+            .get(*e as usize)
+            .is_some_and(|was| was.portion != material.elements[*e as usize].portion)
+    };
+    let copies = before.len()..material.elements.len();
+    let mut report = CutReport {
+        separated: changed.iter().copied().filter(is_parted).collect(),
+        copies: copies.map(|e| [e as u32, material.elements[e].source]).collect(),
+        vertices: origins.len(),
+        spare: old.spare - old.copies.ghosts.len(),
+        pieces: own.pieces,
+        least_share: material.elements.iter().map(Element::share).fold(1.0, f64::min),
+        area: material.wound_area(&at_rest) - area,
+        ..CutReport::default()
+    };
+    if changed.is_empty() {
+        return Ok(report);
+    }
+    let name = || old.name.clone();
+    let Some(left) = report.spare.checked_sub(origins.len()) else {
+        let (needed, left) = (origins.len(), report.spare);
+        return Err(CutError::Spare { body: name(), needed, left });
+    };
+    report.spare = left;
+    check_faces(world, &old, own, &changed)?;
+    let row = |e: u32| own.rows.elements[KIND][own.element_of[KIND][e as usize] as usize];
+    if !report.separated.iter().all(|&e| can_move_rows(world, row(e))) {
+        let problem = "a component of its elements owns something and has no copy; keep such data on entities of your own";
+        return Err(CutError::Body { body: name(), problem: problem.into() });
+    }
+    // the image of what was before holds what is kept for removals, too
+    world.insert_resource(std::mem::take(resection));
+    before_edit::<S>(world);
+    *resection = world.remove_resource().unwrap_or_default();
+    let own = resection.bodies[body].as_mut().expect("it was prepared");
+    log_edit(world, Edit::Cut { body, stroke: stroke.clone() });
+    let mut new = parted_rows(&old, own, &material, &changed);
+    copy_vertices::<S>(world, &new, &origins);
+    let mut connectivity = Connectivity::new(&new);
+    let known = 0..old.order.tetrahedra.len() as u32;
+    let gone = known.filter(|&e| !own.connectivity.is_present(KIND, e)).collect();
+    connectivity.remove(&ByKind { tetrahedra: gone, ..ByKind::default() });
+    let was = std::mem::replace(&mut own.connectivity, connectivity);
+    sum_masses::<S>(world, (&old, &was), (&new, &own.connectivity));
+    new.piece = own.connectivity.pieces();
+    new.splits += u64::from(new.piece != old.piece);
+    new.changes += 1;
+    own.pieces = new.piece_count();
+    report.pieces = own.pieces;
+    own.element_of[KIND] = new.rows_of(KIND);
+    merge_edges(world, body, new, &own.connectivity);
+    write_elements::<S>(world, body, own, &report, &changed);
+    own.material = Some(Box::new(material));
+    partition_laws::<S>(world);
+    let tables = ElementTables::of(world);
+    world.insert_resource(tables);
+    resection.find_rows(world);
+    bending::refresh::<S>(world, Some(resection));
+    pressure::refresh::<S>(world);
+    Ok(report)
+}
+
+/// Rest positions (m) of all rows of a body.
+fn rest_of(world: &mut World, rows: &BodyRows) -> Vec<DVec3> {
+    let mut query = world.query::<&RestPosition>();
+    let own = rows.vertices.start as usize..rows.vertices.end as usize;
+    let all = single_table(query.contiguous_iter(world)).unwrap_or(&[]);
+    all.get(own).unwrap_or(&[]).iter().map(|x| x.0).collect()
+}
+
+/// Refuses a pressure on faces of elements that come apart.
+fn check_faces(
+    world: &mut World,
+    rows: &BodyRows,
+    own: &BodyResection,
+    changed: &[u32],
+) -> Result<(), CutError> {
+    let known = changed.iter().filter_map(|&e| own.element_of[KIND].get(e as usize));
+    let elements: Vec<[u32; 4]> = known.map(|&e| rows.tetrahedra()[e as usize]).collect();
+    for pressure in world.query::<&Pressure>().iter(world) {
+        let on = |face: &[VertexRow; 3]| {
+            let local = face.map(|row| rows.local(row).map(|row| row.0));
+            let has = |t: &[u32; 4]| local.iter().all(|v| v.is_some_and(|v| t.contains(&v)));
+            elements.iter().any(has)
+        };
+        if pressure.faces.iter().any(on) {
+            let problem = format!(
+                "pressure `{}` acts on faces that the blade parts; take it away, or give it other faces",
+                pressure.name
+            );
+            return Err(CutError::Body { body: rows.name.clone(), problem });
+        }
+    }
+    Ok(())
+}
+
+/// The rows of a body after a cut: elements keep theirs, copies follow all others.
+fn parted_rows(
+    old: &BodyRows,
+    own: &BodyResection,
+    material: &Material,
+    changed: &[u32],
+) -> BodyRows {
+    let mut new = old.clone();
+    let copies = &mut new.ordered.copies;
+    copies.ghosts = material.ghosts.iter().map(|&vertex| row_of(old, vertex)).collect();
+    copies.portions.resize(material.elements.len(), [0.25; 4]);
+    let mut nodes = old.tetrahedra().to_vec();
+    for &e in changed {
+        let element = &material.elements[e as usize];
+        let rows = element.nodes.map(|node| row_of(old, node));
+        let turned = lowest_first(rows);
+        let known = own.element_of[KIND].get(e as usize);
+        let at = known.map_or(nodes.len(), |&row| row as usize);
+        if known.is_none() {
+            nodes.push(turned);
+            new.ordered.order.tetrahedra.push(e);
+            copies.sources.push(element.source);
+        }
+        nodes[at] = turned;
+        let place = |row| rows.iter().position(|&own| own == row).unwrap_or(0);
+        copies.portions[at] = turned.map(|row| element.portion[place(row)]);
+    }
+    new.ordered.nodes.tetrahedra = nodes.into();
+    new
+}
+
+/// Gives the last ghosts of a body the state of the vertices or ghosts in whose place they come.
+fn copy_vertices<S: Scalar>(world: &mut World, rows: &BodyRows, origins: &[u32]) {
+    let first = rows.vertices.start as usize;
+    let to = first + rows.vertex_order.len() + rows.copies.ghosts.len() - origins.len();
+    type Columns<S> = (
+        &'static mut RestPosition,
+        &'static mut Position,
+        &'static mut Displacement<S>,
+        &'static mut Velocity<S>,
+        &'static mut MeshVertex,
+    );
+    let mut query = world.query::<Columns<S>>();
+    let Some((mut rest, mut x, mut u, mut v, mut vertex)) =
+        single_table(query.contiguous_iter_mut(world))
+    else {
+        return;
+    };
+    for (to, &origin) in (to..).zip(origins) {
+        let from = first + row_of(rows, origin) as usize;
+        (rest[to], x[to], u[to], v[to], vertex[to]) =
+            (rest[from], x[from], u[from], v[from], vertex[from]);
+    }
+}
+
+/// Shares the masses out again where elements came apart. What a removal left of removed elements stays where it is.
+fn sum_masses<S: Scalar>(
+    world: &mut World,
+    old: (&BodyRows, &Connectivity),
+    new: (&BodyRows, &Connectivity),
+) {
+    let rest = rest_of(world, new.0);
+    let body =
+        world.resource::<Topology>().bodies.iter().position(|own| own.vertices == old.0.vertices);
+    let Some(soft) =
+        world.query::<&SoftBody>().iter(world).find(|s| Some(s.index) == body).cloned()
+    else {
+        return;
+    };
+    let sums = [old, new].map(|(rows, connectivity)| {
+        let left: Chosen = chosen(&rows.ordered, |kind, e| connectivity.is_present(kind, e));
+        let at_rest = |row: u32| rest[row as usize];
+        soft.matter(&rows.ordered, &at_rest).masses(Items::All(rows.row_count()), &left)
+    });
+    let first = new.0.vertices.start as usize;
+    let mut query = world.query::<&mut Mass<S>>();
+    let Some(mut mass) = single_table(query.contiguous_iter_mut(world)) else { return };
+    for (row, (was, now)) in (first..).zip(sums[0].iter().zip(&sums[1])) {
+        let kept = mass[row].0.to_f64() - S::from_f64(*was).to_f64();
+        if was != now {
+            mass[row].0 = S::from_f64(now + kept);
+        }
+    }
+}
+
+/// Adds the edges of copies to the edge graph, and numbers the blocks of all elements anew.
+fn merge_edges(world: &mut World, body: usize, new: BodyRows, connectivity: &Connectivity) {
+    let mut topology = world.resource_mut::<Topology>();
+    let topology = &mut *topology;
+    let own = new.vertices.clone();
+    let used = (0..).zip(&connectivity.cells.edges).filter(|(e, _)| connectivity.uses_edge(*e));
+    let used: Vec<[u32; 2]> = used.map(|(_, edge)| edge.map(|v| v + own.start)).collect();
+    let before = std::mem::take(&mut topology.edges);
+    let mut edges: Vec<[u32; 2]> = before.iter().chain(&used).copied().collect();
+    edges.sort_unstable();
+    edges.dedup();
+    let mut unused = vec![false; edges.len()];
+    let mut block = Vec::with_capacity(before.len());
+    for (at, edge) in before.iter().enumerate() {
+        let place = edges.partition_point(|own| own < edge);
+        unused[place] = !topology.uses_edge(at);
+        block.push(place as u32);
+    }
+    for (edge, unused) in edges.iter().zip(&mut unused).filter(|(edge, _)| own.contains(&edge[0])) {
+        *unused = used.binary_search(edge).is_err();
+    }
+    topology.bodies[body] = new;
+    for rows in &mut topology.bodies {
+        let [start, end] = [rows.vertices.start, rows.vertices.end]
+            .map(|row| edges.partition_point(|edge| edge[0] < row) as u32);
+        rows.blocks = start..end;
+    }
+    topology.edge_start = starts(topology.vertex_count(), edges.iter().map(|edge| edge[0]));
+    topology.unused_edges = if unused.contains(&true) { unused } else { Vec::new() };
+    topology.edges = edges;
+    topology.revision += 1;
+    renumber_blocks(world, &block);
+}
+
+/// Writes the columns of elements that have other vertices or another share now, and spawns the copies.
+fn write_elements<S: Scalar>(
+    world: &mut World,
+    body: usize,
+    own: &BodyResection,
+    report: &CutReport,
+    changed: &[u32],
+) {
+    let rows = world.resource::<Topology>().bodies[body].clone();
+    let rest = rest_of(world, &rows);
+    for &e in changed {
+        let row = own.element_of[KIND][e as usize] as usize;
+        let entity = match own.rows.elements[KIND].get(row) {
+            Some(&entity) => entity,
+            None => {
+                // any other piece of the same element has the same columns
+                let source = rows.source(KIND, e);
+                let piece = report.separated.iter().find(|&&s| rows.source(KIND, s) == source);
+                let piece = own.element_of[KIND][*piece.unwrap_or(&source) as usize];
+                copy_entity(world, own.rows.elements[KIND][piece as usize])
+            }
+        };
+        let local = rows.tetrahedra()[row];
+        let nodes = local.map(|v| v + rows.vertices.start);
+        let topology = world.resource::<Topology>();
+        let blocks =
+            TETRAHEDRON_EDGES.map(|[a, b]| topology.block(nodes[a], nodes[b]).unwrap_or(0));
+        let shape = RestTetrahedron::new(local.map(|v| rest[v as usize].to_array()));
+        let shape = shape.expect("the body was built with it");
+        let share: f64 = rows.copies.portions[row].iter().sum();
+        let gradients = [shape.gradients[1], shape.gradients[2], shape.gradients[3]];
+        world.entity_mut(entity).insert((
+            TetrahedronVertices(nodes),
+            TetrahedronBlocks(blocks),
+            TetrahedronIndex(e),
+            shape_gradient_bundle::<S>(gradients),
+            RestVolume(S::from_f64(share * shape.volume)),
+        ));
+    }
+}
+
+/// The surface of the material of a body in its present shape.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct MaterialSkin {
+    /// Places (m). Both sides of a wound have points of their own.
+    pub points: Vec<DVec3>,
+    /// Triangles of points, outward.
+    pub triangles: Vec<[u32; 3]>,
+    /// Whether each was laid open by a cut.
+    pub wound: Vec<bool>,
+    /// Number of the tetrahedron or copy behind each.
+    pub tetrahedra: Vec<u32>,
+}
+
+/// The surface of what a body of linear tetrahedra is of: the faces of its mesh as far as they have material, and both sides
+/// of its wounds.
+///
+/// # Errors
+/// When there is no such body, or it is one that cannot be cut.
+pub fn material_skin<S: Scalar>(world: &mut World, body: usize) -> Result<MaterialSkin, CutError> {
+    let resection = prepared(world, body)?;
+    let own = resection.bodies[body].as_ref().expect("it was prepared");
+    let material = material_of(world, body, own);
+    world.insert_resource(resection);
+    let at = places::<S>(world, body);
+    let mut skin = MaterialSkin::default();
+    let mut known = BTreeMap::new();
+    for (face, cell, wound) in material.skin() {
+        let cell = &material.cells[cell as usize];
+        let triangle = face.map(|point| {
+            // at the end of a cut both sides have the same points
+            *known.entry((point, wound.then_some(cell.element))).or_insert_with(|| {
+                skin.points.push(material.place(cell, point, &|node| at[node as usize]));
+                skin.points.len() as u32 - 1
+            })
+        });
+        skin.triangles.push(triangle);
+        skin.wound.push(wound);
+        skin.tetrahedra.push(cell.element);
+    }
+    Ok(skin)
+}

@@ -74,19 +74,13 @@ pub(super) fn compact<S: Scalar>(world: &mut World, resection: &mut Resection) -
     topology.unused_edges = if unused.contains(&true) { unused } else { Vec::new() };
     topology.revision += 1;
 
-    macro_rules! renumber {
-        ($places:ident: $($column:ty),+) => {$(
-            for mut items in world.query::<&mut $column>().iter_mut(world) {
-                items.0 = items.0.map(|item| $places[item as usize]);
-            }
-        )+};
+    renumber_blocks(world, &block);
+    for mut own in world.query::<&mut TetrahedronEdges>().iter_mut(world) {
+        own.0 = own.0.map(|edge| row_of_edge[edge as usize]);
     }
-    renumber!(block: TetrahedronBlocks, MembraneBlocks, HexahedronBlocks, QuadBlocks);
-    renumber!(block: Tetrahedron10Blocks, AxisBlocks, AxisHexahedronBlocks, AxisTetrahedron10Blocks);
-    for mut own in world.query::<&mut EdgeBlock>().iter_mut(world) {
-        own.0 = block[own.0 as usize];
+    for mut own in world.query::<&mut TriangleEdges>().iter_mut(world) {
+        own.0 = own.0.map(|edge| row_of_edge[edge as usize]);
     }
-    renumber!(row_of_edge: TetrahedronEdges, TriangleEdges);
     partition_laws::<S>(world);
     let tables = ElementTables::of(world);
     world.insert_resource(tables);
@@ -94,6 +88,22 @@ pub(super) fn compact<S: Scalar>(world: &mut World, resection: &mut Resection) -
     resection.find_rows(world);
     bending::refresh::<S>(world, Some(resection));
     true
+}
+
+/// Gives the blocks of all elements the numbers that `block` has in the place of their old ones.
+pub(crate) fn renumber_blocks(world: &mut World, block: &[u32]) {
+    macro_rules! renumber {
+        ($($column:ty),+) => {$(
+            for mut items in world.query::<&mut $column>().iter_mut(world) {
+                items.0 = items.0.map(|item| block[item as usize]);
+            }
+        )+};
+    }
+    renumber!(TetrahedronBlocks, MembraneBlocks, HexahedronBlocks, QuadBlocks);
+    renumber!(Tetrahedron10Blocks, AxisBlocks, AxisHexahedronBlocks, AxisTetrahedron10Blocks);
+    for mut own in world.query::<&mut EdgeBlock>().iter_mut(world) {
+        own.0 = block[own.0 as usize];
+    }
 }
 
 /// Where those kept go.

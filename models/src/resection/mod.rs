@@ -33,6 +33,7 @@ pub(crate) mod state;
 mod sums;
 mod verify;
 
+pub(crate) use compact::renumber_blocks;
 pub use region::Region;
 pub(crate) use remove::remove_batch;
 pub use remove::{Removal, prepare_removals, remove_elements};

@@ -160,7 +160,11 @@ impl BodyResection {
             }),
             _ => {
                 let nodes = self.connectivity.vertices(kind, e);
-                region.holds(state.vertices.barycentre(nodes))
+                let portion = self.connectivity.ordered.copies.portions.get(e as usize);
+                region.holds(match portion.filter(|_| kind == ElementKind::Tetrahedron) {
+                    Some(portion) => state.vertices.mean(nodes, portion),
+                    None => state.vertices.barycentre(nodes),
+                })
             }
         };
         let mut chosen = Chosen::default();

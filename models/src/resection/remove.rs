@@ -62,6 +62,7 @@ pub fn prepare_removals(world: &mut World, body: usize) -> Result<(), RemovalErr
             rows: Entities::default(),
             dead: ByKind::default(),
             pieces: rows.piece_count(),
+            material: None,
         });
         resection.find_rows(world);
     }

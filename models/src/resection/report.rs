@@ -75,8 +75,9 @@ impl RemovalReport {
             self.remaining_hexahedra,
             self.remaining_quads,
         ] = left;
-        let orphans = touched.orphans.iter();
-        self.orphans = orphans.map(|&row| rows.vertex_order[LocalRow(row)]).collect();
+        let is_of_mesh = |row: &&u32| (**row as usize) < rows.vertex_order.len();
+        let orphans = touched.orphans.iter().filter(is_of_mesh);
+        self.orphans = orphans.map(|&row| rows.vertex_of(LocalRow(row))).collect();
         self.orphans.sort_unstable();
         self.pieces = own.pieces;
         self.edges = touched.unused_edges.len();

@@ -64,6 +64,13 @@ impl<'a, S: Scalar> Vertices<'a, S> {
         sum / vertices.len() as f64
     }
 
+    /// The mean with these weights: where the material of a copy is.
+    pub fn mean(&self, vertices: &[u32], weights: &[f64; 4]) -> DVec3 {
+        let places =
+            vertices.iter().zip(weights).map(|(&v, w)| *w * (self.rest(v) + self.displacement(v)));
+        places.sum::<DVec3>() / weights.iter().sum::<f64>()
+    }
+
     pub fn displacements<const N: usize>(&self, vertices: [u32; N]) -> [[f64; 3]; N] {
         vertices.map(|v| self.displacement(v).to_array())
     }

@@ -89,6 +89,9 @@ fn compare<S: Scalar>(world: &mut World, body: usize) -> Result<FreshDifference,
     else {
         return Ok(FreshDifference::default());
     };
+    if !rows.copies.sources.is_empty() {
+        return Err(BodyError::Cut { body: rows.name.clone() });
+    }
     let (mut mesh, [index, triangles]) = what_is_left(world, body, &rows);
     let mut own = world.query::<(&TetrahedronIndex, &BodyId, &ClusterIndex)>();
     let own = own.iter(world).filter(|(_, id, _)| id.0 as usize == body);
@@ -127,7 +130,7 @@ fn what_is_left(world: &World, body: usize, rows: &BodyRows) -> (Mesh, [Vec<usiz
         let is_left = move |e: &usize| connectivity.is_none_or(|c| c.is_present(kind, *e as u32));
         (0..rows.order[kind].len()).filter(is_left)
     };
-    let user = |v: u32| rows.vertex_order[LocalRow(v)].0;
+    let user = |v: u32| rows.vertex_of(LocalRow(v)).0;
     let (tetrahedra, hexahedra) = (left(ElementKind::Tetrahedron), left(ElementKind::Hexahedron));
     let first = rows.order.tetrahedra.len();
     let index = tetrahedra.clone().map(|t| rows.order.tetrahedra[t] as usize);

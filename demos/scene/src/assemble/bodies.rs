@@ -7,7 +7,7 @@ use super::scene::BuiltScene;
 use super::select::group_cells;
 use super::{axes, meshes};
 use crate::error::SceneError;
-use crate::scene::{BodyEntry, Key, MembraneEntry, PreparedMesh, SpringMethod};
+use crate::scene::{BodyEntry, CutEntry, Key, MembraneEntry, PreparedMesh, SpringMethod};
 use crate::springs::{Matter, Springs};
 use crate::warning::{Level, Warning};
 use sinew::engine::mesh::{CheckOptions, FILLED, Filled, LatticeReport, Mesh, check};
@@ -18,6 +18,12 @@ use sinew::models::body::sheet::{
 use sinew::models::body::{BodyDescription, Model, VolumeRule};
 use sinew::models::material::YoungPoisson;
 use std::sync::Arc;
+
+/// How many cuts a scene makes through a body.
+fn cuts(key: &Key, body: &str) -> usize {
+    let of = |cut: &&CutEntry| cut.body.as_deref().is_none_or(|name| name == body);
+    key.loaded.scene.cuts.iter().filter(of).count()
+}
 
 /// A body of a scene.
 pub(super) fn body(
@@ -99,6 +105,10 @@ pub(super) fn body(
         springs: rule,
         spring_constants: springs.map(|s| Arc::new(s.constants)),
         masses: body.masses.or(of_file).unwrap_or_default(),
+        spare: match body.spare {
+            Some(given) => given as usize,
+            None => super::cuts::spare(cuts(key, &body.name), checked.mesh.points.len()),
+        },
         membrane: membrane.as_ref().map(|m| MembraneDescription {
             fibres: &m.fibres,
             ..m.settings.of(&m.triangles, &m.quads)

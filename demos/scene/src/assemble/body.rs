@@ -135,6 +135,17 @@ impl BuiltBody {
         }
     }
 
+    /// Elements of a kind that are left and no cut parted, by their indices in the mesh.
+    pub fn whole(&self, simulation: &Simulation, kind: ElementKind) -> Vec<u32> {
+        let rows = &simulation.topology().bodies[self.handle.0];
+        let mut left = simulation.remaining(self.handle, kind);
+        if !rows.copies.portions.is_empty() {
+            let row = rows.rows_of(kind);
+            left.retain(|&e| rows.is_whole(kind, row[e as usize]));
+        }
+        left
+    }
+
     /// Points of the body as it is now (m).
     pub fn deformed(&self, simulation: &mut Simulation) -> Vec<DVec3> {
         let u = simulation.displacements(self.handle);
@@ -143,6 +154,12 @@ impl BuiltBody {
 
     /// Volume (m^3) of what is left of it, as it is now; inverted elements count negative.
     pub fn volume(&self, simulation: &mut Simulation) -> f64 {
+        if !simulation.topology().bodies[self.handle.0].copies.portions.is_empty()
+            && let Ok(skin) = simulation.skin(self.handle)
+        {
+            let corners = skin.triangles.iter().map(|t| t.map(|p| skin.points[p as usize]));
+            return corners.map(|[a, b, c]| a.dot(b.cross(c)) / 6.0).sum();
+        }
         let points = self.deformed(simulation);
         let left = |kind| simulation.remaining(self.handle, kind).into_iter().map(|e| e as usize);
         let solid =

@@ -1,5 +1,6 @@
 //! The state of a scene, which is that of its simulation and of what the scene itself moves.
 
+use super::cuts::CutSummary;
 use super::removal::ResectionSummary;
 use super::scene::BuiltScene;
 use bevy_ecs::prelude::Entity;
@@ -20,6 +21,8 @@ pub struct SceneSnapshot {
 struct Memory {
     /// Until when (s) resections act, and what they did.
     resections: Vec<(f64, ResectionSummary)>,
+    /// What cuts did that were made.
+    cuts: Vec<Option<CutSummary>>,
     /// Pulls that act, and what the others did (J).
     pulls: Vec<(Option<Order>, f64)>,
 }
@@ -62,6 +65,7 @@ impl BuiltScene {
         let memory = Memory {
             pulls: pulls.map(|pull| (pull.entity().and_then(order), pull.work())).collect(),
             resections: self.resections.iter().map(|r| (r.until(), r.summary.clone())).collect(),
+            cuts: self.cuts.iter().map(|cut| cut.done.then(|| cut.summary.clone())).collect(),
         };
         Ok(SceneSnapshot { simulation, memory })
     }
@@ -72,8 +76,8 @@ impl BuiltScene {
     /// As [`Simulation::restore`](sinew::simulation::Simulation::restore); nothing is changed then.
     pub fn restore(&mut self, snapshot: &SceneSnapshot) -> Result<(), SnapshotError> {
         let SceneSnapshot { simulation, memory } = snapshot;
-        if (memory.resections.len(), memory.pulls.len())
-            != (self.resections.len(), self.pulls.len())
+        if (memory.resections.len(), memory.pulls.len(), memory.cuts.len())
+            != (self.resections.len(), self.pulls.len(), self.cuts.len())
         {
             return Err(SnapshotError::Scene);
         }
@@ -83,6 +87,9 @@ impl BuiltScene {
             world.query::<(&Order, Entity)>().iter(world).map(|(o, e)| (*o, e)).collect();
         for (own, (until, summary)) in self.resections.iter_mut().zip(&memory.resections) {
             own.resume(*until, summary.clone());
+        }
+        for (own, summary) in self.cuts.iter_mut().zip(&memory.cuts) {
+            own.resume(summary.as_ref());
         }
         for (own, (order, work)) in self.pulls.iter_mut().zip(&memory.pulls) {
             own.resume(order.and_then(|order| now.get(&order).copied()), *work);

@@ -9,6 +9,7 @@ pub(crate) mod body;
 pub(crate) mod conditions;
 mod constraints;
 mod curves;
+mod cuts;
 mod loads;
 mod materials;
 mod memory;
@@ -27,6 +28,7 @@ mod without_effect;
 
 pub use body::{BuiltBody, BuiltMembrane, CarriedSurface};
 pub use conditions::{BuiltConstraint, BuiltLoad, BuiltPressure};
+pub use cuts::{BuiltCut, CutSummary};
 pub use materials::MaterialRanges;
 pub use memory::SceneSnapshot;
 pub use meshes::generate;
@@ -79,6 +81,7 @@ pub fn build(loaded: &LoadedScene, options: &BuildOptions) -> Result<BuiltScene,
         "tool" tools: tools::tool;
         "pull" pulls: pulls::pull;
         "contact" contacts: pulls::contact;
+        "cut" cuts: cuts::cut;
         "probe" probes: probes::probe;
     }
     if built.plan.settings.integrator == Integrator::QuasiStatic {
@@ -201,6 +204,7 @@ fn check_names(loaded: &LoadedScene) -> Result<(), SceneError> {
         ("constraint", names(&scene.constraints, |c| &c.name)),
         ("load", names(&scene.loads, |l| &l.name)),
         ("resection", names(&scene.resections, |r| &r.name)),
+        ("cut", names(&scene.cuts, |c| &c.name)),
         ("pressure", names(&scene.pressures, |p| &p.name)),
         ("tool", names(&scene.tools, |t| &t.name)),
         ("pull", names(&scene.pulls, |p| &p.name)),

@@ -2,6 +2,7 @@
 
 use super::body::BuiltBody;
 use super::conditions::{BuiltConstraint, BuiltLoad, BuiltPressure};
+use super::cuts::BuiltCut;
 use super::removal::BuiltResection;
 use super::touch::{self, BuiltContact, BuiltPull, BuiltTool};
 use crate::probe::BuiltProbe;
@@ -11,7 +12,7 @@ use glam::DVec3;
 use sinew::engine::connectivity::ElementKind;
 use sinew::engine::lanes::InstructionSet;
 use sinew::engine::schedule::Executor;
-use sinew::models::resection::RemovalError;
+use sinew::models::cutting::CutError;
 use sinew::simulation::{Backend, Precision, Simulation};
 use sinew::solvers::settings::SolverSettings;
 use sinew::warning::{body_warnings, run_warnings};
@@ -48,6 +49,8 @@ pub struct BuiltScene {
     pub loads: Vec<BuiltLoad>,
     /// Resections in the order of the file.
     pub resections: Vec<BuiltResection>,
+    /// Cuts in the order of the file.
+    pub cuts: Vec<BuiltCut>,
     /// Pressures in the order of the file.
     pub pressures: Vec<BuiltPressure>,
     /// Tools in the order of the file.
@@ -82,6 +85,7 @@ impl BuiltScene {
             constraints: Vec::new(),
             loads: Vec::new(),
             resections: Vec::new(),
+            cuts: Vec::new(),
             pressures: Vec::new(),
             tools: Vec::new(),
             pulls: Vec::new(),
@@ -110,19 +114,20 @@ impl BuiltScene {
     }
 
     /// Everything that the scene does before its step number `done` (counted from 1): [`BuiltScene::drive`], the part
-    /// of gravity that belongs to a load step, removals that are due.
+    /// of gravity that belongs to a load step, removals and cuts that are due.
     ///
     /// # Errors
-    /// When a removal cannot be carried out; earlier ones stay done.
-    pub fn prepare_step(&mut self, done: u64) -> Result<(), RemovalError> {
+    /// When a removal or cut cannot be carried out; earlier ones stay done.
+    pub fn prepare_step(&mut self, done: u64) -> Result<(), CutError> {
         self.drive();
-        let Self { simulation, plan, resections, .. } = self;
+        let Self { simulation, plan, resections, cuts, .. } = self;
         if plan.mode == Mode::Static {
             let part = (done as f64 / plan.steps as f64).min(1.0);
             simulation.set_gravity(plan.gravity * part);
         }
         let time = simulation.time();
-        resections.iter_mut().try_for_each(|r| r.apply(simulation, time, plan.dt))
+        resections.iter_mut().try_for_each(|r| r.apply(simulation, time, plan.dt))?;
+        cuts.iter_mut().try_for_each(|cut| cut.apply(simulation, time, plan.dt))
     }
 }
 

@@ -176,6 +176,8 @@ fn of_times(idle: &mut Idle) {
     all.extend(pressures.map(|(i, own)| (with("pressure", i), None, None, own.curve.as_ref())));
     let cuts = scene.resections.iter().enumerate();
     all.extend(cuts.map(|(i, own)| (with("resection", i), own.from, own.until, None)));
+    let cuts = scene.cuts.iter().enumerate();
+    all.extend(cuts.map(|(i, own)| (with("cut", i), Some(own.time), None, None)));
     let found: Vec<(String, String)> = all
         .into_iter()
         .filter_map(|(path, from, until, curve)| {

@@ -105,7 +105,7 @@ impl<'a> Recorder<'a> {
     ) -> Self {
         let recording = Recording {
             is_static: scene.scene.mode == Mode::Static,
-            falling: !scene.scene.resections.is_empty(),
+            falling: !(scene.scene.resections.is_empty() && scene.scene.cuts.is_empty()),
             up: Vec3::Z,
             fields: options.quantities.iter().filter_map(|q| q.field()).collect(),
             ..Recording::default()
@@ -182,7 +182,7 @@ impl<'a> Recorder<'a> {
         }
         (r.title, r.subtitle) = titles(self.scene, built);
         let needs_measures = self.options.quantities.iter().any(|q| q.index().is_some());
-        let cutting = !built.resections.is_empty();
+        let cutting = !(built.resections.is_empty() && built.cuts.is_empty());
         let mut points = Vec::new();
         for (i, body) in built.bodies.iter().enumerate() {
             let entry = &self.scene.scene.bodies[i].material;
@@ -268,7 +268,7 @@ impl<'a> Recorder<'a> {
             }
             // there is such a body
             let solid = simulation.surface(body.handle).unwrap_or_default();
-            let left = |kind| simulation.remaining(body.handle, kind).into_iter();
+            let left = |kind| body.whole(simulation, kind).into_iter();
             let triangles = left(ElementKind::Triangle);
             let triangles: Vec<_> =
                 triangles.map(|e| body.membrane_triangles()[e as usize]).collect();
@@ -296,7 +296,8 @@ impl<'a> Recorder<'a> {
     fn record(&mut self, built: &mut BuiltScene, step: u64) {
         let start = Instant::now();
         let time = built.simulation.time();
-        if step > 0 && !built.resections.is_empty() && self.faces(built) {
+        let cutting = !(built.resections.is_empty() && built.cuts.is_empty());
+        if step > 0 && cutting && self.faces(built) {
             self.skin = self.new_skin();
         }
         let mut points = Vec::with_capacity(self.kept.len());
@@ -309,7 +310,7 @@ impl<'a> Recorder<'a> {
             let pressures =
                 if pressed { built.simulation.contact_pressures(body.handle) } else { Vec::new() };
             let measures = part.measured.as_ref().map(|measured| {
-                let left = |kind| built.simulation.remaining(body.handle, kind);
+                let left = |kind| body.whole(&built.simulation, kind);
                 let solids = solid_indices(
                     body,
                     &left(ElementKind::Tetrahedron),

@@ -337,7 +337,7 @@ fn finer(
         return Err(refused("it needs a step to make smaller, and this scene is static").into());
     };
     *dt /= FINER as f64;
-    if !scene.scene.resections.is_empty() {
+    if !(scene.scene.resections.is_empty() && scene.scene.cuts.is_empty()) {
         let remedy =
             "with another step a resection removes other elements; choose another quantity";
         return Err(refused(remedy).into());

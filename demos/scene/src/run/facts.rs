@@ -66,6 +66,7 @@ impl RunFacts<'_> {
             constraints,
             loads: built.loads.into_iter().map(|l| l.summary).collect(),
             resections: built.resections.into_iter().map(|r| r.summary).collect(),
+            cuts: built.cuts.into_iter().map(|cut| cut.summary).collect(),
             pressures: built.pressures.into_iter().map(|p| p.summary).collect(),
             touch: totals.touched.map(|touched| TouchSummary { touched, figures }),
             final_probes,

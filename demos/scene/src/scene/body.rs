@@ -64,6 +64,8 @@ pub struct BodyEntry {
     pub springs: Option<PathBuf>,
     /// How the mass is shared out among the vertices: `"volume"` (default), `"nodal"` or `"equal"`.
     pub masses: Option<MassRule>,
+    /// Vertices kept for what cuts make of the body; without, as many as a few planes across it need where the scene cuts it.
+    pub spare: Option<u32>,
     /// Membrane on or instead of the solid.
     pub membrane: Option<MembraneEntry>,
     /// Families of fibres in the solid.

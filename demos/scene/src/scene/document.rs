@@ -2,7 +2,7 @@
 
 use super::body::BodyEntry;
 use super::conditions::{ConstraintEntry, LoadEntry, PressureEntry, Selection};
-use super::resection::ResectionEntry;
+use super::resection::{CutEntry, ResectionEntry};
 use super::touch::{ContactEntry, PullEntry, ToolEntry};
 use serde::{Deserialize, Serialize};
 use sinew::engine::lanes::InstructionSet;
@@ -62,6 +62,9 @@ pub struct Scene {
     /// Elements that are removed on the way.
     #[serde(default, rename = "resection")]
     pub resections: Vec<ResectionEntry>,
+    /// Cuts that are made on the way.
+    #[serde(default, rename = "cut")]
+    pub cuts: Vec<CutEntry>,
     /// Follower pressures.
     #[serde(default, rename = "pressure")]
     pub pressures: Vec<PressureEntry>,

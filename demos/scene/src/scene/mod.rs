@@ -24,7 +24,7 @@ pub use fibres::{
 };
 pub use read::LoadedScene;
 pub(crate) use read::{Key, PreparedMesh};
-pub use resection::{CutterEntry, ResectionEntry};
+pub use resection::{CutEntry, CutterEntry, ResectionEntry};
 pub use shape::{
     BalloonShape, BoxShape, CupShape, CylinderShape, DiscShape, Generate, Rotation, SHAPES,
     ShapeDocument, ShapeKey, SheetCells, SheetShape, SolidCells, SpecimenShape, SphereShape,

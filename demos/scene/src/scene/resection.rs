@@ -1,4 +1,4 @@
-//! Elements that are removed.
+//! Elements that are removed, and cuts.
 
 use super::conditions::SphereRegion;
 use serde::{Deserialize, Serialize};
@@ -36,6 +36,20 @@ pub struct ResectionEntry {
     pub from: Option<f64>,
     /// Time (s) until which it acts; default the end.
     pub until: Option<f64>,
+}
+
+/// A cut through a body of linear tetrahedra, at once, in its present shape; dynamic scenes without tools and contacts.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CutEntry {
+    /// Name, unique among cuts.
+    pub name: String,
+    /// Name of the body; may be left out when there is only one.
+    pub body: Option<String>,
+    /// Time (s) at which it is made, before the step that begins then.
+    pub time: f64,
+    /// The surface of the blade: where its edge begins and ends, `[[x, y, z], [x, y, z]]` (m), one position after another.
+    pub strip: Vec<[[f64; 3]; 2]>,
 }
 
 /// A ball that moves along a path.

@@ -11,7 +11,7 @@ pub use crate::warning::{Level, Warning};
 pub use text::Brief;
 pub use touch::{ForceSummary, PairSummary, PullSummary, ToolSummary, TouchSummary, Touched};
 
-use crate::assemble::{MaterialRanges, ResectionSummary};
+use crate::assemble::{CutSummary, MaterialRanges, ResectionSummary};
 use serde::{Deserialize, Serialize};
 use sinew::engine::mesh::LatticeReport;
 use sinew::engine::report::StepTotals;
@@ -54,6 +54,9 @@ pub struct RunSummary {
     pub loads: Vec<LoadSummary>,
     /// The resections.
     pub resections: Vec<ResectionSummary>,
+    /// The cuts.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub cuts: Vec<CutSummary>,
     /// The pressures.
     pub pressures: Vec<PressureSummary>,
     /// Tools, pulls and contacts; `None` in scenes without.

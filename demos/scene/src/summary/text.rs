@@ -4,7 +4,7 @@ use super::{
     AxesSummary, BodySummary, FamilySummary, Level, MembraneSummary, RunSummary, SolverSummary,
     Warning, evaluation_name,
 };
-use crate::assemble::ResectionSummary;
+use crate::assemble::{CutSummary, ResectionSummary};
 use crate::text::{TextBlock, counted, line, pressure, seconds, short, write_blocks};
 use sinew::engine::mesh::LatticeReport;
 use sinew::models::axes::description::FibreForm;
@@ -205,6 +205,7 @@ impl RunSummary {
         }
         self.touch.iter().for_each(|touch| touch.touched.describe(&mut block));
         self.resections.iter().for_each(|resection| describe_resection(resection, &mut block));
+        self.cuts.iter().for_each(|cut| describe_cut(cut, &mut block));
         let (s, steps) = (&self.settings.solver, self.settings.steps);
         let integrator = s.integrator.resolve().name();
         if self.scene.mode == "static" {
@@ -572,6 +573,22 @@ impl MembraneSummary {
         );
         self.fibres.iter().for_each(|family| family.describe(block));
     }
+}
+
+fn describe_cut(cut: &CutSummary, block: &mut TextBlock) {
+    line!(
+        block,
+        format!("cut {}", cut.name),
+        "{}, {} cm^2: {} tetrahedra parted, {} copies and {} vertices more ({} spare), {} piece(s); {}",
+        cut.body,
+        short(cut.area * 1e4),
+        cut.separated,
+        cut.copies,
+        cut.vertices,
+        cut.spare,
+        cut.pieces,
+        seconds(cut.total_s)
+    );
 }
 
 fn describe_resection(r: &ResectionSummary, block: &mut TextBlock) {

@@ -114,6 +114,24 @@ impl ContactSet {
         if versions.iter().enumerate().all(known) {
             return Ok(());
         }
+        let touched = |body: usize| {
+            let pair = self.pairs.iter().find(|pair| pair.of.bodies.contains(&body));
+            pair.map(|pair| &pair.of.name).or(self.tools.first().map(|tool| &tool.name))
+        };
+        let cut =
+            topology.bodies.iter().enumerate().filter(|(_, own)| !own.copies.sources.is_empty());
+        for (body, own) in cut {
+            if let Some(name) = touched(body) {
+                return Err(StepError::InvalidContact {
+                    name: name.clone(),
+                    problem: format!(
+                        "body `{}` was cut, and wounds have no contact: take tools and its contacts away, or \
+                         remove elements in place of cuts",
+                        own.name
+                    ),
+                });
+            }
+        }
         // new faces may be nearer than those that went
         self.kept.pairs.values_mut().for_each(|state| state.clear = 0.0);
         let mut rest = world.query::<&RestPosition>();

@@ -1,0 +1,103 @@
+//! Cuts of bodies of a [`Simulation`].
+
+use crate::simulation::{Backend, BodyHandle, Simulation};
+use bevy_ecs::prelude::With;
+use glam::DVec3;
+use sinew_contact::pair::BodyContact;
+use sinew_contact::tool::Tool;
+use sinew_engine::by_precision;
+use sinew_engine::row::VertexRow;
+use sinew_models::cutting::{
+    CutError, CutReport, MaterialSkin, check_cut, cut_body, material_skin,
+};
+
+/// # Cuts
+impl Simulation {
+    /// Cuts a body of linear tetrahedra along the surface that a blade sweeps, at once, from now on: its edge is at `[p, q]`
+    /// (m), one position after another, in the present shape of the body. Energy, mass and momentum are the same before and
+    /// after; see [`sinew_models::cutting`]. The body needs [spare](sinew_models::body::BodyDescription::spare) vertices.
+    ///
+    /// # Errors
+    /// When the strip cannot be used, the body is none that can be cut, tools or contacts are there that could touch it, or a
+    /// pressure acts where it would be parted; nothing is changed then. A strip beside the body is no error.
+    ///
+    /// ```
+    /// use sinew::prelude::*;
+    /// use sinew::engine::mesh::generate::box_tets;
+    ///
+    /// let mesh = box_tets(DVec3::new(0.2, 0.1, 0.1), [8, 4, 4])?;
+    /// let mut simulation = Simulation::new(SimulationOptions::default())?;
+    /// let block = BodyDescription::new("block", &mesh, preset("liver")?.material);
+    /// let body = simulation.add_body(&BodyDescription { spare: 200, ..block })?;
+    /// let wall = simulation.group_rows(body, &mesh, "x0")?;
+    /// simulation.add_constraint(Constraint::hold("wall", wall));
+    /// // right through, somewhat oblique
+    /// let edge = |y: f64| [DVec3::new(0.09, y, 0.11), DVec3::new(0.11, y, -0.01)];
+    /// let report = simulation.cut(body, &[edge(-0.01), edge(0.11)])?;
+    /// assert_eq!(report.pieces, 2);
+    /// // what is behind the cut falls freely
+    /// let integrator = Integrator::Safe;
+    /// simulation.set_solver(SolverSettings { integrator, ..SolverSettings::default() });
+    /// for _ in 0..10 {
+    ///     simulation.step()?;
+    /// }
+    /// let tip = mesh.group("x1").ok_or("no such group")?.vertices[0] as usize;
+    /// let fallen = -simulation.displacements(body)[tip].z;
+    /// let time = simulation.time();
+    /// assert!((fallen / (0.5 * 9.81 * time * (time + 0.01)) - 1.0).abs() < 1e-3);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub fn cut(&mut self, body: BodyHandle, strip: &[[DVec3; 2]]) -> Result<CutReport, CutError> {
+        self.check_cut(body)?;
+        let precision = self.precision();
+        by_precision!(precision, cut_body(self.world_mut(), body.0, strip))
+    }
+
+    /// Whether a body can be cut, as far as that does not depend on the blade.
+    ///
+    /// # Errors
+    /// Says why not, and what helps.
+    pub fn check_cut(&mut self, body: BodyHandle) -> Result<(), CutError> {
+        let problem = if self.backend() == Backend::Gpu {
+            Some("backend = \"gpu\" has no cuts; use backend = \"cpu\"")
+        } else {
+            let world = self.world_mut();
+            let tools = world.query_filtered::<(), With<Tool>>().iter(world).next().is_some();
+            let mut contacts = world.query::<&BodyContact>();
+            let touches = contacts.iter(world).any(|contact| contact.bodies.contains(&body.0));
+            (tools || touches).then_some(
+                "wounds have no contact yet; take tools and its contacts away, or remove elements",
+            )
+        };
+        if let (Some(problem), Some(rows)) = (problem, self.topology().bodies.get(body.0)) {
+            return Err(CutError::Body { body: rows.name.clone(), problem: problem.into() });
+        }
+        check_cut(self.world_mut(), body.0)
+    }
+
+    /// The surface of the material of a body that can be cut: faces of its mesh as far as they have material, and both sides
+    /// of its wounds, in the present shape.
+    ///
+    /// # Errors
+    /// When the body is none that can be cut.
+    pub fn skin(&mut self, body: BodyHandle) -> Result<MaterialSkin, CutError> {
+        let precision = self.precision();
+        by_precision!(precision, material_skin(self.columns(), body.0))
+    }
+
+    /// Faces of elements that a cut parted, by their rows, each and all ascending.
+    pub(crate) fn parted_faces(&self, body: BodyHandle) -> Vec<Vec<VertexRow>> {
+        let rows = &self.topology().bodies[body.0];
+        let elements = rows.tetrahedra().iter().zip(&rows.copies.portions);
+        let parted = elements.filter(|(_, portion)| **portion != [0.25; 4]);
+        let faces = parted.flat_map(|(nodes, _)| {
+            let mut nodes = nodes.map(|v| VertexRow(v + rows.vertices.start));
+            nodes.sort_unstable();
+            let [a, b, c, d] = nodes;
+            [vec![a, b, c], vec![a, b, d], vec![a, c, d], vec![b, c, d]]
+        });
+        let mut faces: Vec<_> = faces.collect();
+        faces.sort_unstable();
+        faces
+    }
+}
