@@ -59,7 +59,7 @@ impl Axes {
         let ([width, height], left, top) = (self.size, MARGIN[0], MARGIN[2]);
         let (right, bottom) = (self.right(), self.bottom());
         let mut svg = format!(
-            "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\" role=\"img\" \
+            "<svg viewBox=\"0 0 {width} {height}\" role=\"img\" \
              font-family=\"system-ui, sans-serif\" font-size=\"11\" fill=\"#333\">\n\
              <title>{} over {}</title>\n\
              <path d=\"M{left} {top}V{bottom}H{right}\" fill=\"none\" stroke=\"#999\"/>\n",

@@ -292,7 +292,8 @@ impl<'a> Recorder<'a> {
             let most = (PAGE.0 / (of_point * self.kept.len()).max(1)).clamp(2, PAGE.1);
             let (every, last) = ((self.due - 1).div_ceil(most - 1).max(1), self.due - 1);
             let mut at = 0..;
-            self.wanted.retain(|_| at.next().is_some_and(|i: usize| i % every == 0 || i == last));
+            self.wanted
+                .retain(|_| at.next().is_some_and(|i: usize| i.is_multiple_of(every) || i == last));
         }
     }
 
