@@ -85,7 +85,7 @@ impl Blocks {
     }
 
     fn report(&self) -> BodyContactReport {
-        self.simulation.body_contact_report(self.pair).unwrap().clone()
+        *self.simulation.body_contact_report(self.pair).unwrap()
     }
 
     /// Takes the hand there (m from its start) within so many steps, from `from`.
