@@ -178,6 +178,10 @@ fn silent(name: &str, chosen: impl Fn(&str) -> bool) -> Vec<String> {
         {
             return format!("{way}.path");
         }
+        // a blade begins and ends beside the body, wherever that is
+        if let Some((blade, _)) = path.split_once(".strip") {
+            return format!("{blade}.strip");
+        }
         let vector = path.rsplit_once('[').map_or(path, |(vector, _)| vector).to_string();
         let last = vector.rsplit('.').next().unwrap_or_default();
         // where an instrument ends its way it may be clear of everything, however far it is moved across
