@@ -7,8 +7,13 @@ use sinew_contact::pair::{BodyContact, BodyContactReport};
 use sinew_contact::pull::{Pick, Pull, PullReport};
 use sinew_contact::set::ContactSet;
 use sinew_contact::tool::{Tool, ToolError, ToolPose, ToolReport};
+use sinew_engine::columns::single_table;
 use sinew_engine::load::Pose;
 use sinew_engine::row::LocalRow;
+use sinew_engine::surface::SurfacePoint;
+use sinew_engine::topology::BodyRows;
+use sinew_engine::vertex::Position;
+use std::collections::BTreeMap;
 
 /// # Tools, contact and pulls
 impl Simulation {
@@ -164,27 +169,39 @@ impl Simulation {
         let bodies = self.topology().bodies.len();
         let mut found: Option<Pick> = None;
         for body in 0..bodies {
-            let positions = self.positions(BodyHandle(body));
             let rows = self.topology().bodies[body].clone();
             let world = self.columns();
             let read = world.get_resource::<sinew_engine::surface::SurfaceReader>().copied()?;
             let surface = (read.0)(world, body);
+            let mut places = world.query::<&Position>();
+            let places = single_table(places.contiguous_iter(world))?;
+            let own_rows = rows.row_count() as u32;
+            let made = |v: u32| v.checked_sub(own_rows).map(|made| surface.points[made as usize]);
+            let at = |v: u32| places[(rows.vertices.start + v) as usize].0;
+            let place = |v: u32| match made(v) {
+                Some(point) => point.rows.iter().zip(point.weights).map(|(v, w)| w * at(*v)).sum(),
+                None => at(v),
+            };
             for triangle in surface.triangles.iter().chain(&surface.sheets) {
-                let corners = triangle.map(|v| positions[rows.vertex_of(LocalRow(v)).index()]);
                 let Some((distance, weights)) =
-                    sinew_contact::pull::hit(origin, direction, corners)
+                    sinew_contact::pull::hit(origin, direction, triangle.map(place))
                 else {
                     continue;
                 };
-                if found.is_none_or(|found| distance < found.distance) {
-                    found = Some(Pick {
-                        body,
-                        rows: triangle.map(|v| rows.in_table(LocalRow(v))),
-                        weights,
-                        position: origin + distance * direction,
-                        distance,
-                    });
+                if found.is_some_and(|found| distance >= found.distance) {
+                    continue;
                 }
+                let (on, weights) = match triangle.iter().any(|v| made(*v).is_some()) {
+                    true => nearest_vertices(triangle, weights, &made, &rows),
+                    false => (*triangle, weights),
+                };
+                found = Some(Pick {
+                    body,
+                    rows: on.map(|v| rows.in_table(LocalRow(v))),
+                    weights,
+                    position: origin + distance * direction,
+                    distance,
+                });
             }
         }
         found
@@ -217,4 +234,33 @@ impl Simulation {
         }
         result
     }
+}
+
+/// Rows of vertices of the mesh, of the element that a point of a wound is in, that have most of it, and their shares. Ghosts are
+/// taken only where there is nothing else.
+fn nearest_vertices(
+    triangle: &[u32; 3],
+    weights: [f64; 3],
+    made: &dyn Fn(u32) -> Option<SurfacePoint>,
+    rows: &BodyRows,
+) -> ([u32; 3], [f64; 3]) {
+    let mut shares = BTreeMap::<u32, f64>::new();
+    for (&corner, weight) in triangle.iter().zip(weights) {
+        let alone = SurfacePoint { rows: [corner; 4], weights: [1.0, 0.0, 0.0, 0.0] };
+        let of = made(corner).unwrap_or(alone);
+        for (row, own) in of.rows.into_iter().zip(of.weights) {
+            *shares.entry(row).or_default() += weight * own;
+        }
+    }
+    let is_ghost = |row: u32| row as usize >= rows.vertex_order.len();
+    let mut shares: Vec<(u32, f64)> = shares.into_iter().collect();
+    shares.sort_by(|a, b| is_ghost(a.0).cmp(&is_ghost(b.0)).then(b.1.total_cmp(&a.1)));
+    let real = shares.iter().filter(|(row, _)| !is_ghost(*row)).count();
+    shares.truncate(if real == 0 { 3 } else { real.min(3) });
+    let sum: f64 = shares.iter().map(|(_, share)| share).sum();
+    let (mut on, mut weights) = ([shares[0].0; 3], [1.0, 0.0, 0.0]);
+    for (i, (row, share)) in shares.into_iter().enumerate().filter(|_| sum > 0.0) {
+        (on[i], weights[i]) = (row, share / sum);
+    }
+    (on, weights)
 }

@@ -1,10 +1,7 @@
 //! Cuts of bodies of a [`Simulation`].
 
 use crate::simulation::{Backend, BodyHandle, Simulation};
-use bevy_ecs::prelude::With;
 use glam::DVec3;
-use sinew_contact::pair::BodyContact;
-use sinew_contact::tool::Tool;
 use sinew_engine::by_precision;
 use sinew_engine::row::VertexRow;
 use sinew_models::cutting::{
@@ -18,8 +15,7 @@ impl Simulation {
     /// after; see [`sinew_models::cutting`]. The body needs [spare](sinew_models::body::BodyDescription::spare) vertices.
     ///
     /// # Errors
-    /// When the strip cannot be used, the body is none that can be cut, tools or contacts are there that could touch it, or a
-    /// pressure acts where it would be parted; nothing is changed then. A strip beside the body is no error.
+    /// When the strip cannot be used, the body is none that can be cut, or a pressure acts where it would be parted; nothing is changed then. A strip beside the body is no error.
     ///
     /// ```
     /// use sinew::prelude::*;
@@ -58,19 +54,11 @@ impl Simulation {
     /// # Errors
     /// Says why not, and what helps.
     pub fn check_cut(&mut self, body: BodyHandle) -> Result<(), CutError> {
-        let problem = if self.backend() == Backend::Gpu {
-            Some("backend = \"gpu\" has no cuts; use backend = \"cpu\"")
-        } else {
-            let world = self.world_mut();
-            let tools = world.query_filtered::<(), With<Tool>>().iter(world).next().is_some();
-            let mut contacts = world.query::<&BodyContact>();
-            let touches = contacts.iter(world).any(|contact| contact.bodies.contains(&body.0));
-            (tools || touches).then_some(
-                "wounds have no contact yet; take tools and its contacts away, or remove elements",
-            )
-        };
-        if let (Some(problem), Some(rows)) = (problem, self.topology().bodies.get(body.0)) {
-            return Err(CutError::Body { body: rows.name.clone(), problem: problem.into() });
+        if self.backend() == Backend::Gpu
+            && let Some(rows) = self.topology().bodies.get(body.0)
+        {
+            let problem = "backend = \"gpu\" has no cuts; use backend = \"cpu\"".into();
+            return Err(CutError::Body { body: rows.name.clone(), problem });
         }
         check_cut(self.world_mut(), body.0)
     }

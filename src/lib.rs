@@ -75,6 +75,7 @@
 pub mod simulation;
 
 mod axes;
+mod blade;
 mod contact;
 mod cutting;
 pub mod live;
@@ -99,6 +100,7 @@ pub mod prelude {
     pub use crate::plugin::SinewPlugins;
     pub use crate::simulation::{BodyHandle, Simulation, SimulationOptions};
     pub use glam::{DQuat, DVec3};
+    pub use sinew_contact::edge::Edge;
     pub use sinew_contact::pair::BodyContact;
     pub use sinew_contact::pull::Pull;
     pub use sinew_contact::shape::Shape;

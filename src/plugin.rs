@@ -1,5 +1,6 @@
 //! Sinew inside a Bevy app.
 
+use crate::blade::install_blades;
 use crate::warning::totals;
 use bevy_app::{App, FixedPostUpdate, Plugin, PluginGroup, PluginGroupBuilder};
 use bevy_ecs::intern::Interned;
@@ -125,6 +126,7 @@ impl Plugin for EnginePlugin {
     fn build(&self, app: &mut App) {
         let world = app.world_mut();
         by_precision!(self.precision, install_engine(world, self.executor));
+        by_precision!(self.precision, install_blades(world));
         match Workers::new(self.threads) {
             Ok(workers) => world.insert_resource(workers),
             Err(error) => world.insert_resource(SetupError(Some(Arc::new(error)))),

@@ -1,5 +1,6 @@
 //! A headless simulation: a world, its schedules and one call per step.
 
+use crate::blade::install_blades;
 use crate::plugin::threads_beside_host;
 use crate::replay::Recorder;
 use crate::snapshot::{self, History};
@@ -326,6 +327,7 @@ impl Simulation {
         let SimulationOptions { precision, executor, .. } = options;
         let mut world = World::new();
         by_precision!(precision, install_engine(&mut world, executor));
+        by_precision!(precision, install_blades(&mut world));
         world.insert_resource(workers);
         world.insert_resource(Backend::Cpu);
         Ok(Self {

@@ -11,6 +11,7 @@ use crate::warning::totals::RunTotals;
 use bevy_ecs::prelude::*;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
+use sinew_contact::edge::EdgeState;
 use sinew_contact::pair::{BodyContact, BodyContactReport};
 use sinew_contact::pull::{Pull, PullReport};
 use sinew_contact::set::{ContactMemory, ContactSet};
@@ -35,6 +36,7 @@ use sinew_engine::vertex::{
 use sinew_engine::workers::Workers;
 use sinew_models::axes::muscle::{self, ActivationWork, Activations, Muscles};
 use sinew_models::body::edit_log::{Edit, scene_hash};
+use sinew_models::cutting::blade::{BladeViews, StrokeMemory};
 use sinew_models::edits::{EditError, EditState};
 use sinew_models::laws::pressure::activate as activate_pressure;
 use sinew_models::resection::RemovalRequest;
@@ -47,7 +49,7 @@ use std::sync::Arc;
 const MAGIC: &[u8; 8] = b"SinewSnp";
 /// Number of the format. It is raised whenever something that is stored changes, which a stored snapshot in the tests
 /// notices; other numbers are refused by name.
-const FORMAT: u32 = 7;
+const FORMAT: u32 = 8;
 
 /// A snapshot that cannot be taken, read or restored. The simulation is what it was before.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -217,6 +219,7 @@ pub(crate) struct Acting {
     pub pressure: Option<Pressure>,
     pub removal: Option<RemovalRequest>,
     pub tool: Option<(Tool, ToolReport)>,
+    pub edge: Option<EdgeState>,
     pub contact: Option<(BodyContact, BodyContactReport)>,
     pub pull: Option<(Pull, PullReport)>,
 }
@@ -246,6 +249,7 @@ struct WorldState<S: Scalar> {
     entities: Vec<Entity>,
     solver: SolverMemory<S>,
     contact: Option<ContactMemory>,
+    strokes: Option<StrokeMemory>,
     recovering: Vec<bool>,
     swept: Option<SweptVolumes>,
     activations: Activations,
@@ -443,6 +447,7 @@ impl<S: Scalar> WorldState<S> {
         state.disabled = disabled.iter().flat_map(|d| &d.0).map(|law| (*law).into()).collect();
         let step = state.clock.step;
         state.contact = world.get_resource::<ContactSet>().map(|set| set.memory(step).clone());
+        state.strokes = world.get_resource().cloned();
         let recovering = world.get_resource::<RecoveringBodies>();
         state.recovering = recovering.map_or_else(Vec::new, |bodies| bodies.0.clone());
         state.swept = world.get_resource().cloned();
@@ -483,6 +488,7 @@ impl<S: Scalar> WorldState<S> {
             && self.acting.iter().all(|acting| acting.order <= Order(self.last_order.0))
             && self.acting.iter().flat_map(|acting| &acting.tool).all(|(tool, _)| whole(tool))
             && self.contact.as_ref().is_none_or(|contact| contact.fits(bodies, rows))
+            && self.strokes.as_ref().is_none_or(|strokes| strokes.fits(bodies))
             && self.solver.fits(topology)
     }
 
@@ -535,6 +541,8 @@ impl<S: Scalar> WorldState<S> {
         world.insert_resource(self.volumes.clone());
         put(world, self.areas);
         put(world, self.totals.clone());
+        put(world, self.strokes.clone());
+        world.remove_resource::<BladeViews>();
         // the hooks of tools and the like make the set when commands are carried out
         world.flush();
         if self.contact.is_some() || world.contains_resource::<ContactSet>() {
@@ -624,13 +632,14 @@ pub(crate) fn acting(world: &mut World) -> Vec<(Entity, Acting)> {
         &Order,
         (Option<&Constraint>, Option<&Load>, Option<&LoadedFaces>),
         (Option<&Pressure>, Option<&RemovalRequest>),
-        (Option<&Tool>, Option<&ToolReport>),
+        (Option<&Tool>, Option<&ToolReport>, Option<&EdgeState>),
         (Option<&BodyContact>, Option<&BodyContactReport>),
         (Option<&Pull>, Option<&PullReport>),
     )>();
     let mut found: Vec<(Entity, Acting)> = query
         .iter(world)
-        .map(|(entity, order, own, (pressure, removal), tool, contact, pull)| {
+        .map(|(entity, order, own, (pressure, removal), (tool, report, edge), contact, pull)| {
+            let cuts = tool.is_some_and(|tool| tool.edge.is_some());
             let (constraint, load, faces) = own;
             let acting = Acting {
                 order: *order,
@@ -639,7 +648,8 @@ pub(crate) fn acting(world: &mut World) -> Vec<(Entity, Acting)> {
                 faces: faces.cloned(),
                 pressure: pressure.cloned(),
                 removal: removal.cloned(),
-                tool: both(tool),
+                tool: both((tool, report)),
+                edge: edge.filter(|_| cuts).cloned(),
                 contact: both(contact),
                 pull: both(pull),
             };
@@ -682,6 +692,7 @@ impl Acting {
             pressure: Pressure,
             removal: RemovalRequest,
             tool: (Tool, ToolReport),
+            edge: EdgeState,
             contact: (BodyContact, BodyContactReport),
             pull: (Pull, PullReport)
         );
@@ -697,7 +708,7 @@ impl Acting {
                 }
             )+};
         }
-        give!(constraint, load, faces, pressure, removal, tool, contact, pull);
+        give!(constraint, load, faces, pressure, removal, tool, edge, contact, pull);
     }
 }
 

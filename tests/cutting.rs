@@ -366,9 +366,52 @@ fn what_cannot_be_cut_is_told() {
     };
     assert!((surface / (6.0 * 0.06 * 0.06) - 1.0).abs() < 1e-12, "{surface}");
     simulation.step().unwrap();
-    simulation.add_tool(Tool::ground("table", DVec3::ZERO, DVec3::Z)).unwrap();
-    let error = simulation.cut(body, &oblique()).unwrap_err().to_string();
-    assert!(error.contains("wounds have no contact"), "{error}");
-    let error = simulation.step().unwrap_err().to_string();
-    assert!(error.contains("`block` was cut"), "{error}");
+}
+
+/// A block cut through by a level blade, between a table and a plate that presses it together and leaves again: the force is that
+/// of the whole block but for what the contact of the lips gives way, and nothing sticks. Without contact
+/// of the lips the pieces go through each other.
+#[test]
+fn lips_bear_what_presses_them_together() {
+    let mesh = block(4);
+    let press = |is_cut: bool, lips: bool| {
+        let mut simulation = Simulation::new(options(Precision::F64, 1)).unwrap();
+        simulation.set_gravity(DVec3::ZERO);
+        let description = BodyDescription::new("block", &mesh, soft(1e4, 0.0));
+        let body = simulation
+            .add_body(&BodyDescription { spare: 3 * mesh.points.len(), ..description })
+            .unwrap();
+        let table = simulation.add_tool(Tool::ground("table", DVec3::ZERO, DVec3::Z)).unwrap();
+        let top = Tool::ground("plate", DVec3::Z * 0.06, -DVec3::Z);
+        let plate = simulation.add_tool(top.clone()).unwrap();
+        let contact =
+            lips.then(|| simulation.add_body_contact(BodyContact::new("lips", [body; 2])));
+        if is_cut {
+            let strip =
+                [-0.01, 0.07].map(|y| [DVec3::new(-0.01, y, 0.031), DVec3::new(0.07, y, 0.031)]);
+            assert_eq!(simulation.cut(body, &strip).unwrap().pieces, 2);
+        }
+        let integrator = Integrator::Newton;
+        let damped = SolverSettings { integrator, mass_damping: 30.0, ..SolverSettings::default() };
+        simulation.set_solver(damped);
+        let mut forces = Vec::new();
+        for (way, steps) in [(-0.001, 60), (0.002, 60)] {
+            let pose = ToolPose { position: DVec3::Z * (0.06 + way), ..top.start };
+            simulation.move_tool(plate, pose).unwrap();
+            simulation.steps(steps);
+            let force = |tool| simulation.tool_report(tool).unwrap().force.z;
+            forces.push([force(table), force(plate)]);
+        }
+        let area = contact.map(|own| simulation.body_contact_report(own).unwrap().area);
+        assert!(area.is_none_or(|area| area == 0.0), "they have parted: {area:?}");
+        forces
+    };
+    let whole = press(false, false);
+    let lips = press(true, true);
+    let through = press(true, false);
+    let ratio = lips[0][0] / whole[0][0];
+    assert!(ratio > 0.97 && ratio < 1.0, "{ratio}");
+    assert!((lips[0][0] + lips[0][1]).abs() < 2e-3 * lips[0][1], "{lips:?}");
+    assert!(through[0][0].abs() < 0.5 * whole[0][0].abs(), "{through:?}");
+    assert_eq!(lips[1], [0.0; 2], "{lips:?}");
 }

@@ -4,6 +4,7 @@ mod axes;
 mod bad_input;
 mod bending;
 mod biquadratic;
+mod blade;
 mod clusters;
 mod common;
 mod comparison_models;

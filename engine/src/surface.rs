@@ -4,18 +4,32 @@
 use bevy_ecs::prelude::{Resource, World};
 use glam::DVec3;
 
-/// The surface of what is left of a body. Rows are relative to the first vertex row of the body.
+/// A point of a surface that is no vertex, such as one of a wound: a mean of the vertices of an element.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct SurfacePoint {
+    /// Rows of the element.
+    pub rows: [u32; 4],
+    /// Their shares, which add up to 1.
+    pub weights: [f64; 4],
+}
+
+/// The surface of what is left of a body. Rows are relative to the first vertex row of the body; corners of triangles that are
+/// no row of the body are `points`: the first of them has the number of the rows of the body.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct BodySurface {
+    /// Points that cuts made, by their numbers in the material; those that are no corner have no weights.
+    pub points: Vec<SurfacePoint>,
     /// Outside triangles of the solid, outward.
     pub triangles: Vec<[u32; 3]>,
+    /// Triangles up to here were laid open by cuts.
+    pub wounds: usize,
     /// Triangles from here on are two and two the halves `[a, b, c]`, `[a, c, d]` of faces with four corners.
     pub halves: usize,
     /// Triangles of membranes.
     pub sheets: Vec<[u32; 3]>,
     /// Triangles of membranes from here on are halves of quadrilaterals, as those of the solid are.
     pub sheet_halves: usize,
-    /// Young's modulus (Pa) round every vertex: mean of its solid elements; in a membrane the modulus times the
+    /// Young's modulus (Pa) round every vertex, then of every point: mean of its solid elements; in a membrane the modulus times the
     /// thickness over the mean edge, which resists pressure alike.
     pub young_modulus: Vec<f64>,
 }

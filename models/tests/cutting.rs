@@ -51,9 +51,9 @@ fn cut(material: &mut Material, rest: &[DVec3], strip: &[[DVec3; 2]]) -> Stroke 
         None => rest[node as usize],
         Some(ghost) => rest[sources[ghost as usize] as usize],
     };
-    let stroke = material.stroke(strip, &at);
+    let (marks, stroke) = material.stroke(strip, &at);
     material.open(&stroke);
-    stroke
+    Stroke { marks, ..stroke }
 }
 
 fn used_nodes(material: &Material) -> usize {

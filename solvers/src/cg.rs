@@ -19,6 +19,7 @@ use crate::system::{Pattern, ShiftedTangent, SystemMatrix, add4, dot, for_off_di
 use glam::DVec3;
 use memory::SharedValues;
 use serde::{Deserialize, Serialize};
+use sinew_contact::set::COUPLED;
 use sinew_engine::isoparametric::MIDDLES;
 use sinew_engine::layout::UNUSED;
 use sinew_engine::scalar::{Row, Scalar};
@@ -102,7 +103,7 @@ pub struct ConjugateGradients<T: Scalar> {
     laid_out_for: Vec<u32>,
     shared: SharedValues<T>,
     /// Pieces, and rows in them, of the couplings of the matrix.
-    coupled: Vec<[[u32; 2]; 5]>,
+    coupled: Vec<[[u32; 2]; COUPLED]>,
 }
 
 /// The matrix that the kept values of the preconditioner were computed for, and the iterations since.

@@ -389,7 +389,7 @@ impl<S: Scalar> ExplicitScratch<S> {
         let mut contact = contact.clone();
         let x = position(&self.rest, &self.node.u);
         let v = |row: VertexRow| vector(&self.node.v[row.index()]);
-        contact.prepare(world, &self.rest, &x, &v, false)?;
+        contact.prepare(world, &x, &v, false)?;
         integrator.check_contact(&contact)?;
         Ok(contact)
     }

@@ -70,6 +70,10 @@ const SMALL: usize = 500;
 
 /// The one system of [`StepSystems::Integrate`].
 fn integrate<S: Scalar>(world: &mut World) {
+    if world.resource::<StepFailure>().0.is_some() {
+        // an edit before it could not be done
+        return;
+    }
     let start = std::time::Instant::now();
     let mut settings = world.resource::<SolverSettings>().clone();
     settings.recovery &= settings.integrator.recovers();

@@ -411,7 +411,9 @@ fn surface(world: &mut World, index: usize) -> SinewSurface {
     let found = (read.0)(world, index);
     let body = &world.resource::<Topology>().bodies[index];
     let user = |triangle: &[u32; 3]| triangle.map(|v| body.vertex_of(LocalRow(v)).0);
-    let triangles = found.triangles.iter().chain(&found.sheets).map(user).collect();
+    let of_vertices = |t: &&[u32; 3]| t.iter().all(|v| (*v as usize) < body.row_count());
+    let triangles = found.triangles.iter().filter(of_vertices).chain(&found.sheets).map(user);
+    let triangles = triangles.collect();
     SinewSurface { triangles, revision: 1, changes: body.changes }
 }
 

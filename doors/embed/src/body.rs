@@ -457,9 +457,11 @@ fn outside(simulation: &mut Simulation, body: usize) -> Vec<[u32; 3]> {
     let world = simulation.world_mut();
     let Some(read) = world.get_resource::<SurfaceReader>().copied() else { return Vec::new() };
     let surface = (read.0)(world, body);
-    let order = &simulation.topology().bodies[body].vertex_order;
-    let user = |t: &[u32; 3]| t.map(|v| order[LocalRow(v)].0);
-    let mut triangles: Vec<[u32; 3]> = surface.triangles.iter().map(user).collect();
+    let rows = &simulation.topology().bodies[body];
+    let user = |t: &[u32; 3]| t.map(|v| rows.vertex_of(LocalRow(v)).0);
+    let of_vertices = |t: &&[u32; 3]| t.iter().all(|v| (*v as usize) < rows.row_count());
+    let mut triangles: Vec<[u32; 3]> =
+        surface.triangles.iter().filter(of_vertices).map(user).collect();
     let sorted = |mut t: [u32; 3]| {
         t.sort_unstable();
         t

@@ -2,10 +2,11 @@
 
 use super::description::SoftBody;
 use super::present::Resection;
+use crate::cutting::cut_faces;
 use bevy_ecs::prelude::*;
 use glam::DVec3;
 use sinew_engine::connectivity::{Connectivity, ElementKind};
-use sinew_engine::surface::BodySurface;
+use sinew_engine::surface::{BodySurface, SurfacePoint};
 use sinew_engine::topology::Topology;
 use sinew_engine::vertex::RestPosition;
 use std::borrow::Cow;
@@ -35,11 +36,20 @@ pub(super) fn read_surface(world: &mut World, body: usize) -> BodySurface {
             }
         }
     }
-    // a face that a cut parted is in the skin of the material alone
-    let outside = connectivity.surface().filter(|(_, kind, e)| rows.is_whole(*kind, *e));
+    // where a cut divided elements their material tells
+    let cut = cut_faces(world, body);
+    let divided = |kind, e: u32| {
+        kind == ElementKind::Tetrahedron && cut.as_ref().is_some_and(|cut| cut.divided[e as usize])
+    };
+    let outside = connectivity.surface().filter(|(_, kind, e)| !divided(*kind, *e));
     let outside: Vec<([u32; 3], ElementKind, u32)> = outside.collect();
-    let halves = outside.partition_point(|(_, kind, _)| *kind == ElementKind::Tetrahedron);
-    let triangles = outside.into_iter().map(|(triangle, _, _)| triangle).collect();
+    let mut halves = outside.partition_point(|(_, kind, _)| *kind == ElementKind::Tetrahedron);
+    let mut triangles: Vec<[u32; 3]> = outside.into_iter().map(|(triangle, ..)| triangle).collect();
+    let (points, wounds) = cut.map_or_else(Default::default, |cut| {
+        halves += cut.triangles.len();
+        triangles.splice(0..0, cut.triangles);
+        (cut.points, cut.wounds)
+    });
     let mut sheets = Vec::new();
     for t in connectivity.all_left(ElementKind::Triangle) {
         sheets.push(rows.triangles()[t as usize]);
@@ -65,6 +75,11 @@ pub(super) fn read_surface(world: &mut World, body: usize) -> BodySurface {
             }
         }
     }
-    let young_modulus = sum.iter().zip(&count).map(|(e, n)| e / f64::max(*n, 1.0)).collect();
-    BodySurface { triangles, halves, sheets, sheet_halves, young_modulus }
+    let mut young_modulus: Vec<f64> =
+        sum.iter().zip(&count).map(|(e, n)| e / f64::max(*n, 1.0)).collect();
+    for SurfacePoint { rows, weights } in &points {
+        let mean = rows.iter().zip(weights).map(|(row, w)| w * young_modulus[*row as usize]).sum();
+        young_modulus.push(mean);
+    }
+    BodySurface { points, triangles, wounds, halves, sheets, sheet_halves, young_modulus }
 }

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 use sinew_engine::sets::DisjointSets;
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 /// Local corners of the edges of a tetrahedron.
 const EDGES: [[usize; 2]; 6] = [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]];
@@ -61,6 +61,8 @@ pub struct Cell {
     pub volume: f64,
     /// Whether the face opposite each corner was laid open.
     pub wound: [bool; 4],
+    /// Number that it, or what it is a part of, had when the last stroke began.
+    pub began: u32,
 }
 
 impl Cell {
@@ -114,10 +116,152 @@ pub struct Mark {
 /// What a blade that goes through the material does to it: decisions, from which all else follows.
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Stroke {
-    /// Marks, by their edges.
+    /// Marks, by their edges; of a stroke that goes on, those that it used before are left out.
     pub marks: Vec<Mark>,
-    /// Cells that fall apart, ascending.
+    /// Cells that fall apart, ascending, as they were numbered when the stroke began.
     pub separated: Vec<u32>,
+    /// A stroke before it goes on: edges and cells are those of the material when that one began.
+    pub goes_on: bool,
+}
+
+/// The material as it is when a stroke begins. Decisions are made on it, so that they do not depend on the number of moves in which
+/// the blade goes its way.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Uncut {
+    /// Number of points.
+    pub(super) points: u32,
+    /// Corners of the cells.
+    pub(super) cells: Vec<[u32; 4]>,
+    /// Edges, ascending.
+    pub(super) edges: Vec<[u32; 2]>,
+    /// Edges of every cell.
+    edges_of: Vec<[u32; 6]>,
+}
+
+/// What a stroke has decided so far, by edges and cells of the [`Uncut`] material.
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct Progress {
+    marks: Vec<Option<Mark>>,
+    /// Edges that a separated cell left whole, and edges whose marks were handed out.
+    whole: Vec<bool>,
+    used: Vec<bool>,
+    separated: Vec<bool>,
+}
+
+/// A move of the edge of a blade through cells.
+pub struct BladeMove<'a> {
+    /// Edges that may be crossed, ascending, and where.
+    pub crossed: Vec<(u32, f64)>,
+    /// Place (m) of a point now.
+    pub place: &'a dyn Fn(u32) -> DVec3,
+    /// A place (m) on the edge now, its direction, and its way (m) beside that of a cell with these corners.
+    pub on: DVec3,
+    /// Direction of the edge, of any length.
+    pub along: DVec3,
+    /// Its way (m) beside that of a cell with these corners.
+    pub way: &'a dyn Fn([u32; 4]) -> DVec3,
+    /// Cells that were entered before and did not fall apart are looked at again.
+    pub again: bool,
+}
+
+impl Progress {
+    /// Whether something was opened by it.
+    pub fn has_opened(&self) -> bool {
+        self.used.contains(&true)
+    }
+}
+
+impl Uncut {
+    /// Of a material.
+    pub fn new(material: &Material) -> Self {
+        let mut edges: Vec<[u32; 2]> = material.cells.iter().flat_map(Cell::edges).collect();
+        edges.sort_unstable();
+        edges.dedup();
+        let number = |edge| edges.partition_point(|own| *own < edge) as u32;
+        let edges_of = material.cells.iter().map(|cell| cell.edges().map(number)).collect();
+        let cells = material.cells.iter().map(|cell| cell.corners).collect();
+        Self { points: material.points.len() as u32, cells, edges, edges_of }
+    }
+
+    /// Nothing decided yet.
+    pub fn begin(&self) -> Progress {
+        Progress {
+            marks: vec![None; self.edges.len()],
+            whole: vec![false; self.edges.len()],
+            used: vec![false; self.edges.len()],
+            separated: vec![false; self.cells.len()],
+        }
+    }
+
+    /// Whether decisions can be about it.
+    pub fn fits(&self, progress: &Progress) -> bool {
+        let Progress { marks, whole, used, separated } = progress;
+        [marks.len(), whole.len(), used.len()] == [self.edges.len(); 3]
+            && separated.len() == self.cells.len()
+    }
+
+    /// Goes on with a stroke; the cells that fall apart by this move.
+    ///
+    /// A cell is separated as soon as the blade has crossed one of its edges, if what the blade crossed, prolonged by the
+    /// plane of the blade, parts its corners. The first mark of an edge counts for all cells round it.
+    pub fn advance(&self, progress: &mut Progress, to: &BladeMove) -> Vec<u32> {
+        if to.crossed.is_empty() && !to.again {
+            return Vec::new();
+        }
+        let Progress { marks, whole, separated, .. } = progress;
+        let mark = |e: u32, at: f64, swept| {
+            let edge = self.edges[e as usize];
+            Some(Mark { edge, at: at.clamp(MARGIN, 1.0 - MARGIN), swept })
+        };
+        for &(e, at) in &to.crossed {
+            match &mut marks[e as usize] {
+                Some(mark) => mark.swept = true,
+                none => *none = mark(e, at, true),
+            }
+        }
+        let entered = |e: &u32| match to.again {
+            true => marks[*e as usize].is_some_and(|mark| mark.swept),
+            false => to.crossed.binary_search_by_key(e, |(own, _)| *own).is_ok(),
+        };
+        let cells: Vec<usize> = (0..self.cells.len())
+            .filter(|&cell| !separated[cell] && self.edges_of[cell].iter().any(entered))
+            .collect();
+        let mut apart = Vec::new();
+        for cell in cells {
+            let own = &self.edges_of[cell];
+            let normal = to.along.cross((to.way)(self.cells[cell]));
+            for &e in own {
+                let [a, b] = self.edges[e as usize].map(|p| normal.dot((to.place)(p) - to.on));
+                if marks[e as usize].is_none() && !whole[e as usize] && (a >= 0.0) != (b >= 0.0) {
+                    marks[e as usize] = mark(e, a / (a - b), false);
+                }
+            }
+            if groups(own.map(|e| marks[e as usize].is_some())) != [0; 4] {
+                separated[cell] = true;
+                apart.push(cell as u32);
+                own.iter().for_each(|&e| whole[e as usize] |= marks[e as usize].is_none());
+            }
+        }
+        apart
+    }
+
+    /// What is to be opened after some cells fell apart, ascending.
+    pub fn stroke(&self, progress: &mut Progress, separated: Vec<u32>, goes_on: bool) -> Stroke {
+        let edges = separated.iter().flat_map(|&cell| self.edges_of[cell as usize]);
+        let mut edges: Vec<u32> = edges.filter(|&e| !progress.used[e as usize]).collect();
+        edges.sort_unstable();
+        edges.dedup();
+        let of = |&e: &u32| progress.marks[e as usize];
+        let marks: Vec<Mark> = edges.iter().filter_map(of).collect();
+        edges.retain(|e| progress.marks[*e as usize].is_some());
+        edges.iter().for_each(|&e| progress.used[e as usize] = true);
+        Stroke { marks, separated, goes_on }
+    }
+
+    /// All marks, by their edges.
+    pub fn marks(progress: &Progress) -> Vec<Mark> {
+        progress.marks.iter().flatten().copied().collect()
+    }
 }
 
 /// The material of a body of linear tetrahedra.
@@ -137,6 +281,10 @@ pub struct Material {
     pub ghosts: Vec<u32>,
     /// Number of vertices of the mesh.
     pub vertices: u32,
+    /// What it was when the last stroke began.
+    pub uncut: Option<Box<Uncut>>,
+    /// Edges of that which are cut, ascending.
+    cut: Vec<[u32; 2]>,
 }
 
 impl Material {
@@ -147,6 +295,7 @@ impl Material {
             element,
             volume: 1.0,
             wound: [false; 4],
+            began: element,
         };
         let element = |(source, &vertices): (u32, _)| Element {
             vertices,
@@ -158,8 +307,8 @@ impl Material {
             points: (0..vertices as u32).map(Point::vertex).collect(),
             cells: (0..).zip(tetrahedra).map(whole).collect(),
             elements: (0..).zip(tetrahedra).map(element).collect(),
-            ghosts: Vec::new(),
             vertices: vertices as u32,
+            ..Self::default()
         }
     }
 
@@ -176,126 +325,97 @@ impl Material {
     }
 
     /// What the surface that a blade sweeps does: between two positions of the blade (m) it consists of two triangles,
-    /// `(p0, q0, p1)` and `(q0, q1, p1)`. `at` says where vertices and ghosts are.
-    ///
-    /// A cell is separated as soon as the blade has crossed one of its edges, if what the blade crossed, prolonged by the
-    /// plane of the blade, parts its corners. The first mark of an edge counts for all cells round it.
-    pub fn stroke(&self, strip: &[[DVec3; 2]], at: &dyn Fn(u32) -> DVec3) -> Stroke {
-        let mut edges: Vec<([u32; 2], u32)> = Vec::with_capacity(6 * self.cells.len());
-        for (cell, own) in (0..).zip(&self.cells) {
-            edges.extend(own.edges().map(|edge| (edge, cell)));
+    /// `(p0, q0, p1)` and `(q0, q1, p1)`. `at` says where vertices and ghosts are. All marks that it made, and what is to be opened.
+    pub fn stroke(&self, strip: &[[DVec3; 2]], at: &dyn Fn(u32) -> DVec3) -> (Vec<Mark>, Stroke) {
+        let uncut = Uncut::new(self);
+        let mut places = vec![DVec3::ZERO; self.points.len()];
+        for cell in &self.cells {
+            cell.corners.iter().for_each(|&p| places[p as usize] = self.place(cell, p, at));
         }
-        edges.sort_unstable();
-        edges.dedup_by_key(|(edge, _)| *edge);
-        let number = |edge| edges.partition_point(|(own, _)| *own < edge);
-        let edges_of: Vec<[usize; 6]> =
-            self.cells.iter().map(|cell| cell.edges().map(number)).collect();
-        let ends: Vec<[DVec3; 2]> = edges
-            .iter()
-            .map(|&(edge, cell)| edge.map(|p| self.place(&self.cells[cell as usize], p, at)))
-            .collect();
-        let mut marks: Vec<Option<Mark>> = vec![None; edges.len()];
-        let mark = |e: usize, at: f64, swept| {
-            Some(Mark { edge: edges[e].0, at: at.clamp(MARGIN, 1.0 - MARGIN), swept })
-        };
-        let mut whole = vec![false; edges.len()];
-        let mut separated = BTreeSet::new();
+        let place = |p: u32| places[p as usize];
+        let mut progress = uncut.begin();
+        let mut separated = Vec::new();
         for move_ in strip.windows(2) {
             let [[p0, q0], [p1, q1]] = [move_[0], move_[1]];
             let parts = [[p0, q0, p1], [q0, q1, p1]];
             let low = p0.min(q0).min(p1).min(q1);
             let high = p0.max(q0).max(p1).max(q1);
-            for (e, &[a, b]) in ends.iter().enumerate() {
-                if a.min(b).cmpgt(high).any() || a.max(b).cmplt(low).any() {
-                    continue;
-                }
-                if let Some(t) = parts.iter().find_map(|part| crossing([a, b], part)) {
-                    match &mut marks[e] {
-                        Some(mark) => mark.swept = true,
-                        none => *none = mark(e, t, true),
-                    }
-                }
-            }
-            let normal = (q1 - p1).cross(((p1 + q1) - (p0 + q0)) / 2.0);
-            for (cell, own) in (0..).zip(&edges_of) {
-                let is_swept = |&e: &usize| marks[e].is_some_and(|mark| mark.swept);
-                if separated.contains(&cell) || !own.iter().any(is_swept) {
-                    continue;
-                }
-                for &e in own {
-                    let [a, b] = ends[e].map(|x| normal.dot(x - p1));
-                    if marks[e].is_none() && !whole[e] && (a >= 0.0) != (b >= 0.0) {
-                        marks[e] = mark(e, a / (a - b), false);
-                    }
-                }
-                if groups(own.map(|e| marks[e].is_some())) != [0; 4] {
-                    separated.insert(cell);
-                    own.iter().for_each(|&e| whole[e] |= marks[e].is_none());
-                }
-            }
+            let crossed = (0..).zip(&uncut.edges).filter_map(|(e, edge)| {
+                let [a, b] = edge.map(place);
+                let apart = a.min(b).cmpgt(high).any() || a.max(b).cmplt(low).any();
+                let at = || parts.iter().find_map(|part| crossing([a, b], part));
+                if apart { None } else { at().map(|at| (e, at)) }
+            });
+            let crossed = crossed.collect();
+            let way = ((p1 + q1) - (p0 + q0)) / 2.0;
+            let (on, along, way, again) = (p1, q1 - p1, &|_| way, true);
+            let to = BladeMove { crossed, place: &place, on, along, way, again };
+            separated.extend(uncut.advance(&mut progress, &to));
         }
-        let marks = marks.into_iter().flatten().collect();
-        Stroke { marks, separated: separated.into_iter().collect() }
+        separated.sort_unstable();
+        let stroke = uncut.stroke(&mut progress, separated, false);
+        (Uncut::marks(&progress), stroke)
     }
 
     /// Divides the material by what a stroke decided; see [`Material::stroke`]. Shares, copies and ghosts follow. For every
     /// ghost that came to be the vertex or ghost in whose place it comes.
     pub fn open(&mut self, stroke: &Stroke) -> Vec<u32> {
-        // separated cells are cut at their marks, and all round these
-        let marked = |edge: &[u32; 2]| stroke.marks.binary_search_by_key(edge, |mark| mark.edge);
-        let mut used: Vec<usize> = stroke
-            .separated
-            .iter()
-            .flat_map(|&cell| self.cells[cell as usize].edges())
-            .filter_map(|edge| marked(&edge).ok())
-            .collect();
-        used.sort_unstable();
-        used.dedup();
-        let first = self.points.len() as u32;
-        for &mark in &used {
-            let Mark { edge: [a, b], at, .. } = stroke.marks[mark];
-            let [a, b] = [a, b].map(|p| self.points[p as usize]);
-            self.points.push(Point::between(&a, &b, at));
+        if !stroke.goes_on {
+            self.uncut = Some(Box::new(Uncut::new(self)));
+            self.cut.clear();
+            (0..).zip(&mut self.cells).for_each(|(number, cell)| cell.began = number);
         }
-        let middle = |edge: &[u32; 2]| {
-            let place = used.binary_search(&marked(edge).ok()?).ok()?;
-            Some(first + place as u32)
-        };
+        let uncut = self.uncut.take().unwrap_or_default();
+        // separated cells are cut at their marks, and all round these
+        let first = self.points.len() as u32;
+        for Mark { edge, at, .. } in &stroke.marks {
+            let [a, b] = edge.map(|p| self.points[p as usize]);
+            self.points.push(Point::between(&a, &b, *at));
+        }
+        let new = |edge: &[u32; 2]| stroke.marks.binary_search_by_key(edge, |m| m.edge).ok();
         let mut cells = Vec::with_capacity(self.cells.len());
-        for (number, cell) in (0..).zip(&self.cells) {
-            let mut cuts: Vec<([u32; 2], u32)> =
-                cell.edges().iter().filter_map(|edge| Some((*edge, middle(edge)?))).collect();
+        for cell in &self.cells {
+            let mut cuts: Vec<([u32; 2], usize)> =
+                cell.edges().iter().filter_map(|edge| Some((*edge, new(edge)?))).collect();
             // in the order of all edges, so that neighbours agree
             cuts.sort_unstable();
             let begin = cells.len();
             cells.push(*cell);
-            for ([a, b], m) in cuts {
+            for ([a, b], mark) in cuts {
+                let (m, t) = (first + mark as u32, stroke.marks[mark].at);
                 for at in begin..cells.len() {
                     let part: Cell = cells[at];
                     if part.has(a) && part.has(b) {
-                        let t = stroke.marks[used[(m - first) as usize]].at;
                         cells[at] = part.with([a, b], m, t);
                         cells.push(part.with([b, a], m, 1.0 - t));
                     }
                 }
             }
-            if stroke.separated.binary_search(&number).is_ok() {
-                let is_cut = cell.edges().map(|edge| middle(&edge).is_some());
-                let group = groups(is_cut);
-                let of = |part: &Cell| {
-                    let corner = (0..4).find(|&i| part.has(cell.corners[i])).unwrap_or(0);
-                    group[corner]
-                };
-                part_groups(&mut cells[begin..], of);
-            }
+        }
+        self.cut.extend(stroke.marks.iter().map(|mark| mark.edge));
+        self.cut.sort_unstable();
+        let mut parts: Vec<(u32, usize)> = (0..cells.len())
+            .map(|at| (cells[at].began, at))
+            .filter(|(began, _)| stroke.separated.binary_search(began).is_ok())
+            .collect();
+        parts.sort_unstable();
+        for own in parts.chunk_by(|a, b| a.0 == b.0) {
+            let corners = uncut.cells[own[0].0 as usize];
+            let is_cut =
+                EDGES.map(|ends| self.cut.binary_search(&sorted(ends.map(|i| corners[i]))).is_ok());
+            let group = groups(is_cut);
+            let of = |part: &Cell| group[(0..4).find(|&i| part.has(corners[i])).unwrap_or(0)];
+            let places: Vec<usize> = own.iter().map(|(_, at)| *at).collect();
+            part_groups(&mut cells, &places, of);
         }
         self.cells = cells;
-        self.part_points(first);
+        self.part_points(uncut.points);
+        self.uncut = Some(uncut);
         self.part_elements();
         self.part_nodes()
     }
 
-    /// Gives the new points an own number for each side on which the cells round them hang together.
+    /// Gives the points of the stroke, from `first` on, an own number for each side on which the cells round them hang together.
     fn part_points(&mut self, first: u32) {
         let mut round: Vec<Vec<u32>> = vec![Vec::new(); self.points.len() - first as usize];
         for (number, cell) in (0..).zip(&self.cells) {
@@ -510,17 +630,17 @@ fn groups(is_cut: [bool; 6]) -> [u32; 4] {
     [0, 1, 2, 3].map(|corner| sets.root(corner))
 }
 
-/// Opens the faces between parts of different groups of one cell.
-fn part_groups(parts: &mut [Cell], group: impl Fn(&Cell) -> u32) {
+/// Opens the faces between parts of different groups of one cell, given by their places.
+fn part_groups(cells: &mut [Cell], parts: &[usize], group: impl Fn(&Cell) -> u32) {
     let mut faces: Vec<([u32; 3], usize, usize)> = Vec::new();
-    for (number, part) in parts.iter().enumerate() {
-        faces.extend((0..4).map(|i| (sorted(part.face(i)), number, i)));
+    for &part in parts {
+        faces.extend((0..4).map(|i| (sorted(cells[part].face(i)), part, i)));
     }
     faces.sort_unstable();
     for pair in faces.windows(2) {
         let [(face, a, i), (other, b, j)] = [pair[0], pair[1]];
-        if face == other && group(&parts[a]) != group(&parts[b]) {
-            (parts[a].wound[i], parts[b].wound[j]) = (true, true);
+        if face == other && group(&cells[a]) != group(&cells[b]) {
+            (cells[a].wound[i], cells[b].wound[j]) = (true, true);
         }
     }
 }

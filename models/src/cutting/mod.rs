@@ -17,6 +17,7 @@
 //!
 //! [`BodyDescription::spare`]: crate::body::BodyDescription::spare
 
+pub mod blade;
 pub mod material;
 
 use bevy_ecs::prelude::*;
@@ -34,6 +35,7 @@ use sinew_engine::layout::{lowest_first, starts};
 use sinew_engine::load::Pressure;
 use sinew_engine::row::{LocalRow, MeshVertex, VertexRow};
 use sinew_engine::scalar::Scalar;
+use sinew_engine::surface::SurfacePoint;
 use sinew_engine::topology::{BodyRows, ElementTables, Topology};
 use sinew_engine::vertex::{Displacement, Mass, Position, RestPosition, Velocity};
 use std::collections::BTreeMap;
@@ -143,7 +145,7 @@ fn cut<S: Scalar>(
         let own = resection.bodies[body].as_ref().expect("it was prepared");
         let material = material_of(world, body, own);
         let at = places::<S>(world, body);
-        let stroke = material.stroke(strip, &|node| at[node as usize]);
+        let (_, stroke) = material.stroke(strip, &|node| at[node as usize]);
         let mut report = open::<S>(world, body, &mut resection, (material, &stroke))?;
         report.time = start.elapsed();
         Ok(report)
@@ -161,7 +163,11 @@ pub(crate) fn open_again<S: Scalar>(
     let mut resection = prepared(world, body)?;
     let own = resection.bodies[body].as_ref().expect("it was prepared");
     let material = material_of(world, body, own);
-    let (points, cells) = (material.points.len() as u32, material.cells.len() as u32);
+    let (points, cells) = match (&material.uncut, stroke.goes_on) {
+        (Some(uncut), true) => (uncut.points, uncut.cells.len() as u32),
+        (None, true) => (0, 0),
+        (_, false) => (material.points.len() as u32, material.cells.len() as u32),
+    };
     let known = stroke.marks.iter().flat_map(|mark| mark.edge).all(|point| point < points)
         && stroke.marks.iter().all(|mark| mark.at > 0.0 && mark.at < 1.0)
         && stroke.separated.iter().all(|&cell| cell < cells);
@@ -544,6 +550,56 @@ fn write_elements<S: Scalar>(
             RestVolume(S::from_f64(share * shape.volume)),
         ));
     }
+}
+
+/// What a body that was cut shows of its material where elements are not whole.
+pub(crate) struct CutFaces {
+    /// Points that cuts made, by their numbers in the material.
+    pub points: Vec<SurfacePoint>,
+    /// Triangles, outward: of rows of the body, and of points from the number of these rows on.
+    pub triangles: Vec<[u32; 3]>,
+    /// Triangles up to here are wounds.
+    pub wounds: usize,
+    /// Rows of elements whose outside this is.
+    pub divided: Vec<bool>,
+}
+
+/// What a body shows where its elements are not whole; `None` before it is cut.
+pub(crate) fn cut_faces(world: &World, body: usize) -> Option<CutFaces> {
+    let own = world.get_resource::<Resection>()?.bodies.get(body)?.as_ref()?;
+    own.material.as_ref()?;
+    let material = material_of(world, body, own);
+    let rows = &world.resource::<Topology>().bodies[body];
+    let first = rows.row_count() as u32;
+    let row = |e: u32| own.element_of[KIND][e as usize];
+    let mut cells = vec![0_u32; material.elements.len()];
+    material.cells.iter().for_each(|cell| cells[cell.element as usize] += 1);
+    let mut divided = vec![false; cells.len()];
+    for (e, cells) in (0..).zip(cells) {
+        divided[row(e) as usize] = cells > 1 || !rows.is_whole(KIND, row(e));
+    }
+    let mut points = vec![SurfacePoint::default(); material.points.len() - rows.mesh_vertices()];
+    let (mut triangles, mut wounds) = (Vec::new(), 0);
+    let mut skin = material.skin();
+    skin.sort_by_key(|(_, _, wound)| !wound);
+    for (face, cell, wound) in skin {
+        let element = &material.elements[material.cells[cell as usize].element as usize];
+        if !divided[row(material.cells[cell as usize].element) as usize] {
+            continue;
+        }
+        wounds += usize::from(wound);
+        let nodes = element.nodes.map(|node| row_of(rows, node));
+        triangles.push(face.map(|point| match point.checked_sub(material.vertices) {
+            // whoever holds a vertex is moved by it
+            None => row_of(rows, point),
+            Some(made) => {
+                let weights = material.points[point as usize].weights_in(element.vertices);
+                points[made as usize] = SurfacePoint { rows: nodes, weights };
+                first + made
+            }
+        }));
+    }
+    Some(CutFaces { points, triangles, wounds, divided })
 }
 
 /// The surface of the material of a body in its present shape.

@@ -39,5 +39,5 @@ pub(crate) use remove::remove_batch;
 pub use remove::{Removal, prepare_removals, remove_elements};
 pub use report::{RemovalError, RemovalReport};
 pub(crate) use request::install;
-pub use request::{RemovalLog, RemovalRequest};
+pub use request::{RemovalLog, RemovalRequest, Requests};
 pub use verify::{FreshDifference, compare_with_fresh};

@@ -40,10 +40,14 @@ pub(crate) fn install<S: Scalar>(world: &mut World) {
     }
     world.init_resource::<RemovalLog>();
     if let Some(mut schedules) = world.get_resource_mut::<Schedules>() {
-        let requests = apply_removal_requests::<S>.in_set(StepSystems::Edit);
+        let requests = apply_removal_requests::<S>.in_set(StepSystems::Edit).in_set(Requests);
         schedules.entry(StepSchedule).add_systems(requests);
     }
 }
+
+/// The system that carries out what was asked for.
+#[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Requests;
 
 fn apply_removal_requests<S: Scalar>(world: &mut World) {
     world.resource_mut::<RemovalLog>().0.clear();

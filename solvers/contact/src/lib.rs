@@ -2,6 +2,7 @@
 //! integrator: integrators ask [`set::ContactSet`] for energies, forces and tangents, as often as they need.
 
 mod beside;
+pub mod edge;
 pub mod field;
 mod install;
 pub mod limits;

@@ -99,6 +99,19 @@ pub(crate) enum Against {
     Faces(std::ops::Range<usize>),
     /// A hand that draws it.
     Hand(Hand),
+    /// The sharp edge of a tool.
+    Edge(EdgeNow),
+}
+
+/// A point of an edge in this step.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct EdgeNow {
+    /// Index into the tools of the step.
+    pub tool: usize,
+    /// The point (m) in the frame of the tool.
+    pub local: DVec3,
+    /// Its place (m) at the start of the step, in substeps of what is left of it; now it is `carried`.
+    pub from: DVec3,
 }
 
 /// A hand that draws a point, in this step.
@@ -355,6 +368,8 @@ impl ContactPoint {
                 let part = &parts[*part];
                 (active.gap, gradient) = part.gap(at, &self.side);
             }
+            // the limit is known, and sides are left free
+            Against::Edge(_) => gradient = DVec3::ZERO,
             Against::Faces(_) => {
                 let Some(near) = near else { return active };
                 (active.gap, gradient) = (near.distance + self.drawn_in, near.normal);
@@ -374,7 +389,7 @@ impl ContactPoint {
         let lambda = self.multiplier.unwrap_or(0.0);
         active.pressure = (lambda - self.k * active.gap).max(0.0);
         active.normal = gradient.normalize_or_zero();
-        if limits != Limits::Keep {
+        if limits != Limits::Keep && !self.is_edge() {
             let pressed = active.pressure > 0.0;
             let pressure = match limits {
                 Limits::Recall => self.memory.pressure,
@@ -434,7 +449,7 @@ impl ContactPoint {
     pub fn stick(&self) -> f64 {
         match self.against {
             Against::Faces(_) => SOFT_STICK * self.k,
-            Against::Part(_) | Against::Hand(_) => self.k,
+            Against::Part(_) | Against::Hand(_) | Against::Edge(_) => self.k,
         }
     }
 
@@ -473,7 +488,7 @@ impl ContactPoint {
     /// Elastic slip (m) after an evaluation: the slip that friction can hold at its limit.
     pub fn kept_slip(&self, active: &Active) -> DVec3 {
         let l = active.slip.length();
-        if self.limit <= 0.0 || (active.pressure <= 0.0 && !self.is_held()) {
+        if self.limit <= 0.0 || (active.pressure <= 0.0 && !self.is_held() && !self.is_edge()) {
             DVec3::ZERO
         } else if self.stick() * l <= self.limit {
             active.slip
@@ -495,6 +510,11 @@ impl ContactPoint {
             return n;
         }
         (n + (AGAINST - cosine) * outward).try_normalize().unwrap_or(-outward)
+    }
+
+    /// Whether an edge holds it.
+    pub fn is_edge(&self) -> bool {
+        matches!(self.against, Against::Edge(_))
     }
 
     /// Whether a grip holds it, whatever the pressure.

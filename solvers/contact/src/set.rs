@@ -2,14 +2,15 @@
 //! kept, and the reports at the end.
 
 use crate::beside::{Beside, Facet, NearFaces, NearFacet, ROUNDING, beside, distance};
+use crate::edge::EdgeState;
 use crate::limits::Limits;
 use crate::pair::{BodyContact, BodyContactReport};
 use crate::point::{
-    Active, Against, ContactPoint, Hand, NO_ROW, PartNow, PointKey, PointMemory, RigidPose, Side,
-    outer,
+    Active, Against, ContactPoint, EdgeNow, Hand, NO_ROW, PartNow, PointKey, PointMemory,
+    RigidPose, Side, outer,
 };
 use crate::pull::{Pull, PullReport};
-use crate::skin::{ContactSkin, EMPTY, corners, face_points, grown, overlap};
+use crate::skin::{ContactSkin, EMPTY, MadePoints, corners, face_points, grown, overlap};
 use crate::tool::{MOST_POINTS, Points, Stiffness, Tool, ToolMotion, ToolPose, ToolReport};
 use bevy_ecs::prelude::*;
 use glam::{DMat3, DVec3};
@@ -66,13 +67,16 @@ pub struct ContactBlocks {
     pub couplings: Vec<Coupling>,
 }
 
+/// Most vertex rows of a point between bodies: those of an element on either side, where both were cut.
+pub const COUPLED: usize = 8;
+
 /// A point of several rows: it adds the blocks `w_a w_b (C + s s^T)`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Coupling {
-    /// Vertex rows.
-    pub rows: [u32; 5],
+    /// Vertex rows, each once.
+    pub rows: [u32; COUPLED],
     /// Their shares, 0 for unused ones.
-    pub weights: [f64; 5],
+    pub weights: [f64; COUPLED],
     /// `C` (N/m).
     pub block: DMat3,
     /// `s`: the normal times the root of the stiffness along it (N/m)^(1/2).
@@ -80,6 +84,20 @@ pub struct Coupling {
 }
 
 impl Coupling {
+    /// Of rows that may come several times; the lowest stands for those that are not used.
+    fn new(used: impl Iterator<Item = (VertexRow, f64)>, block: DMat3, stiff: DVec3) -> Self {
+        let (mut rows, mut weights) = ([u32::MAX; COUPLED], [0.0; COUPLED]);
+        for (row, weight) in used {
+            let known = rows.iter().position(|own| *own == row.0 || *own == u32::MAX);
+            let at = known.unwrap_or(COUPLED - 1);
+            rows[at] = row.0;
+            weights[at] += weight;
+        }
+        let first = rows[0];
+        rows.iter_mut().filter(|row| **row == u32::MAX).for_each(|row| *row = first);
+        Self { rows, weights, block, stiff }
+    }
+
     /// Rows that it uses, with their shares.
     pub fn used(&self) -> impl Iterator<Item = (u32, f64)> + '_ {
         self.rows.iter().copied().zip(self.weights).filter(|(_, weight)| *weight != 0.0)
@@ -189,6 +207,7 @@ impl ContactMemory {
 pub struct ContactSet {
     kept: ContactMemory,
     skins: Vec<KnownSkin>,
+    made: MadePoints,
     /// Surfaces of tools that touch some faces only, by tool and body.
     own_skins: BTreeMap<(Order, usize), KnownSkin>,
     tools: Vec<ToolNow>,
@@ -232,7 +251,7 @@ impl ContactSet {
     }
 
     /// Finds the points that may touch something in the coming step. `x` and `v` are positions (m) and velocities (m/s)
-    /// of vertex rows, `rest` their rest positions. With `limit_ways` a tool whose way through tissue is longer than it
+    /// of vertex rows. With `limit_ways` a tool whose way through tissue is longer than it
     /// is thick does not reach its end: integrators with small steps of their own do not need that.
     ///
     /// # Errors
@@ -240,7 +259,6 @@ impl ContactSet {
     pub fn prepare(
         &mut self,
         world: &mut World,
-        rest: &[DVec3],
         x: &dyn Fn(VertexRow) -> DVec3,
         v: &dyn Fn(VertexRow) -> DVec3,
         limit_ways: bool,
@@ -257,7 +275,8 @@ impl ContactSet {
                 self.limit_ways();
             }
             self.find_tool_points();
-            self.find_pair_points(rest);
+            self.find_edge_points(world);
+            self.find_pair_points();
         }
         self.find_pull_points(world, x);
         self.settled = vec![Settled::default(); self.tools.len() + self.pulls.len()];
@@ -272,8 +291,9 @@ impl ContactSet {
         self.active.resize(self.points.len(), Active::default());
         self.beside.clear();
         self.beside.resize(self.points.len(), None);
+        let made = &self.made;
         for point in &mut self.points {
-            point.start = point.at(x);
+            point.start = point.at(&|row| made.mean(row, x));
         }
         self.set_part(1.0);
         Ok(())
@@ -294,11 +314,12 @@ impl ContactSet {
                 _ => 0.0,
             };
             // vertices of the face on the other side bear at most as much
-            let used = point.rows.iter().zip(point.weights).filter(|(_, w)| *w > 0.0);
-            rows.extend(used.map(|(&row, w)| (row, w * point.area * point.k, w * damping)));
+            let used = self.made.expand(point.rows, point.weights).filter(|(_, w)| *w > 0.0);
+            rows.extend(used.map(|(row, w)| (row, w * point.area * point.k, w * damping)));
             if let Against::Faces(range) = &point.against {
                 let faces = self.faces[range.clone()].iter().flat_map(|face| face.rows);
-                rows.extend(faces.map(|row| (row, point.area * point.k, 0.0)));
+                let faces = faces.flat_map(|of| self.made.rows(of));
+                rows.extend(faces.map(|(row, w)| (row, w * point.area * point.k, 0.0)));
             }
         }
         rows.sort_unstable_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
@@ -349,6 +370,14 @@ impl ContactSet {
                     point.carried = match part {
                         1.0 => hand.to,
                         _ => hand.from + (hand.to - hand.from) * part,
+                    }
+                }
+                Against::Edge(edge) => {
+                    let ToolNow { start, end, .. } = &self.tools[edge.tool];
+                    let pose = start.towards(end, part);
+                    point.carried = pose.position + pose.rotation * edge.local;
+                    if part == 0.0 {
+                        edge.from = point.carried;
                     }
                 }
                 Against::Faces(_) => {}
@@ -426,15 +455,17 @@ impl ContactSet {
         let (moved, same) = self.moved(bodies, x.now);
         let (parts, faces) = (&self.parts, NearFaces { all: &self.faces, moved });
         // a point looks at tens of faces, whose corners others look at too
-        let places = &self.places;
+        let (places, made) = (&self.places, &self.made);
         let place = |row: VertexRow| places[row.index()];
+        let now = |row: VertexRow| made.mean(row, x.now);
+        let start = |row: VertexRow| made.mean(row, x.start);
         let points = self.points[range.clone()].iter_mut();
         let mut sum = 0.0;
         for ((point, active), known) in
             points.zip(&mut self.active[range.clone()]).zip(&mut self.beside[range])
         {
             if !matches!(point.against, Against::Faces(_)) || faces.all.is_empty() {
-                *active = point.evaluate(parts, None, x.now, x.start, limits);
+                *active = point.evaluate(parts, None, &now, &start, limits);
             } else if point.stays_clear(moved, limits) {
                 (*active, *known) = (Active::default(), None);
             } else {
@@ -443,7 +474,7 @@ impl ContactSet {
                     Some(near) if same => near,
                     _ => known.insert(point.beside(faces, &place)),
                 };
-                *active = point.evaluate(parts, near.as_ref(), &place, x.start, limits);
+                *active = point.evaluate(parts, near.as_ref(), &place, &start, limits);
             }
             sum += active.energy;
         }
@@ -459,12 +490,12 @@ impl ContactSet {
         }
         let mut same = true;
         let (mut most, mut edges) = (0.0_f64, [f64::INFINITY, 0.0]);
-        let places = &mut self.places;
+        let (places, made) = (&mut self.places, &self.made);
         for KnownSkin { skin, .. } in &self.skins[bodies.clone()] {
             let last = skin.rows.iter().map(|row| row.index() + 1).max().unwrap_or(0);
             places.resize(places.len().max(last), DVec3::ZERO);
             let ways = skin.rows.iter().zip(&skin.seen).map(|(row, seen)| {
-                let at = x(*row);
+                let at = made.mean(*row, x);
                 same &= std::mem::replace(&mut places[row.index()], at) == at;
                 at.distance(*seen)
             });
@@ -511,12 +542,13 @@ impl ContactSet {
     pub fn learn(&mut self, bodies: &Range<usize>, x: &dyn Fn(VertexRow) -> DVec3, first: bool) {
         let range = self.range(bodies);
         self.rounds.resize(self.active.len(), (Active::default(), DVec3::ZERO));
+        let made = &self.made;
         for (active, (last, place)) in
             self.active[range.clone()].iter_mut().zip(&mut self.rounds[range])
         {
             let place_of = |active: &Active| {
                 let shares = active.rows.iter().zip(active.weights).filter(|(_, w)| *w != 0.0);
-                shares.map(|(row, weight)| weight * x(*row)).sum::<DVec3>()
+                shares.map(|(row, weight)| weight * made.mean(*row, x)).sum::<DVec3>()
             };
             let now = *active;
             if !first && last.pressure > 0.0 && active.pressure > 0.0 {
@@ -554,10 +586,8 @@ impl ContactSet {
     pub fn for_forces(&self, bodies: &Range<usize>, mut f: impl FnMut(usize, DVec3)) {
         for active in self.active[self.range(bodies)].iter().filter(|active| active.on) {
             let force = active.push + active.rub;
-            for (row, weight) in active.rows.iter().zip(active.weights) {
-                if weight != 0.0 {
-                    f(row.index(), weight * force);
-                }
+            for (row, weight) in self.made.expand(active.rows, active.weights) {
+                f(row.index(), weight * force);
             }
         }
     }
@@ -567,8 +597,8 @@ impl ContactSet {
         let mut blocks = ContactBlocks::default();
         for active in self.active[self.range(bodies)].iter().filter(|active| active.on) {
             let Active { rows, weights, block, stiff, .. } = *active;
-            let rows = rows.map(|row| row.0);
-            let coupling = Coupling { rows, weights, block: block - outer(stiff, stiff), stiff };
+            let used = self.made.expand(rows, weights);
+            let coupling = Coupling::new(used, block - outer(stiff, stiff), stiff);
             let mut used = coupling.used();
             match (used.next(), used.next()) {
                 (Some((row, weight)), None) => {
@@ -591,8 +621,8 @@ impl ContactSet {
     ) -> (DVec3, DMat3) {
         let (mut force, mut block) = (DVec3::ZERO, DMat3::ZERO);
         for active in self.active[self.range(bodies)].iter().filter(|active| active.on) {
-            let used = active.rows.iter().zip(active.weights).filter(|(_, w)| *w != 0.0);
-            let share: f64 = used.filter(|(row, _)| inside(**row)).map(|(_, w)| w).sum();
+            let used = self.made.expand(active.rows, active.weights);
+            let share: f64 = used.filter(|(row, _)| inside(*row)).map(|(_, w)| w).sum();
             force += share * (active.push + active.rub);
             block += share * share * active.block;
         }
@@ -688,7 +718,7 @@ impl ContactSet {
     /// while the row stays, at the last evaluation.
     pub fn for_motion(&self, tool: usize, way: DVec3, mut f: impl FnMut(usize, DVec3)) {
         for active in self.touching(tool) {
-            for (row, weight) in active.rows.iter().zip(active.weights).filter(|(_, w)| *w != 0.0) {
+            for (row, weight) in self.made.expand(active.rows, active.weights) {
                 f(row.index(), weight * (active.block * way));
             }
         }
@@ -699,8 +729,8 @@ impl ContactSet {
         let axes = [DVec3::X, DVec3::Y, DVec3::Z];
         let columns = [0, 1, 2].map(|axis| {
             let force = |active: &Active| {
-                let shares = active.rows.iter().zip(active.weights).filter(|(_, w)| *w != 0.0);
-                let way = shares.map(|(row, weight)| weight * ways(axis, *row)).sum::<DVec3>();
+                let shares = self.made.expand(active.rows, active.weights);
+                let way = shares.map(|(row, weight)| weight * ways(axis, row)).sum::<DVec3>();
                 active.block * (way - axes[axis])
             };
             self.touching(tool).map(force).sum::<DVec3>()
@@ -722,8 +752,8 @@ impl ContactSet {
     pub fn rounding(&self, bodies: &Range<usize>, of_row: &dyn Fn(VertexRow) -> f64) -> f64 {
         let range = self.range(bodies);
         let of = |(point, active): (&ContactPoint, &Active)| {
-            let shares = active.rows.iter().zip(active.weights);
-            let own = shares.map(|(&row, w)| if w == 0.0 { 0.0 } else { w.abs() * of_row(row) });
+            let shares = self.made.expand(active.rows, active.weights);
+            let own = shares.map(|(row, w)| w.abs() * of_row(row));
             let centre = match point.against {
                 Against::Part(part) => self.parts[part].now.centre.abs().max_element(),
                 _ => 0.0,
@@ -745,6 +775,7 @@ impl ContactSet {
                     (own.tool, active.at - own.now.carry(active.at, &own.start))
                 }
                 Against::Hand(hand) => (self.tools.len() + hand.pull, point.carried - hand.from),
+                Against::Edge(edge) => (edge.tool, point.carried - edge.from),
                 Against::Faces(_) => {
                     let lost = lost(point, active);
                     *self.kept.dissipated.entry(point.key.owner).or_default() += lost;
@@ -754,17 +785,22 @@ impl ContactSet {
             };
             let own = &mut self.settled[tool];
             own.work += force.dot(way);
-            own.dissipation += lost(point, active);
+            if !point.is_edge() {
+                own.dissipation += lost(point, active);
+            }
         }
         for own in &mut self.parts {
             own.start = own.now;
         }
         self.beside.fill(None);
+        let made = &self.made;
         for (point, active) in self.points.iter_mut().zip(&self.active) {
             point.memory = remember(point, active);
-            point.start = point.at(x);
+            point.start = point.at(&|row| made.mean(row, x));
             match &mut point.against {
                 Against::Hand(hand) => hand.from = point.carried,
+                // what it holds is the same through the step
+                Against::Edge(edge) => edge.from = point.carried,
                 // what is kept of tools is turned with them
                 Against::Part(_) => {}
                 Against::Faces(_) => point.slip = point.memory.slip,
@@ -789,7 +825,7 @@ impl ContactSet {
         self.kept.points.clear();
         for (point, active) in self.points.iter().zip(&self.active) {
             let kept = remember(point, active);
-            if kept != PointMemory::default() {
+            if kept != PointMemory::default() && !point.is_edge() {
                 self.kept.points.push((point.key, kept));
             }
         }
@@ -800,7 +836,7 @@ impl ContactSet {
         self.keep_forces();
         let mut edge_depth = 0.0_f64;
         for (point, active) in self.points.iter().zip(&self.active).filter(|(_, a)| a.on) {
-            if matches!(point.against, Against::Hand(_)) {
+            if matches!(point.against, Against::Hand(_) | Against::Edge(_)) {
                 continue;
             }
             self.figures.points += 1;

@@ -5,16 +5,83 @@ use crate::point::outer;
 use crate::standing::encloses;
 use glam::{DMat3, DVec3};
 use sinew_engine::row::VertexRow;
-use sinew_engine::surface::BodySurface;
+use sinew_engine::surface::{BodySurface, SurfacePoint};
 
 /// Vertices per box of the broad phase. Vertex order is local, so a block is a patch.
 const BLOCK: usize = 64;
 
+/// First number in keys of points that cuts made.
+const MADE: u32 = 1 << 31;
+
+/// Points of surfaces that cuts made: means of vertex rows. They have numbers as rows have, from that of the rows of the world on.
+#[derive(Clone, Debug)]
+pub(crate) struct MadePoints {
+    first: u32,
+    /// Rows of each and their shares.
+    shares: Vec<([VertexRow; 4], [f64; 4])>,
+}
+
+impl Default for MadePoints {
+    fn default() -> Self {
+        Self::none(u32::MAX as usize)
+    }
+}
+
+impl MadePoints {
+    /// None, in a world of so many rows.
+    pub fn none(rows: usize) -> Self {
+        Self { first: rows as u32, shares: Vec::new() }
+    }
+
+    /// Adds those of a body with this first row; the number of the first of them.
+    pub fn push(&mut self, surface: &BodySurface, first: VertexRow) -> u32 {
+        let from = self.first + self.shares.len() as u32;
+        let of = |p: &SurfacePoint| (p.rows.map(|row| VertexRow(row + first.0)), p.weights);
+        self.shares.extend(surface.points.iter().map(of));
+        from
+    }
+
+    /// Rows that a row or point is a mean of, with their shares.
+    pub fn rows(&self, of: VertexRow) -> impl Iterator<Item = (VertexRow, f64)> {
+        let made = of.0.checked_sub(self.first).and_then(|made| self.shares.get(made as usize));
+        let (rows, weights) = made.copied().unwrap_or(([of; 4], [1.0, 0.0, 0.0, 0.0]));
+        rows.into_iter().zip(weights).filter(|(_, weight)| *weight != 0.0)
+    }
+
+    /// Calls `f` with all rows that some rows and points with their shares are means of; one may come several times.
+    pub fn expand<const N: usize>(
+        &self,
+        rows: [VertexRow; N],
+        weights: [f64; N],
+    ) -> impl Iterator<Item = (VertexRow, f64)> {
+        let used = rows.into_iter().zip(weights).filter(|(_, weight)| *weight != 0.0);
+        used.flat_map(|(of, weight)| self.rows(of).map(move |(row, own)| (row, weight * own)))
+    }
+
+    /// A column of rows for rows and points.
+    #[inline]
+    pub fn mean(&self, of: VertexRow, column: &(impl Fn(VertexRow) -> DVec3 + ?Sized)) -> DVec3 {
+        if of.0 < self.first {
+            return column(of);
+        }
+        self.rows(of).map(|(row, weight)| weight * column(row)).sum()
+    }
+}
+
 /// The contact surface of a body, or the part of it that a tool may touch.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct ContactSkin {
-    /// Vertex rows of the world, ascending.
+    /// Vertex rows of the world, and points that cuts made, ascending.
     pub rows: Vec<VertexRow>,
+    /// Rest position (m) of each.
+    pub rest: Vec<DVec3>,
+    /// Number of the first point that a cut could make.
+    first_made: u32,
+    /// Faces up to here were laid open by cuts.
+    wounds: usize,
+    /// Of every vertex of a wound those that are at most two edges away along the surface, itself included, ascending; of others
+    /// none.
+    round_wounds: Vec<Vec<u32>>,
     /// Share of each (m^2, at rest) in the faces round it: the integral of its shape function.
     pub area: Vec<f64>,
     /// Young's modulus (Pa) there.
@@ -49,19 +116,25 @@ pub(crate) struct ContactSkin {
 }
 
 impl ContactSkin {
-    /// Of a body whose first vertex row is `first`; `rest` are the rest positions (m) of all rows. With `only`,
-    /// triangles of world rows, of those of them that belong to the body.
+    /// Of a body whose first vertex row is `first`, and the first point that cuts made `made`; `rest` are the rest positions (m)
+    /// of all rows and such points. With `only`, triangles of world rows, of those of them that belong to the body.
     pub fn new(
         surface: &BodySurface,
-        first: VertexRow,
-        rest: &[DVec3],
+        [first, made]: [u32; 2],
+        rest: &dyn Fn(VertexRow) -> DVec3,
         only: Option<&[[VertexRow; 3]]>,
     ) -> Self {
-        let world = |f: [u32; 4]| f.map(|v| VertexRow(v + first.0));
+        let own_rows = (surface.young_modulus.len() - surface.points.len()) as u32;
+        let in_world = |v: u32| VertexRow(v.checked_sub(own_rows).map_or(v + first, |p| p + made));
+        let in_body = |row: VertexRow| match surface.points.is_empty() || row.0 < made {
+            true => row.0 - first,
+            false => row.0 - made + own_rows,
+        };
+        let world = |f: [u32; 4]| f.map(in_world);
         let mut faces: Vec<Face> = joined(&surface.triangles, surface.halves).map(world).collect();
         let mut solid: Vec<Face> = faces.iter().flat_map(parts_of).collect();
         solid.sort_unstable();
-        let mut sheets = faces.len();
+        let (mut sheets, mut wounds) = (faces.len(), surface.wounds);
         // a membrane that covers a solid is touched as the solid is
         let covers = |part: &Face| solid.binary_search(part).is_ok();
         let bare = |f: &Face| {
@@ -77,18 +150,19 @@ impl ContactSkin {
             let mut wanted: Vec<Face> = only.iter().map(triangle).collect();
             wanted.sort_unstable();
             let keep = |f: &Face| parts_of(f).any(|part| wanted.binary_search(&part).is_ok());
-            sheets = faces[..sheets].iter().filter(|f| keep(f)).count();
+            [wounds, sheets] =
+                [wounds, sheets].map(|n| faces[..n].iter().filter(|f| keep(f)).count());
             faces.retain(keep);
         }
         let mut rows: Vec<VertexRow> = faces.iter().flatten().copied().collect();
         rows.sort_unstable();
         rows.dedup();
-        let mut skin = Self { sheets, ..Self::default() };
+        let mut skin = Self { sheets, wounds, first_made: made, ..Self::default() };
         let place = |row| rows.binary_search(&row).unwrap_or(0) as u32;
         skin.area = vec![0.0; rows.len()];
         let mut length = 0.0;
         for face in &faces {
-            let x = face.map(|row| rest[row.index()]);
+            let x = face.map(rest);
             let corner_area = corner_areas(x);
             let local = face.map(place);
             for (v, share) in local.into_iter().zip(shares(local, corner_area)) {
@@ -100,14 +174,50 @@ impl ContactSkin {
         }
         skin.edge = if faces.is_empty() { 0.0 } else { length / faces.len() as f64 };
         skin.rims = rims(&skin.faces[sheets..]);
-        skin.young = rows
-            .iter()
-            .map(|row| {
-                surface.young_modulus.get((row.0 - first.0) as usize).copied().unwrap_or(0.0)
-            })
-            .collect();
+        let young = |row: &VertexRow| surface.young_modulus.get(in_body(*row) as usize).copied();
+        skin.young = rows.iter().map(|row| young(row).unwrap_or(0.0)).collect();
+        skin.rest = rows.iter().map(|row| rest(*row)).collect();
         skin.rows = rows;
+        if wounds > 0 {
+            skin.round_wounds = skin.rings();
+        }
         skin
+    }
+
+    /// See [`round_wounds`](Self::round_wounds).
+    fn rings(&self) -> Vec<Vec<u32>> {
+        let mut next: Vec<Vec<u32>> = vec![Vec::new(); self.rows.len()];
+        for face in &self.faces {
+            corners(face).iter().for_each(|v| next[*v as usize].extend(corners(face)));
+        }
+        let mut rings = vec![Vec::new(); self.rows.len()];
+        for &v in self.faces[..self.wounds].iter().flatten() {
+            let ring: &mut Vec<u32> = &mut rings[v as usize];
+            if ring.is_empty() {
+                ring.extend(next[v as usize].iter().flat_map(|w| &next[*w as usize]));
+                ring.sort_unstable();
+                ring.dedup();
+            }
+        }
+        rings
+    }
+
+    /// What stands in keys for a row or a point that a cut made: the same whatever is cut later.
+    pub fn key(&self, row: VertexRow) -> VertexRow {
+        VertexRow(row.0.checked_sub(self.first_made).map_or(row.0, |made| MADE + made))
+    }
+
+    /// Whether a vertex cannot touch a face since it is near at rest. Of the two sides of a wound it can, unless it is near along the surface.
+    pub fn near_at_rest(&self, vertex: usize, face: usize) -> bool {
+        let here = self.rest[vertex];
+        let is_near = |v: &u32| {
+            *v as usize == vertex || self.rest[*v as usize].distance(here) < 2.0 * self.edge
+        };
+        let own = corners(&self.faces[face]);
+        let round =
+            self.round_wounds.get(vertex).filter(|round| face < self.wounds && !round.is_empty());
+        let along = |round: &Vec<u32>| own.iter().any(|v| round.binary_search(v).is_ok());
+        own.iter().any(is_near) && round.is_none_or(along)
     }
 
     /// Takes the places (m) at the start of a step of `dt` (s), and velocities (m/s), of all rows.
@@ -507,14 +617,19 @@ mod tests {
             sheets: vec![[2, 1, 0], [0, 1, 4]],
             sheet_halves: 2,
             young_modulus: vec![1.0; 5],
+            ..BodySurface::default()
         };
-        let skin = ContactSkin::new(&surface, VertexRow(0), &rest, None);
+        let skin = ContactSkin::new(&surface, [0, 9], &|row| rest[row.index()], None);
         assert_eq!((skin.faces.len(), skin.sheets), (3, 2));
         let total: f64 = skin.area.iter().sum();
         let of_faces: f64 = skin.corner_area.iter().map(|area| area[0]).sum();
         assert!((total - of_faces).abs() < 1e-15);
-        let only =
-            ContactSkin::new(&surface, VertexRow(0), &rest, Some(&[[2, 3, 1].map(VertexRow)]));
+        let only = ContactSkin::new(
+            &surface,
+            [0, 9],
+            &|row| rest[row.index()],
+            Some(&[[2, 3, 1].map(VertexRow)]),
+        );
         assert_eq!((only.rows.len(), only.faces.len(), only.sheets), (3, 1, 1));
         assert!((only.area[0] - 1.0 / 6.0).abs() < 1e-15);
     }
@@ -528,7 +643,7 @@ mod tests {
             young_modulus: vec![1.0; 5],
             ..BodySurface::default()
         };
-        let mut skin = ContactSkin::new(&surface, VertexRow(0), &rest, None);
+        let mut skin = ContactSkin::new(&surface, [0, 9], &|row| rest[row.index()], None);
         skin.refit(0.0, &|row| rest[row.index()], &|_| DVec3::ZERO);
         let up: Vec<f64> = (0..3).map(|face| skin.area_normal(face).z).collect();
         assert_eq!(up, [0.5; 3]);
@@ -548,9 +663,15 @@ mod tests {
                 sheets,
                 sheet_halves,
                 young_modulus: vec![1.0; 4],
+                ..BodySurface::default()
             };
             let only = only.map(|t| [t.map(VertexRow)]);
-            ContactSkin::new(&surface, VertexRow(0), &rest, only.as_ref().map(|o| &o[..]))
+            ContactSkin::new(
+                &surface,
+                [0, 9],
+                &|row| rest[row.index()],
+                only.as_ref().map(|o| &o[..]),
+            )
         };
         let alone = skin(vec![], 0, None);
         assert_eq!(alone.faces, [[0, 1, 2, 3]]);

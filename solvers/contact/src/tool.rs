@@ -1,5 +1,6 @@
 //! Tools: rigid shapes that press, drag and grasp bodies, their motion, and what they report.
 
+use crate::edge::{Edge, EdgeReport, EdgeState};
 use crate::shape::Shape;
 use bevy_ecs::prelude::*;
 use glam::{DMat3, DQuat, DVec3};
@@ -212,12 +213,14 @@ pub fn friction_problem(coefficient: f64) -> Option<String> {
 /// A tool: an entity that touches the bodies of its world. Its pose comes from its motion; it never feels forces, it
 /// reports them.
 #[derive(Component, Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[require(ToolReport, Order)]
+#[require(ToolReport, EdgeState, Order)]
 pub struct Tool {
     /// Name for reports and probes.
     pub name: String,
-    /// Its rigid parts.
+    /// Its rigid parts; a tool with an edge needs none.
     pub parts: Vec<Part>,
+    /// Its sharp edge, which cuts what it goes through.
+    pub edge: Option<Edge>,
     /// Hinge of its jaws.
     pub hinge: Hinge,
     /// Where it stands at first.
@@ -283,6 +286,7 @@ impl Tool {
         Self {
             name: name.into(),
             parts,
+            edge: None,
             hinge: Hinge::default(),
             start,
             motion: ToolMotion::Follow,
@@ -317,6 +321,18 @@ impl Tool {
     pub fn cavity(name: impl Into<String>, shape: Shape, position: DVec3) -> Self {
         let part = Part { cavity: true, ..shape.into() };
         Self::of_parts(name, vec![part], position.into())
+    }
+
+    /// A blade without thickness at `position` (m): an edge alone, whose sides touch nothing.
+    pub fn blade(name: impl Into<String>, edge: Edge, position: DVec3) -> Self {
+        Self::of_parts(name, Vec::new(), position.into()).with_edge(edge)
+    }
+
+    /// With a sharp edge.
+    #[must_use]
+    pub fn with_edge(mut self, edge: Edge) -> Self {
+        self.edge = Some(edge);
+        self
     }
 
     /// With a coefficient of friction.
@@ -389,8 +405,11 @@ impl Tool {
 
     /// The error in it in a world of `rows` vertices, if there is one.
     pub fn problem(&self, rows: usize) -> Option<String> {
-        if self.parts.is_empty() {
-            return Some("it has no parts".into());
+        if self.parts.is_empty() && self.edge.is_none() {
+            return Some("it has no parts and no edge".into());
+        }
+        if let Some(problem) = self.edge.as_ref().and_then(Edge::problem) {
+            return Some(problem);
         }
         for (i, part) in self.parts.iter().enumerate() {
             let of = |problem: String| {
@@ -549,6 +568,8 @@ pub struct ToolReport {
     pub local_stiffness: Option<DMat3>,
     /// Whether the step that these forces are of did not converge: they are not to be relied on.
     pub unconverged: bool,
+    /// What its edge has cut since it came.
+    pub cut: EdgeReport,
     /// Forces on each part, in their order; empty for a tool of one part.
     pub parts: Vec<PartReport>,
 }

@@ -122,7 +122,7 @@ fn prepare<S: Scalar>(
 ) -> Result<(), StepError> {
     let x = position(&scratch.rest, &scratch.node.u);
     let v = |row: VertexRow| vector(&scratch.node.v[row.index()]);
-    contact.prepare(world, &scratch.rest, &x, &v, true)?;
+    contact.prepare(world, &x, &v, true)?;
     settings.integrator.check_contact(contact)
 }
 

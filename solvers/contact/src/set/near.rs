@@ -114,24 +114,6 @@ impl ContactSet {
         if versions.iter().enumerate().all(known) {
             return Ok(());
         }
-        let touched = |body: usize| {
-            let pair = self.pairs.iter().find(|pair| pair.of.bodies.contains(&body));
-            pair.map(|pair| &pair.of.name).or(self.tools.first().map(|tool| &tool.name))
-        };
-        let cut =
-            topology.bodies.iter().enumerate().filter(|(_, own)| !own.copies.sources.is_empty());
-        for (body, own) in cut {
-            if let Some(name) = touched(body) {
-                return Err(StepError::InvalidContact {
-                    name: name.clone(),
-                    problem: format!(
-                        "body `{}` was cut, and wounds have no contact: take tools and its contacts away, or \
-                         remove elements in place of cuts",
-                        own.name
-                    ),
-                });
-            }
-        }
         // new faces may be nearer than those that went
         self.kept.pairs.values_mut().for_each(|state| state.clear = 0.0);
         let mut rest = world.query::<&RestPosition>();
@@ -140,12 +122,23 @@ impl ContactSet {
             return Ok(());
         };
         self.skins.resize_with(versions.len(), KnownSkin::default);
+        // a cut gives the points of all bodies other numbers
+        let is_cut =
+            world.resource::<Topology>().bodies.iter().any(|own| !own.copies.sources.is_empty());
+        let mut made = MadePoints::none(rest.len());
         for (body, version) in versions.into_iter().enumerate() {
-            let first = VertexRow(world.resource::<Topology>().bodies[body].vertices.start);
+            let first = world.resource::<Topology>().bodies[body].vertices.start;
             let mut surface = None;
-            if self.skins[body].version != version {
+            let mut from = u32::MAX;
+            if is_cut || self.skins[body].version != version {
                 let read = read(world, body);
-                let skin = ContactSkin::new(&read, first, &rest, None);
+                from = if read.points.is_empty() {
+                    u32::MAX
+                } else {
+                    made.push(&read, VertexRow(first))
+                };
+                let at_rest = |row| made.mean(row, &|row: VertexRow| rest[row.index()]);
+                let skin = ContactSkin::new(&read, [first, from], &at_rest, None);
                 // a body whose last face was removed is touched no more
                 let own = &world.resource::<Topology>().bodies[body];
                 let pair = self.pairs.iter().find(|n| n.of.bodies.contains(&body));
@@ -169,11 +162,13 @@ impl ContactSet {
                 if own.version != version {
                     let surface = surface.get_or_insert_with(|| read(world, body));
                     let faces = now.tool.faces.as_deref();
-                    *own =
-                        KnownSkin { version, skin: ContactSkin::new(surface, first, &rest, faces) };
+                    let at_rest = |row| made.mean(row, &|row: VertexRow| rest[row.index()]);
+                    let skin = ContactSkin::new(surface, [first, from], &at_rest, faces);
+                    *own = KnownSkin { version, skin };
                 }
             }
         }
+        self.made = made;
         Ok(())
     }
 
@@ -186,14 +181,17 @@ impl ContactSet {
         v: &dyn Fn(VertexRow) -> DVec3,
     ) -> Result<(), StepError> {
         self.know(world)?;
+        let made = &self.made;
         let own = self.own_skins.values_mut();
         for known in self.skins.iter_mut().chain(own) {
-            known.skin.refit(dt, x, v);
+            known.skin.refit(dt, &|row| made.mean(row, x), &|row| made.mean(row, v));
         }
         let mut fixed = world.query::<&FixedAxes>();
         if let Some(fixed) = single_table(fixed.contiguous_iter(world)) {
             for known in &mut self.skins {
-                let held = |row: &VertexRow| fixed[row.index()] == FixedAxes::ALL;
+                let held = |of: &VertexRow| {
+                    made.rows(*of).all(|(row, _)| fixed[row.index()] == FixedAxes::ALL)
+                };
                 known.skin.held = !known.skin.rows.is_empty() && known.skin.rows.iter().all(held);
             }
         }

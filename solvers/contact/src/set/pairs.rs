@@ -30,7 +30,7 @@ struct Reached {
 
 impl ContactSet {
     /// Points of bodies that may touch other bodies.
-    pub(super) fn find_pair_points(&mut self, rest: &[DVec3]) {
+    pub(super) fn find_pair_points(&mut self) {
         for now in &self.pairs {
             // what is solid tells the sides of membranes
             let [a, b] = now.of.bodies;
@@ -60,7 +60,7 @@ impl ContactSet {
             for (direction, &[from, to]) in (0..).zip(directions) {
                 let out = if direction == 0 { state.out } else { -state.out };
                 let own = (direction, PairState { out, ..*state });
-                let found = self.collect_pair(now, own, [from, to], rest, &mut points, &mut faces);
+                let found = self.collect_pair(now, own, [from, to], &mut points, &mut faces);
                 (buried, state.clear) = (buried + found.0, found.1);
             }
         }
@@ -115,7 +115,6 @@ impl ContactSet {
         now: &Now<BodyContact>,
         (direction, state): (u32, PairState),
         [from, to]: [usize; 2],
-        rest: &[DVec3],
         points: &mut Vec<ContactPoint>,
         faces: &mut Vec<NearFacet>,
     ) -> (u32, f64) {
@@ -175,14 +174,7 @@ impl ContactSet {
         let (mut places, mut reached) = (Vec::new(), Vec::new());
         for i in near {
             let (at, row) = (own.at[i], own.rows[i]);
-            let near_at_rest = |facet: &[u32; 4]| {
-                let here = rest[row.index()];
-                let near = |v: &u32| {
-                    let other = other.rows[*v as usize];
-                    other == row || rest[other.index()].distance(here) < 2.0 * own.edge
-                };
-                from == to && facet.iter().any(near)
-            };
+            let near_at_rest = |face: usize| from == to && own.near_at_rest(i, face);
             // of a body that touches itself, what a point is deep behind is the far side of the body
             let behind = if from == to { DEEP * own.edge } else { f64::INFINITY };
             let way = own_ways[i] + state.drawn_in;
@@ -204,7 +196,7 @@ impl ContactSet {
             if reached.is_empty() {
                 continue;
             }
-            let key = PointKey::of_vertex(from as u32, now.id, direction, row);
+            let key = PointKey::of_vertex(from as u32, now.id, direction, own.key(row));
             let mut memory = self.remembered(&key);
             let (first, mut distance) = (faces.len(), 0.0);
             let some = from == to || state.drawn_in > 0.0;
@@ -391,7 +383,7 @@ impl Bins {
         skin: &ContactSkin,
         at: DVec3,
         [way, margin, behind]: [f64; 3],
-        left_out: impl Fn(&[u32; 4]) -> bool,
+        left_out: impl Fn(usize) -> bool,
         places: &mut Vec<u32>,
         reached: &mut Vec<Reached>,
     ) -> f64 {
@@ -409,7 +401,7 @@ impl Bins {
         let x = |row: VertexRow| skin.at[row.index()];
         for &place in &*places {
             let (face, bounds) = self.faces[place as usize];
-            if !overlap(&grown(bounds, far), &[at; 2]) || left_out(&skin.faces[face]) {
+            if !overlap(&grown(bounds, far), &[at; 2]) || left_out(face) {
                 continue;
             }
             for facet in skin.facets(face) {

@@ -181,6 +181,7 @@ impl ContactSet {
                     continue;
                 }
                 let rows = local.map(|v| skin.rows[v as usize]);
+                let keys = rows.map(|row| skin.key(row));
                 let outward = skin.outward(face);
                 let young = skin.mean(&skin.young, face);
                 let places = &places[usize::from(used.len() == 4)];
@@ -190,7 +191,7 @@ impl ContactSet {
                     if gap <= slack + way {
                         least = least.min(gap);
                         let area = skin.part_area(face, weights) / places.len() as f64;
-                        let id = ([rows[0], rows[1], rows[2]], number);
+                        let id = ([keys[0], keys[1], keys[2]], number);
                         points.push(point(id, (rows, *weights), outward, [area, young]));
                     }
                 }
@@ -202,7 +203,7 @@ impl ContactSet {
                 if gap <= slack + skin.way[i] {
                     least = least.min(gap);
                     let row = skin.rows[i];
-                    let id = ([row, NO_ROW, NO_ROW], 0);
+                    let id = ([skin.key(row), NO_ROW, NO_ROW], 0);
                     let numbers = [skin.area[i], skin.young[i]];
                     let outward = skin.normals.get(i).copied().unwrap_or_default();
                     points.push(point(id, alone(row), outward, numbers));
@@ -210,6 +211,45 @@ impl ContactSet {
             });
         }
         least
+    }
+
+    /// Points that edges hold.
+    fn edges(&self, world: &World) -> Vec<ContactPoint> {
+        let mut points = Vec::new();
+        for (index, now) in self.tools.iter().enumerate() {
+            let state = world.get::<EdgeState>(now.entity);
+            let (Some(edge), Some(state)) = (&now.tool.edge, state) else { continue };
+            let Some([_, across]) = edge.across() else { continue };
+            let segments = state.points.len().saturating_sub(1) as u32;
+            for (number, own) in state.points.iter().enumerate() {
+                let width = 0.5 * own.width;
+                let local = edge.point(number as u32, segments);
+                let from = now.start.position + now.start.rotation * local;
+                for (side, hold) in (0..).zip(own.holds.iter().flatten()) {
+                    let key = PointKey {
+                        body: hold.body as u32,
+                        owner: now.id,
+                        part: u32::MAX,
+                        rows: [NO_ROW; 3],
+                        number: 2 * number as u32 + side,
+                    };
+                    let against = Against::Edge(EdgeNow { tool: index, local, from });
+                    let rows = (hold.rows, hold.weights);
+                    points.push(ContactPoint {
+                        limit: own.limit,
+                        normal: now.end.rotation * across,
+                        ..ContactPoint::new(key, against, rows, width, state.stiffness)
+                    });
+                }
+            }
+        }
+        points
+    }
+
+    /// Points that edges hold.
+    pub(super) fn find_edge_points(&mut self, world: &World) {
+        let mut points = self.edges(world);
+        self.points.append(&mut points);
     }
 
     /// Points of patches that hands pull on.

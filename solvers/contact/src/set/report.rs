@@ -36,8 +36,7 @@ impl ContactSet {
         let mut pressures: Vec<(VertexRow, f64)> = Vec::new();
         for (point, active) in self.points.iter().zip(&self.active).filter(|(_, a)| a.on) {
             let force = active.push + active.rub;
-            for (&row, weight) in active.rows.iter().zip(active.weights).filter(|(_, w)| *w != 0.0)
-            {
+            for (row, weight) in self.made.expand(active.rows, active.weights) {
                 forces.push((row, weight * force));
                 if active.pressure > 0.0 && !matches!(point.against, Against::Hand(_)) {
                     let area = self.vertex_area(row);
@@ -101,6 +100,9 @@ impl ContactSet {
                 if let Some(mut tool) = entity.get_mut::<Tool>() {
                     tool.placed = false;
                 }
+                if let Some(state) = entity.get::<EdgeState>() {
+                    report.cut = state.report;
+                }
                 entity.insert(report);
             }
         }
@@ -135,11 +137,24 @@ impl ContactSet {
             report.drawn_in = report.drawn_in.max(part.drawn_in);
         }
         for (point, active) in self.points.iter().zip(&self.active).filter(|(_, a)| a.on) {
+            let force = -(active.push + active.rub);
+            if let Against::Edge(edge) = point.against
+                && edge.tool == index
+            {
+                report.force += force;
+                report.torque += (point.carried - now.end.position).cross(force);
+                report.work -= force.dot(point.carried - edge.from);
+                report.energy += stored(point, active);
+                report.dissipation += lost(point, active);
+                report.unconverged = self.figures.missed;
+                weight += force.length();
+                centre += force.length() * point.carried;
+                continue;
+            }
             let Against::Part(part) = point.against else { continue };
             if !now.parts.contains(&part) {
                 continue;
             }
-            let force = -(active.push + active.rub);
             report.force += force;
             report.normal -= active.push;
             report.friction -= active.rub;
@@ -204,9 +219,11 @@ impl ContactSet {
                 };
                 let mut points = Vec::new();
                 self.collect(index, part, body, other, &mut points);
+                let made = &self.made;
+                let (now, start) = (|row| made.mean(row, x.now), |row| made.mean(row, x.start));
                 for mut point in points {
                     point.friction = 0.0;
-                    let active = point.evaluate(&self.parts, None, x.now, x.start, Limits::Take);
+                    let active = point.evaluate(&self.parts, None, &now, &start, Limits::Take);
                     force -= active.push;
                 }
             }
@@ -220,7 +237,8 @@ impl ContactSet {
             if let Some(state) = self.kept.pairs.get_mut(&now.id) {
                 state.drawn_in = grown_again(state.drawn_in, dt, edges[0].min(edges[1]));
                 if state.clear > 0.0 {
-                    state.clear -= 2.0 * self.skins[now.of.bodies[0]].skin.largest_way(x.now);
+                    let now_at = |row| self.made.mean(row, x.now);
+                    state.clear -= 2.0 * self.skins[now.of.bodies[0]].skin.largest_way(&now_at);
                 }
             }
             let mut report = BodyContactReport::default();

@@ -1,0 +1,400 @@
+//! Blades that move through bodies that move: what they cross from step to step.
+
+use bevy_ecs::prelude::*;
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+use sinew_engine::columns::single_table;
+use sinew_engine::row::VertexRow;
+use sinew_engine::scalar::Scalar;
+use sinew_engine::topology::Topology;
+use sinew_engine::vertex::{Displacement, RestPosition};
+use std::collections::BTreeMap;
+
+use super::material::{BladeMove, Cell, Material, Progress, Uncut};
+use super::{CutError, CutReport, material_of, open, prepared, rest_of, row_of};
+
+/// What strokes of blades through bodies have decided, and where bodies were when blades were last looked at.
+#[derive(Resource, Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct StrokeMemory {
+    bodies: BTreeMap<usize, BodyStroke>,
+}
+
+impl StrokeMemory {
+    /// Whether it can belong to a world of so many bodies.
+    pub fn fits(&self, bodies: usize) -> bool {
+        self.bodies.keys().all(|body| *body < bodies)
+    }
+}
+
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+struct BodyStroke {
+    /// None before a blade crosses an edge.
+    progress: Option<Progress>,
+    /// Places (m) of its rows at the last look.
+    places: Vec<DVec3>,
+}
+
+/// A straight part of the edge of a blade, from the last look to now.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct EdgeMove {
+    /// Its ends (m) then.
+    pub before: [DVec3; 2],
+    /// Its ends (m) now.
+    pub after: [DVec3; 2],
+}
+
+/// The material of a body, looked at.
+#[derive(Clone, Debug, Default)]
+pub struct BladeView {
+    /// Of what changes of the body it was made.
+    changes: Option<u64>,
+    material: Material,
+    uncut: Uncut,
+    /// A cell that has each point that no vertex is, of the uncut material.
+    holders: Vec<u32>,
+    /// Mean edge (m) at rest.
+    pub edge: f64,
+    /// Places (m) of the rows of the body.
+    places: Vec<DVec3>,
+    /// First row of the body, and rows from that on of its vertices and ghosts.
+    first: u32,
+    rows: Vec<u32>,
+    /// Cells in focus, with the places (m) of their corners.
+    focus: Vec<(u32, [DVec3; 4])>,
+}
+
+/// Views of bodies by their index: they follow from the bodies, and are kept since they are costly.
+#[derive(Resource, Clone, Debug, Default)]
+pub struct BladeViews(BTreeMap<usize, BladeView>);
+
+/// Looks at a body that can be cut, as it is now.
+///
+/// # Errors
+/// When it cannot be cut.
+pub fn view<S: Scalar>(world: &mut World, body: usize) -> Result<BladeView, CutError> {
+    let changes = world.resource::<Topology>().bodies.get(body).map(|rows| rows.changes);
+    let mut views = world.remove_resource::<BladeViews>().unwrap_or_default();
+    let known = views.0.remove(&body).filter(|view| view.changes == changes);
+    world.insert_resource(views);
+    let mut view = match known {
+        Some(view) => view,
+        None => BladeView::new(world, body)?,
+    };
+    view.places = places::<S>(world, body);
+    Ok(view)
+}
+
+/// Keeps a view for the next look.
+pub fn keep_view(world: &mut World, body: usize, view: BladeView) {
+    world.get_resource_or_init::<BladeViews>().0.insert(body, view);
+}
+
+/// Forgets what strokes through a body have decided: no blade is near.
+pub fn end_stroke(world: &mut World, body: usize) {
+    if let Some(mut memory) = world.get_resource_mut::<StrokeMemory>() {
+        memory.bodies.remove(&body);
+    }
+}
+
+/// Places (m) of all rows of a body, spare ones included.
+fn places<S: Scalar>(world: &mut World, body: usize) -> Vec<DVec3> {
+    let mut query = world.query::<(&RestPosition, &Displacement<S>)>();
+    let rows = world.resource::<Topology>().bodies[body].vertices.clone();
+    let Some((rest, u)) = single_table(query.contiguous_iter(world)) else { return Vec::new() };
+    (rows.start as usize..rows.end as usize).map(|row| rest[row].0 + u[row].get()).collect()
+}
+
+/// Box (m) round the vertices of a body now.
+pub fn hull<S: Scalar>(world: &mut World, body: usize) -> [DVec3; 2] {
+    let at = places::<S>(world, body);
+    let used = world.resource::<Topology>().bodies[body].vertex_order.len();
+    let own = at.iter().take(used).copied();
+    let low = own.clone().fold(DVec3::INFINITY, DVec3::min);
+    [low, own.fold(DVec3::NEG_INFINITY, DVec3::max)]
+}
+
+impl BladeView {
+    fn new(world: &mut World, body: usize) -> Result<Self, CutError> {
+        let resection = prepared(world, body)?;
+        let own = resection.bodies[body].as_ref().expect("it was prepared");
+        let material = material_of(world, body, own);
+        world.insert_resource(resection);
+        let rows = &world.resource::<Topology>().bodies[body];
+        let changes = Some(rows.changes);
+        let nodes = 0..(rows.mesh_vertices() + material.ghosts.len()) as u32;
+        let (first, rows) = (rows.vertices.start, nodes.map(|node| row_of(rows, node)).collect());
+        let goes_on = world
+            .get_resource::<StrokeMemory>()
+            .and_then(|memory| memory.bodies.get(&body)?.progress.as_ref());
+        let uncut = match (&material.uncut, goes_on) {
+            (Some(uncut), Some(progress)) if progress.has_opened() && uncut.fits(progress) => {
+                (**uncut).clone()
+            }
+            _ => Uncut::new(&material),
+        };
+        let mut holders = vec![0; (uncut.points - material.vertices) as usize];
+        for (number, cell) in (0..).zip(&material.cells) {
+            for &p in cell.corners.iter().filter(|&&p| p >= material.vertices && p < uncut.points) {
+                holders[(p - material.vertices) as usize] = number;
+            }
+        }
+        let (edge, places) = (0.0, Vec::new());
+        let focus = Vec::new();
+        let mut view = Self { changes, material, uncut, holders, edge, places, first, rows, focus };
+        let rest = rest_of(world, &world.resource::<Topology>().bodies[body].clone());
+        view.edge = view.mean_edge(&|vertex| rest[view.rows[vertex as usize] as usize]);
+        Ok(view)
+    }
+
+    fn node(&self, node: u32, at: &[DVec3]) -> DVec3 {
+        at[self.rows[node as usize] as usize]
+    }
+
+    fn mean_edge(&self, rest: &dyn Fn(u32) -> DVec3) -> f64 {
+        let own = self.uncut.edges.iter().filter(|edge| edge[1] < self.material.vertices);
+        let lengths = own.map(|&[a, b]| rest(a).distance(rest(b)));
+        let (sum, count) = lengths.fold((0.0, 0.0), |(sum, count), own| (sum + own, count + 1.0));
+        if count > 0.0 { sum / count } else { 0.0 }
+    }
+
+    /// Place (m) of a point of the uncut material.
+    fn place(&self, point: u32, at: &[DVec3]) -> DVec3 {
+        // whoever holds a vertex is moved by it
+        match point.checked_sub(self.material.vertices) {
+            None => self.node(point, at),
+            Some(made) => {
+                let cell = &self.material.cells[self.holders[made as usize] as usize];
+                self.material.place(cell, point, &|node| self.node(node, at))
+            }
+        }
+    }
+
+    /// Looks at what is in a box (m).
+    pub fn focus(&mut self, [low, high]: [DVec3; 2]) {
+        let place = |cell: &Cell, p| self.material.place(cell, p, &|n| self.node(n, &self.places));
+        let cells = (0..).zip(&self.material.cells);
+        let cells = cells.map(|(number, cell)| (number, cell.corners.map(|p| place(cell, p))));
+        let inside = |(_, x): &(u32, [DVec3; 4])| {
+            let [least, most] = bounds(*x);
+            least.cmple(high).all() && low.cmple(most).all()
+        };
+        self.focus = cells.filter(inside).collect();
+    }
+
+    /// The element in focus whose material has a place (m), and the shares of its vertices there: they add up to 1 and give that place.
+    /// `hint` is a place beside it that tells the side of a wound.
+    pub fn locate(&self, at: DVec3, hint: DVec3) -> Option<([VertexRow; 4], [f64; 4])> {
+        let (found, _) = self.focus.iter().find(|(_, x)| {
+            let [low, high] = bounds(*x);
+            hint.cmpge(low).all()
+                && hint.cmple(high).all()
+                && shares(*x, hint).is_some_and(|own| own.iter().all(|share| *share >= -1e-9))
+        })?;
+        let cell = &self.material.cells[*found as usize];
+        let nodes = self.material.elements[cell.element as usize].nodes;
+        let rows = nodes.map(|node| VertexRow(self.first + self.rows[node as usize]));
+        Some((rows, shares(nodes.map(|node| self.node(node, &self.places)), at)?))
+    }
+
+    /// Place (m) of a mean of rows of the body.
+    pub fn at(&self, rows: [VertexRow; 4], weights: [f64; 4]) -> DVec3 {
+        let place = |row: VertexRow| self.places[(row.0 - self.first) as usize];
+        rows.into_iter().zip(weights).map(|(row, w)| w * place(row)).sum()
+    }
+}
+
+fn bounds([a, b, c, d]: [DVec3; 4]) -> [DVec3; 2] {
+    [a.min(b).min(c).min(d), a.max(b).max(c).max(d)]
+}
+
+/// Barycentric coordinates of a place in a tetrahedron.
+fn shares([a, b, c, d]: [DVec3; 4], x: DVec3) -> Option<[f64; 4]> {
+    let edges = glam::DMat3::from_cols(b - a, c - a, d - a);
+    let own = edges.inverse() * (x - a);
+    own.is_finite().then(|| [1.0 - own.x - own.y - own.z, own.x, own.y, own.z])
+}
+
+/// Cuts a body by what parts of edges crossed since the last look, while the body moved, too. `None` where nothing fell apart. No
+/// edge of a body that blades have not been near is crossed at the first look.
+///
+/// # Errors
+/// When the body cannot be cut, or has too few spare vertices; nothing is changed then.
+pub fn sweep<S: Scalar>(
+    world: &mut World,
+    body: usize,
+    view: &BladeView,
+    moves: &[EdgeMove],
+) -> Result<Option<CutReport>, CutError> {
+    let mut memory = world.remove_resource::<StrokeMemory>().unwrap_or_default();
+    let own = memory.bodies.entry(body).or_default();
+    let cut = own.advance::<S>(world, body, view, moves);
+    if cut.is_ok() {
+        own.places = places::<S>(world, body);
+    }
+    world.insert_resource(memory);
+    cut
+}
+
+impl BodyStroke {
+    fn advance<S: Scalar>(
+        &mut self,
+        world: &mut World,
+        body: usize,
+        view: &BladeView,
+        moves: &[EdgeMove],
+    ) -> Result<Option<CutReport>, CutError> {
+        if self.places.len() != view.places.len() {
+            return Ok(None);
+        }
+        let point = |p: u32| [view.place(p, &self.places), view.place(p, &view.places)];
+        let all = moves.iter().flat_map(|own| own.before.into_iter().chain(own.after));
+        let low = all.clone().fold(DVec3::INFINITY, DVec3::min);
+        let high = all.fold(DVec3::NEG_INFINITY, DVec3::max);
+        let near: Vec<(u32, [[DVec3; 2]; 2])> = (0..)
+            .zip(&view.uncut.edges)
+            .map(|(e, edge)| (e, edge.map(point)))
+            .filter(|(_, [a, b])| {
+                let least = a[0].min(a[1]).min(b[0]).min(b[1]);
+                let most = a[0].max(a[1]).max(b[0]).max(b[1]);
+                least.cmple(high).all() && low.cmple(most).all()
+            })
+            .collect();
+        if near.is_empty() {
+            self.progress = None;
+            return Ok(None);
+        }
+        let mut progress = match &self.progress {
+            Some(progress) if view.uncut.fits(progress) => progress.clone(),
+            _ => view.uncut.begin(),
+        };
+        let goes_on = progress.has_opened();
+        let mut separated = Vec::new();
+        let place = |p: u32| view.place(p, &view.places);
+        for own in moves.iter().filter(|own| own.after[0] != own.after[1]) {
+            let cross = |(e, ends): &(u32, [[DVec3; 2]; 2])| Some((*e, crossing(ends, own)?));
+            let crossed: Vec<(u32, f64)> = near.iter().filter_map(cross).collect();
+            let mean = |ends: [DVec3; 2]| 0.5 * (ends[0] + ends[1]);
+            let blade = mean(own.after) - mean(own.before);
+            let way = |corners: [u32; 4]| {
+                let ways = corners.map(point).map(|[before, after]| after - before);
+                blade - ways.into_iter().sum::<DVec3>() / 4.0
+            };
+            let along = own.after[1] - own.after[0];
+            let (on, way, again) = (own.after[0], &way, false);
+            let to = BladeMove { crossed, place: &place, on, along, way, again };
+            separated.extend(view.uncut.advance(&mut progress, &to));
+        }
+        separated.sort_unstable();
+        let mut report = None;
+        if !separated.is_empty() {
+            let stroke = view.uncut.stroke(&mut progress, separated, goes_on);
+            let mut resection = prepared(world, body)?;
+            let own = resection.bodies[body].as_ref().expect("it was prepared");
+            let material = material_of(world, body, own);
+            let opened = open::<S>(world, body, &mut resection, (material, &stroke));
+            world.insert_resource(resection);
+            report = Some(opened?);
+        }
+        self.progress = Some(progress);
+        Ok(report)
+    }
+}
+
+/// Where on an edge of the material, by its ends before and after, a part of a blade crosses it first.
+fn crossing([a, b]: &[[DVec3; 2]; 2], blade: &EdgeMove) -> Option<f64> {
+    let ([p0, q0], [p1, q1]) = (blade.before, blade.after);
+    // everything relative to the first end of the blade, and linear in time
+    let u = [a[0] - p0, (a[1] - p1) - (a[0] - p0)];
+    let v = [b[0] - a[0], (b[1] - a[1]) - (b[0] - a[0])];
+    let w = [q0 - p0, (q1 - p1) - (q0 - p0)];
+    // u . (v x w), a cubic
+    let cross = [v[0].cross(w[0]), v[0].cross(w[1]) + v[1].cross(w[0]), v[1].cross(w[1])];
+    let coefficients = [
+        u[0].dot(cross[0]),
+        u[0].dot(cross[1]) + u[1].dot(cross[0]),
+        u[0].dot(cross[2]) + u[1].dot(cross[1]),
+        u[1].dot(cross[2]),
+    ];
+    roots(coefficients).into_iter().flatten().find_map(|time| {
+        let at = |x: [DVec3; 2]| x[0] + time * x[1];
+        let (u, v, w) = (at(u), at(v), at(w));
+        // u + s v = r w
+        let normal = v.cross(w);
+        let square = normal.length_squared();
+        let s = w.cross(u).dot(normal) / square;
+        let r = v.cross(u).dot(normal) / square;
+        let inside = |x: f64| (0.0..=1.0).contains(&x);
+        (inside(s) && inside(r)).then_some(s)
+    })
+}
+
+/// Roots of a cubic in the unit interval, ascending: one in each part in which it goes up or down alone.
+fn roots([a, b, c, d]: [f64; 4]) -> [Option<f64>; 3] {
+    let value = |t: f64| a + t * (b + t * (c + t * d));
+    // where it turns
+    let half = c * c - 3.0 * d * b;
+    let mut turns = [0.0, 1.0, 1.0, 1.0];
+    if half > 0.0 {
+        let q = -(c + half.sqrt().copysign(c));
+        let mut own = [q / (3.0 * d), b / q].map(|t| if t > 0.0 && t < 1.0 { t } else { 1.0 });
+        own.sort_by(f64::total_cmp);
+        turns = [0.0, own[0], own[1], 1.0];
+    }
+    let mut found = [None; 3];
+    for (i, found) in found.iter_mut().enumerate() {
+        let (mut low, mut high) = (turns[i], turns[i + 1]);
+        let (first, last) = (value(low), value(high));
+        if low >= high || first == 0.0 || last == 0.0 || (first > 0.0) == (last > 0.0) {
+            let ends = [(low, first), (high, last)].into_iter().find(|(_, f)| *f == 0.0);
+            // all of it lies in one plane: no crossing
+            *found = ends.filter(|_| low < high && first != last).map(|(t, _)| t);
+            continue;
+        }
+        // 60 halvings leave nothing of the interval
+        for _ in 0..60 {
+            let middle = 0.5 * (low + high);
+            if (value(middle) > 0.0) == (last > 0.0) {
+                high = middle;
+            } else {
+                low = middle;
+            }
+        }
+        *found = Some(high);
+    }
+    found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn roots_of_a_cubic_are_all_found(mut own in prop::array::uniform3(0.02..0.98_f64), lead in 0.1..5.0_f64) {
+            own.sort_by(f64::total_cmp);
+            prop_assume!(own[1] - own[0] > 1e-3 && own[2] - own[1] > 1e-3);
+            let [x, y, z] = own;
+            let of = [-lead * x * y * z, lead * (x * y + y * z + z * x), -lead * (x + y + z), lead];
+            for (found, exact) in roots(of).into_iter().zip(own) {
+                prop_assert!((found.unwrap() - exact).abs() < 1e-9);
+            }
+        }
+    }
+
+    /// A blade crosses an edge while both move: the same place whoever moves.
+    #[test]
+    fn a_blade_and_tissue_cross_whoever_moves() {
+        let edge = [DVec3::ZERO, DVec3::X];
+        let still = |x: DVec3| [x, x];
+        let shift = DVec3::new(0.3, 1.0, 0.2);
+        let from = [DVec3::new(0.2, -0.5, -1.0), DVec3::new(0.2, -0.5, 1.0)];
+        let moving = EdgeMove { before: from, after: from.map(|x| x + shift) };
+        let one = crossing(&edge.map(still), &moving).unwrap();
+        let back = |x: DVec3| [x, x - shift];
+        let two = crossing(&edge.map(back), &EdgeMove { before: from, after: from }).unwrap();
+        assert!((one - 0.35).abs() < 1e-12 && (two - one).abs() < 1e-12, "{one} {two}");
+        let beside = EdgeMove { before: from, after: from.map(|x| x + 0.4 * shift) };
+        assert_eq!(crossing(&edge.map(still), &beside), None);
+    }
+}

@@ -1,0 +1,348 @@
+//! Blades: tools with a sharp edge cut what they went through in the step before, and find what they hold in the step to come.
+
+use bevy_ecs::prelude::*;
+use glam::DVec3;
+use sinew_contact::edge::{Edge, EdgeState, Hold, MOST_SEGMENTS, YIELD};
+use sinew_contact::pull::hit;
+use sinew_contact::tool::{Tool, ToolPose, ToolReport};
+use sinew_engine::order::Order;
+use sinew_engine::scalar::Scalar;
+use sinew_engine::schedule::{StepSchedule, StepSystems};
+use sinew_engine::step::{StepClock, StepError, StepFailure};
+use sinew_engine::surface::SurfaceReader;
+use sinew_engine::topology::Topology;
+use sinew_models::cutting::blade::{self, BladeView, EdgeMove};
+use sinew_models::cutting::check_cut;
+use sinew_models::resection::Requests;
+
+/// How far (edges) beside the plane of a blade the two sides of a wound are looked for, one after the other. A copy with less material than
+/// the first would be torn by half of the force.
+const BESIDE: [f64; 4] = [0.2, 0.1, 0.02, 0.4];
+/// How far (edges) beside the plane of a blade its edge counts as in tissue.
+const INSIDE: f64 = 0.02;
+/// Distance (edges) from what it holds at which an edge has left it.
+const LEFT: f64 = 3.0;
+
+/// Lets tools with an edge cut, from the first of them on.
+pub(crate) fn install_blades<S: Scalar>(world: &mut World) {
+    let cut = cut_with_edges::<S>.in_set(StepSystems::Edit).after(Requests).run_if(any_edge);
+    world.resource_mut::<Schedules>().entry(StepSchedule).add_systems(cut);
+}
+
+fn any_edge(tools: Query<&Tool>) -> bool {
+    tools.iter().any(|tool| tool.edge.is_some())
+}
+
+fn cut_with_edges<S: Scalar>(world: &mut World) {
+    if let Err(error) = look::<S>(world) {
+        world.resource_mut::<StepFailure>().0 = Some(error);
+    }
+}
+
+/// A tool with an edge: where it stands, and where it will stand at the end of the step to come.
+struct Blade {
+    entity: Entity,
+    name: String,
+    edge: Edge,
+    into: DVec3,
+    across: DVec3,
+    now: ToolPose,
+    then: ToolPose,
+    state: EdgeState,
+    /// Places (m) to which its points had cut at the last look.
+    before: Vec<DVec3>,
+}
+
+impl Blade {
+    fn at(&self, pose: &ToolPose, number: usize) -> DVec3 {
+        let segments = self.state.points.len() as u32 - 1;
+        pose.position + pose.rotation * self.edge.point(number as u32, segments)
+    }
+
+    /// Box (m) round all that it was at and will be at.
+    fn bounds(&self) -> [DVec3; 2] {
+        let numbers = 0..self.state.points.len();
+        let own = numbers.flat_map(|i| [self.at(&self.now, i), self.at(&self.then, i)]);
+        let held = self.state.points.iter().map(|point| point.cut_to);
+        let all: Vec<DVec3> = own.chain(held).collect();
+        let low = all.iter().copied().fold(DVec3::INFINITY, DVec3::min);
+        [low, all.into_iter().fold(DVec3::NEG_INFINITY, DVec3::max)]
+    }
+}
+
+/// Tools with an edge that are there, in order of creation.
+fn blades(world: &mut World) -> Vec<Blade> {
+    let clock = *world.resource::<StepClock>();
+    let (now, then) = (clock.time, clock.time + clock.dt);
+    let mut query = world.query::<(&Order, Entity, &Tool, &ToolReport, &EdgeState)>();
+    let mut found: Vec<_> =
+        query.iter(world).filter(|(_, _, tool, ..)| tool.active(then)).collect();
+    found.sort_unstable_by_key(|(order, entity, ..)| (**order, *entity));
+    let of = |(_, entity, tool, report, state): (_, Entity, &Tool, &ToolReport, &EdgeState)| {
+        let edge = tool.edge.filter(|edge| edge.problem().is_none())?;
+        let [into, across] = edge.across()?;
+        let ToolReport { position, rotation, opening, .. } = *report;
+        let here = match state.points.is_empty() {
+            true => tool.wanted(now, tool.start),
+            false => ToolPose { position, rotation, opening },
+        };
+        let then = tool.wanted(then, here);
+        let is_placed = tool.target().1;
+        // it comes to another place without touching anything on the way
+        let (here, state) = match is_placed {
+            true => (then, EdgeState { report: state.report, ..EdgeState::default() }),
+            false => (here, state.clone()),
+        };
+        let [into, across] = [into, across].map(|v| here.rotation * v);
+        let (name, now) = (tool.name.clone(), here);
+        let before = state.points.iter().map(|point| point.cut_to).collect();
+        Some(Blade { entity, name, edge, into, across, now, then, state, before })
+    };
+    found.into_iter().filter_map(of).collect()
+}
+
+fn look<S: Scalar>(world: &mut World) -> Result<(), StepError> {
+    let mut all = blades(world);
+    let bodies = world.resource::<Topology>().bodies.len();
+    for body in 0..bodies {
+        let hull = blade::hull::<S>(world, body);
+        let near = |own: &Blade| {
+            let [low, high] = own.bounds();
+            own.state.points.is_empty() || low.cmple(hull[1]).all() && hull[0].cmple(high).all()
+        };
+        let near: Vec<usize> = (0..all.len()).filter(|&i| near(&all[i])).collect();
+        if near.is_empty() {
+            blade::end_stroke(world, body);
+            continue;
+        }
+        if let Err(error) = check_cut(world, body) {
+            for &i in &near {
+                meets_uncut(world, body, &all[i], &error.to_string())?;
+            }
+            continue;
+        }
+        cut_body::<S>(world, body, &mut all, &near)?;
+    }
+    for own in all {
+        world.entity_mut(own.entity).insert(own.state);
+    }
+    Ok(())
+}
+
+/// An error where an edge goes through the surface of a body that cannot be cut.
+fn meets_uncut(world: &mut World, body: usize, own: &Blade, why: &str) -> Result<(), StepError> {
+    let Some(SurfaceReader(read)) = world.get_resource::<SurfaceReader>().copied() else {
+        return Ok(());
+    };
+    let surface = read(world, body);
+    let mut places = world.query::<&sinew_engine::vertex::Position>();
+    let at: Vec<DVec3> = places.iter(world).map(|x| x.0).collect();
+    let first = world.resource::<Topology>().bodies[body].vertices.start;
+    let place = |v: u32| at.get((first + v) as usize).copied().unwrap_or(DVec3::NAN);
+    let crosses = |[a, b]: [DVec3; 2]| {
+        let triangles = surface.triangles.iter().chain(&surface.sheets);
+        let mut corners = triangles.map(|triangle| triangle.map(place));
+        corners.any(|own| hit(a, b - a, own).is_some_and(|(part, _)| part <= 1.0))
+    };
+    let segments = own.edge.ends.map(|x| own.then.position + own.then.rotation * x);
+    match crosses(segments) {
+        false => Ok(()),
+        true => Err(StepError::InvalidContact {
+            name: own.name.clone(),
+            problem: format!("its edge meets what it cannot cut: {why}"),
+        }),
+    }
+}
+
+/// Cuts a body by what edges crossed, and finds what they hold of it next.
+fn cut_body<S: Scalar>(
+    world: &mut World,
+    body: usize,
+    all: &mut [Blade],
+    near: &[usize],
+) -> Result<(), StepError> {
+    let invalid =
+        |name: &str, problem: String| StepError::InvalidContact { name: name.into(), problem };
+    let name = all[near[0]].name.clone();
+    let view = blade::view::<S>(world, body).map_err(|e| invalid(&name, e.to_string()))?;
+    let (mut moves, mut cut_to) = (Vec::new(), Vec::new());
+    for &i in near {
+        let own = &mut all[i];
+        if own.state.points.is_empty() {
+            begin(own, view.edge);
+        }
+        let places = advance(own, body, &view);
+        let ways = own.before.iter().zip(&places);
+        let ways: Vec<(DVec3, DVec3, bool)> =
+            ways.map(|(a, (b, moves))| (*a, *b, *moves)).collect();
+        for two in ways.windows(2).filter(|two| two[0].2 || two[1].2) {
+            moves.push(EdgeMove { before: [two[0].0, two[1].0], after: [two[0].1, two[1].1] });
+        }
+        cut_to.push(places);
+    }
+    let cut =
+        blade::sweep::<S>(world, body, &view, &moves).map_err(|e| invalid(&name, e.to_string()))?;
+    let mut view = match &cut {
+        None => view,
+        Some(_) => blade::view::<S>(world, body).map_err(|e| invalid(&name, e.to_string()))?,
+    };
+    for (&i, places) in near.iter().zip(cut_to) {
+        let own = &mut all[i];
+        if let Some(cut) = &cut {
+            own.state.report.separated += cut.separated.len() as u32;
+            own.state.report.vertices += cut.vertices as u32;
+        }
+        for (point, (place, _)) in own.state.points.iter_mut().zip(places) {
+            point.cut_to = place;
+        }
+        let [low, high] = own.bounds();
+        let margin = BESIDE[BESIDE.len() - 1] * view.edge;
+        view.focus([low - margin, high + margin]);
+        hold(own, body, &view);
+    }
+    blade::keep_view(world, body, view);
+    Ok(())
+}
+
+/// Divides an edge into parts of half an edge (m) of the tissue.
+fn begin(own: &mut Blade, edge: f64) {
+    let length = own.edge.ends[0].distance(own.edge.ends[1]);
+    let segments = (2.0 * length / edge).ceil().clamp(1.0, f64::from(MOST_SEGMENTS));
+    own.state.points = vec![Default::default(); segments as usize + 1];
+    own.state.stiffness = own.edge.toughness / (YIELD * edge);
+    for number in 0..own.state.points.len() {
+        own.state.points[number].cut_to = own.at(&own.now, number);
+    }
+    own.before = own.state.points.iter().map(|point| point.cut_to).collect();
+}
+
+/// Where every point of an edge has cut to in the step before, and whether that is a way through tissue or free space, not with what
+/// holds it.
+fn advance(own: &mut Blade, body: usize, view: &BladeView) -> Vec<(DVec3, bool)> {
+    let mut places = Vec::new();
+    for number in 0..own.state.points.len() {
+        let at = own.at(&own.now, number);
+        let point = own.state.points[number];
+        let Some(holds) = point.holds else {
+            places.push((at, true));
+            continue;
+        };
+        if holds[0].body != body {
+            places.push((point.cut_to, false));
+            continue;
+        }
+        let held = holds.map(|hold| view.at(hold.rows, hold.weights));
+        let held = 0.5 * (held[0] + held[1]);
+        let slip = at - held;
+        let slip = slip - slip.dot(own.across) * own.across;
+        let length = slip.length();
+        let elastic =
+            if own.state.stiffness > 0.0 { point.limit / own.state.stiffness } else { 0.0 };
+        let plastic = length - elastic;
+        if point.limit <= 0.0 || plastic <= 0.0 {
+            places.push((held, false));
+            continue;
+        }
+        let way = plastic / length * slip;
+        let area = point.width * way.dot(own.into).max(0.0);
+        own.state.report.area += area;
+        own.state.report.fracture += own.edge.toughness * area;
+        places.push((held + way, true));
+    }
+    places
+}
+
+/// Finds what every point of an edge holds in the step to come.
+fn hold(own: &mut Blade, body: usize, view: &BladeView) {
+    if own.edge.toughness == 0.0 {
+        return;
+    }
+    for number in 0..own.state.points.len() {
+        let [now, then] = [&own.now, &own.then].map(|pose| own.at(pose, number));
+        let mut point = own.state.points[number];
+        match point.holds {
+            Some([hold, _]) if hold.body != body => continue,
+            Some(_) if now.distance(point.cut_to) > LEFT * view.edge => point.holds = None,
+            Some(_) => point.holds = beside(own, body, view, point.cut_to),
+            None => {}
+        }
+        if point.holds.is_none()
+            && let Some(entry) = entry(view, now, then)
+        {
+            point.holds = beside(own, body, view, entry);
+            point.cut_to = entry;
+        }
+        if point.holds.is_none() {
+            point.cut_to = now;
+        }
+        // the force acts against what of the slip to come goes the way that the blade cuts
+        let slip = then - point.cut_to;
+        let slip = slip - slip.dot(own.across) * own.across;
+        let cosine = slip.normalize_or_zero().dot(own.into).max(0.0);
+        point.limit = if point.holds.is_some() { own.edge.toughness * cosine } else { 0.0 };
+        own.state.points[number] = point;
+    }
+    share_edge(own, view);
+}
+
+/// Shares the length of an edge in tissue out to the points that hold it: half of what is between two, and to one beside a free one
+/// all up to the surface.
+fn share_edge(own: &mut Blade, view: &BladeView) {
+    let points = &mut own.state.points;
+    let segments = points.len() - 1;
+    let length = own.edge.ends[0].distance(own.edge.ends[1]) / segments as f64;
+    let step = INSIDE * view.edge;
+    points.iter_mut().for_each(|point| point.width = 0.0);
+    for i in 0..segments {
+        let ends = [points[i], points[i + 1]];
+        match ends.map(|point| point.holds.is_some()) {
+            [true, true] => [i, i + 1].iter().for_each(|&j| points[j].width += 0.5 * length),
+            [false, false] => {}
+            [first, _] => {
+                let [held, free] = if first { [i, i + 1] } else { [i + 1, i] };
+                let [from, to] = [points[held].cut_to, points[free].cut_to];
+                let inside = |part: f64| {
+                    let at = from.lerp(to, part);
+                    let mut sides =
+                        [-1.0, 1.0].map(|side| at + side * step * own.across).into_iter();
+                    sides.any(|hint| view.locate(at, hint).is_some())
+                };
+                let (mut low, mut high) = (0.0, 1.0);
+                for _ in 0..20 {
+                    let middle = 0.5 * (low + high);
+                    *(if inside(middle) { &mut low } else { &mut high }) = middle;
+                }
+                points[held].width += low * length;
+            }
+        }
+    }
+}
+
+/// The first place of tissue on a way (m).
+fn entry(view: &BladeView, from: DVec3, to: DVec3) -> Option<DVec3> {
+    const PARTS: u32 = 8;
+    let at = |part: f64| from.lerp(to, part);
+    let inside = |part: f64| view.locate(at(part), at(part)).is_some();
+    let first = (0..=PARTS).map(|i| f64::from(i) / f64::from(PARTS)).find(|part| inside(*part))?;
+    if first == 0.0 {
+        return Some(from);
+    }
+    let (mut low, mut high) = (first - 1.0 / f64::from(PARTS), first);
+    for _ in 0..30 {
+        let middle = 0.5 * (low + high);
+        if inside(middle) { high = middle } else { low = middle }
+    }
+    Some(at(high))
+}
+
+/// What is held at a place: tissue on either side of the blade, of a wound both lips.
+fn beside(own: &Blade, body: usize, view: &BladeView, at: DVec3) -> Option<[Hold; 2]> {
+    let side = |sign: f64| {
+        let mut hints = BESIDE.iter().map(|way| at + sign * way * view.edge * own.across);
+        hints.find_map(|hint| view.locate(at, hint))
+    };
+    let hold = |(rows, weights)| Hold { body, rows, weights };
+    let (left, right) = (side(-1.0), side(1.0));
+    let (left, right) = (left.or(right)?, right.or(left)?);
+    Some([hold(left), hold(right)])
+}

@@ -1,0 +1,215 @@
+//! Blades that move through tissue that moves: what they part, the force that it takes, and what must hold meanwhile.
+
+use crate::common::*;
+use bevy_ecs::prelude::Entity;
+use glam::DVec3;
+use sinew::engine::mesh::generate::{box_tets, jitter_interior};
+use sinew::prelude::*;
+use sinew::snapshot::Snapshot;
+use sinew::touch::edge::EdgeState;
+
+const SIDE: f64 = 0.06;
+
+fn block(cells: usize) -> Mesh {
+    let mesh = box_tets(DVec3::splat(SIDE), [cells; 3]).unwrap();
+    jitter_interior(&mesh, 0.2, 5).unwrap()
+}
+
+/// A block without weight whose bottom is held, and a blade beside it whose edge stands upright in its upper half.
+fn scene(cells: usize, toughness: f64, precision: Precision) -> (Simulation, BodyHandle, Entity) {
+    let mesh = block(cells);
+    let mut simulation = Simulation::new(options(precision, 1)).unwrap();
+    simulation.set_gravity(DVec3::ZERO);
+    let description = BodyDescription::new("block", &mesh, soft(1e4, 0.3));
+    let spare = 3 * mesh.points.len();
+    let body = simulation.add_body(&BodyDescription { spare, ..description }).unwrap();
+    let floor = simulation.group_rows(body, &mesh, "z0").unwrap();
+    simulation.add_constraint(Constraint::hold("floor", floor));
+    let edge = Edge { ends: [DVec3::Z * 0.02, DVec3::Z * -0.02], into: DVec3::Y, toughness };
+    let start = DVec3::new(0.031, -0.005, 0.055);
+    let blade = simulation.add_tool(Tool::blade("scalpel", edge, start)).unwrap();
+    (simulation, body, blade)
+}
+
+/// Moves a blade on by `way` (m) in so many steps.
+fn draw(
+    simulation: &mut Simulation,
+    blade: Entity,
+    way: DVec3,
+    steps: u32,
+    each: &mut dyn FnMut(&mut Simulation),
+) {
+    let from = simulation.tool_report(blade).map_or(DVec3::ZERO, |report| report.position);
+    for i in 1..=steps {
+        simulation.move_tool(blade, from + way * (f64::from(i) / f64::from(steps))).unwrap();
+        simulation.step().unwrap();
+        each(simulation);
+    }
+}
+
+/// Area (m^2) of both sides of all wounds in the present shape.
+fn wound(simulation: &mut Simulation, body: BodyHandle) -> f64 {
+    let skin = simulation.skin(body).unwrap();
+    let of = |t: &[u32; 3]| {
+        let [a, b, c] = t.map(|p| skin.points[p as usize]);
+        (b - a).cross(c - a).length() / 2.0
+    };
+    skin.triangles.iter().zip(&skin.wound).filter(|(_, wound)| **wound).map(|(t, _)| of(t)).sum()
+}
+
+#[test]
+fn the_number_of_moves_decides_nothing() {
+    let mut found = Vec::new();
+    for (steps, precision) in
+        [(3, Precision::F64), (20, Precision::F64), (100, Precision::F64), (20, Precision::F32)]
+    {
+        let (mut simulation, body, blade) = scene(4, 0.0, precision);
+        simulation.step().unwrap();
+        draw(&mut simulation, blade, DVec3::Y * 0.04, steps, &mut |_| ());
+        // decisions of the last move take effect in the next step
+        simulation.step().unwrap();
+        let report = simulation.tool_report(blade).unwrap().cut;
+        assert_eq!((report.area, report.fracture), (0.0, 0.0), "no force, no work");
+        found.push((report.separated, wound(&mut simulation, body)));
+    }
+    assert!(found[0].0 > 20, "{found:?}");
+    for own in &found {
+        assert_eq!(own.0, found[0].0);
+        assert!((own.1 / found[0].1 - 1.0).abs() < 1e-6, "{found:?}");
+    }
+}
+
+/// Work of the hand is what the toughness takes and what the tissue stores, and a little for what jumps open.
+#[test]
+fn cutting_takes_its_toughness() {
+    let toughness = 50.0;
+    let (mut simulation, _, blade) = scene(6, toughness, Precision::F64);
+    simulation.step().unwrap();
+    let mut steady: Vec<[f64; 4]> = Vec::new();
+    draw(&mut simulation, blade, DVec3::Y * 0.045, 180, &mut |simulation| {
+        let elastic = simulation.report().elastic_energy;
+        let report = simulation.tool_report(blade).unwrap();
+        assert!(report.cut.fracture <= report.work, "{report:?}");
+        // the tissue bulges, and its surface draws the slip aside
+        let state = simulation.world().get::<EdgeState>(blade).unwrap();
+        let inside: f64 = state.points.iter().map(|point| point.width).sum();
+        let share = -report.force.y / (toughness * inside);
+        assert!(inside == 0.0 || share < 1.0 + 1e-9, "{share} of {inside} m");
+        if report.position.y > 0.02 {
+            let stored = elastic + report.energy;
+            assert!((inside / (SIDE - 0.035) - 1.0).abs() < 0.06, "{inside}");
+            steady.push([share, report.work, report.cut.fracture, stored]);
+        }
+    });
+    let mut forces: Vec<f64> = steady.iter().map(|own| own[0]).collect();
+    forces.sort_by(f64::total_cmp);
+    let median = forces[forces.len() / 2];
+    assert!(median > 0.97, "{median}");
+    let (first, last) = (steady[0], steady[steady.len() - 1]);
+    let change = [1, 2, 3].map(|i| last[i] - first[i]);
+    let left = (change[0] - change[1] - change[2]) / change[0];
+    assert!((0.0..0.06).contains(&left), "{left} of {change:?}");
+    let report = simulation.tool_report(blade).unwrap().cut;
+    assert!((report.fracture / (toughness * report.area) - 1.0).abs() < 1e-12);
+    // what goes back meets nothing
+    draw(&mut simulation, blade, DVec3::Y * -0.01, 10, &mut |_| ());
+    let back = simulation.tool_report(blade).unwrap();
+    let state = simulation.world().get::<EdgeState>(blade).unwrap();
+    assert_eq!(back.force, DVec3::ZERO, "{state:?}");
+    assert_eq!(back.cut.area, report.area);
+}
+
+/// A blade without force goes through a block that is stretched: nothing but what is stored there is left to move it.
+#[test]
+fn energy_never_rises_behind_a_blade_without_force() {
+    for dt in [0.002, 0.01, 0.033] {
+        let (mut simulation, body, blade) = scene(4, 0.0, Precision::F64);
+        let lift = simulation.group_rows(body, &block(4), "z1").unwrap();
+        let way = Motion::Translate(DVec3::Z * 0.009);
+        let ramp = Curve::Points(vec![[0.0, 0.0], [0.3, 1.0]]);
+        simulation.add_constraint(Constraint::moving("lid", lift, way, ramp));
+        simulation.set_solver(SolverSettings {
+            integrator: Integrator::Safe,
+            ..SolverSettings::default()
+        });
+        simulation.set_dt(0.01);
+        simulation.steps(100);
+        simulation.set_dt(dt);
+        let mut energy = f64::INFINITY;
+        let steps = (1.0 / dt) as u32;
+        draw(&mut simulation, blade, DVec3::Y * 0.05, steps, &mut |simulation| {
+            let report = simulation.report();
+            let now = report.elastic_energy + report.kinetic_energy;
+            assert!(now <= energy * (1.0 + 1e-9), "{dt}: {now} {energy}");
+            energy = now;
+        });
+        let smallest = simulation.volume_ratios(body).into_iter().fold(f64::INFINITY, f64::min);
+        assert!(smallest > 0.3, "{smallest}");
+        assert!(simulation.tool_report(blade).unwrap().cut.separated > 20);
+    }
+}
+
+/// A cut in the middle of a stroke goes on from a snapshot, also in another simulation, and with other threads, to the bit.
+#[test]
+fn strokes_go_on_from_snapshots() {
+    let (mut simulation, _, blade) = scene(4, 50.0, Precision::F64);
+    simulation.step().unwrap();
+    draw(&mut simulation, blade, DVec3::Y * 0.03, 30, &mut |_| ());
+    let snapshot = simulation.snapshot().unwrap();
+    let bytes = snapshot.to_bytes();
+    draw(&mut simulation, blade, DVec3::Y * 0.02, 20, &mut |_| ());
+    let (hash, report) = (simulation.state_hash(), simulation.tool_report(blade).unwrap().cut);
+    assert!(report.separated > 20 && report.area > 0.0, "{report:?}");
+    simulation.restore(&snapshot).unwrap();
+    draw(&mut simulation, blade, DVec3::Y * 0.02, 20, &mut |_| ());
+    assert_eq!(simulation.state_hash(), hash);
+    let (mut other, _, own) = scene(4, 50.0, Precision::F64);
+    other.restore(&Snapshot::from_bytes(&bytes).unwrap()).unwrap();
+    draw(&mut other, own, DVec3::Y * 0.02, 20, &mut |_| ());
+    assert_eq!((other.state_hash(), other.tool_report(own).unwrap().cut), (hash, report));
+}
+
+#[test]
+fn a_blade_says_what_it_cannot_cut() {
+    let mesh = block(4);
+    let (mut simulation, body) =
+        alone(options(Precision::F64, 1), &BodyDescription::new("block", &mesh, soft(1e4, 0.3)));
+    let floor = simulation.group_rows(body, &mesh, "z0").unwrap();
+    simulation.add_constraint(Constraint::hold("floor", floor));
+    let edge = Edge { ends: [DVec3::Z * 0.02, DVec3::Z * -0.02], into: DVec3::Y, toughness: 0.0 };
+    let blade = simulation
+        .add_tool(Tool::blade("scalpel", edge, DVec3::new(0.031, -0.005, 0.055)))
+        .unwrap();
+    simulation.step().unwrap();
+    simulation.move_tool(blade, DVec3::new(0.031, 0.01, 0.055)).unwrap();
+    let error = simulation.step().unwrap_err().to_string();
+    assert!(
+        error.contains("scalpel") && error.contains("`block`") && error.contains("spare"),
+        "{error}"
+    );
+    for (edge, words) in [
+        (Edge { into: DVec3::Z, ..edge }, "along the edge"),
+        (Edge { ends: [DVec3::X; 2], ..edge }, "two points"),
+        (Edge { toughness: -1.0, ..edge }, "toughness is -1"),
+    ] {
+        let error = simulation.add_tool(Tool::blade("knife", edge, DVec3::ZERO)).unwrap_err();
+        assert!(error.to_string().contains(words), "{error}");
+    }
+    // too few vertices: the step is not made, and the tissue is as it was
+    let (mut simulation, _, blade) = {
+        let mut simulation = Simulation::new(options(Precision::F64, 1)).unwrap();
+        let own = BodyDescription::new("block", &mesh, soft(1e4, 0.3));
+        let body = simulation.add_body(&BodyDescription { spare: 3, ..own }).unwrap();
+        let at = DVec3::new(0.031, -0.005, 0.055);
+        let blade = simulation.add_tool(Tool::blade("scalpel", edge, at)).unwrap();
+        (simulation, body, blade)
+    };
+    simulation.set_gravity(DVec3::ZERO);
+    simulation.step().unwrap();
+    simulation.move_tool(blade, DVec3::new(0.031, 0.05, 0.055)).unwrap();
+    simulation.step().unwrap();
+    let before = simulation.state_hash();
+    let error = simulation.step().unwrap_err().to_string();
+    assert!(error.contains("larger `spare`"), "{error}");
+    assert_eq!(simulation.state_hash(), before);
+}
