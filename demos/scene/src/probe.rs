@@ -59,7 +59,7 @@ pub enum ProbeValue {
 use ProbeValue::{Scalar, Vector};
 
 /// Everything that probes can record.
-pub static PROBES: [Probe; 35] = [
+pub static PROBES: [Probe; 38] = [
     vector("mean_displacement", "m", Needs::Body, |now, of| {
         of.mean(&now.simulation.displacements(of.body.handle))
     }),
@@ -112,6 +112,10 @@ pub static PROBES: [Probe; 35] = [
     }),
     scalar("tool_work", "J", Needs::Tool, |now, of| of.tool(now).work),
     scalar("tool_dissipation", "J", Needs::Tool, |now, of| of.tool(now).dissipation),
+    // what its edge has cut
+    scalar("tool_cut_area", "m^2", Needs::Tool, |now, of| of.tool(now).cut.area),
+    scalar("tool_fracture", "J", Needs::Tool, |now, of| of.tool(now).cut.fracture),
+    scalar("tool_separated", "-", Needs::Tool, |now, of| of.tool(now).cut.separated.into()),
     scalar("tool_area", "m^2", Needs::Tool, |now, of| of.tool(now).area),
     scalar("tool_depth", "m", Needs::Tool, |now, of| of.tool(now).depth),
     scalar("tool_pressure", "Pa", Needs::Tool, |now, of| of.tool(now).pressure),

@@ -20,8 +20,8 @@ const OUTPUT: [(&str, &str); 3] = [
 /// Vectors whose numbers are one key: of directions the length does not count, points of planes and axes may lie anywhere
 /// in these, and a body that meets nothing may stand anywhere. What counts of them by rounding alone would count on some
 /// machines only.
-const VECTORS: [&str; 8] =
-    ["direction", "axis", "centre", "hinge", "hinge_axis", "normal", "point", "translate"];
+const VECTORS: [&str; 9] =
+    ["direction", "axis", "centre", "hinge", "hinge_axis", "into", "normal", "point", "translate"];
 
 /// Steps of a run: enough for tools to reach what they touch, most of them in few.
 fn steps(name: &str) -> f64 {

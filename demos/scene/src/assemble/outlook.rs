@@ -168,7 +168,10 @@ fn of_tool(built: &BuiltScene, own: &BuiltTool, on: Option<&str>, end: f64) -> V
     if tool.active(0.0) {
         found.extend(bodies().find_map(|body| starts_inside(tool, body, subject())));
     }
-    if never_touches(built, tool, &|body| on.is_none_or(|name| body.name == name), end) {
+    // an edge alone is no shape whose distance could be told
+    if !tool.parts.is_empty()
+        && never_touches(built, tool, &|body| on.is_none_or(|name| body.name == name), end)
+    {
         found.push(warning(
             "scene.tool.never",
             subject(),

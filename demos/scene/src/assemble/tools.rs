@@ -13,6 +13,7 @@ use crate::warning::{Level, Warning};
 use glam::{DQuat, DVec3};
 use sinew::engine::load::{Curve, rotation};
 use sinew::engine::mesh::MeshError;
+use sinew::touch::edge::Edge;
 use sinew::touch::field::{DistanceField, DistanceFieldError};
 use sinew::touch::shape::Shape;
 use sinew::touch::tool::{
@@ -39,6 +40,7 @@ pub(super) fn tool(
     let (parts, mut words) = parts(key, entry)?;
     let (start, motion, moves) = motion(key, entry, mode)?;
     let mut tool = Tool::of_parts(&entry.name, parts, start);
+    tool.edge = edge(&key.at("edge"), entry, built)?;
     tool.motion = motion;
     tool.hinge = hinge(key, entry, &tool.parts)?;
     tool.friction = friction(key, [entry.friction, entry.mu], &mut built.warnings)?;
@@ -87,6 +89,11 @@ pub(super) fn tool(
 /// What a tool is made of, and the same in words.
 fn parts(key: &Key, entry: &ToolEntry) -> Result<(Vec<Part>, String), SceneError> {
     let own = entry.shape_keys();
+    let nothing = entry.parts.is_empty() && given(&own).iter().all(|(_, given)| !given);
+    if let Some(edge) = entry.edge.as_ref().filter(|_| nothing) {
+        let length = short(DVec3::from(edge.ends[0]).distance(edge.ends[1].into()));
+        return Ok((Vec::new(), format!("a blade, edge {length} m")));
+    }
     if entry.parts.is_empty() {
         let (part, words) = shape(key, &own)?;
         return Ok((vec![part], words));
@@ -110,6 +117,29 @@ fn parts(key: &Key, entry: &ToolEntry) -> Result<(Vec<Part>, String), SceneError
         words.push(own);
     }
     Ok((parts, words.join(" and ")))
+}
+
+/// The sharp edge.
+fn edge(key: &Key, entry: &ToolEntry, built: &mut BuiltScene) -> Result<Option<Edge>, SceneError> {
+    let Some(own) = &entry.edge else { return Ok(None) };
+    in_time(key, "edge", built.plan.mode)?;
+    let handles: Vec<_> = built.bodies.iter().map(|body| body.handle).collect();
+    let mut problems = handles.into_iter().map(|body| built.simulation.check_cut(body).err());
+    if let Some(Some(problem)) = problems.next()
+        && problems.all(|problem| problem.is_some())
+    {
+        return Err(key.error(problem));
+    }
+    let ends = key.at("ends");
+    let ends = [ends.finite(own.ends[0])?, ends.finite(own.ends[1])?];
+    let into = key.at("into").finite(own.into)?;
+    let edge = Edge { ends, into, toughness: own.toughness };
+    match edge.problem() {
+        Some(problem) => {
+            Err(key.value(problem, "correct it (see `[[tool]]` in demos/scenes/README.md)"))
+        }
+        None => Ok(Some(edge)),
+    }
 }
 
 /// The hinge of jaws.

@@ -1,7 +1,7 @@
 //! Tools in recordings: their shapes, their poses and what they do to bodies.
 
 use bevy_ecs::prelude::*;
-use glam::{DQuat, DVec3, Vec3};
+use glam::{DMat3, DQuat, DVec3, Vec3};
 use sinew::touch::shape::Shape;
 use sinew::touch::tool::{Tool, ToolPose, ToolReport};
 use sinew_render::colour::{ColourMap, Rgb};
@@ -38,6 +38,9 @@ impl Force {
         Self { at, force, ends: force.dot(at - centre) < 0.0, colour }
     }
 }
+
+/// Height and half the thickness of a blade over the length of its edge.
+const BLADE: [f32; 2] = [0.6, 0.01];
 
 /// The tools of a run so far.
 #[derive(Default)]
@@ -95,6 +98,21 @@ impl Tools {
                     self.shapes.len() as u32 - 1
                 });
                 placed.push(place(shape, tool.part_pose(i, &pose)));
+            }
+            if let Some(edge) = &tool.edge
+                && let Some([into, across]) = edge.across()
+            {
+                let shape = *self.known.entry((entity, usize::MAX)).or_insert_with(|| {
+                    let length = edge.ends[0].distance(edge.ends[1]) as f32;
+                    let half = length * Vec3::new(0.5 * BLADE[0], 0.5, BLADE[1]);
+                    self.shapes.push(Rigid::rounded_box(half, half.z, METAL));
+                    self.shapes.len() as u32 - 1
+                });
+                let behind = into * (0.5 * BLADE[0] as f64 * edge.ends[0].distance(edge.ends[1]));
+                let middle = 0.5 * (edge.ends[0] + edge.ends[1]) - behind;
+                let turn = DQuat::from_mat3(&DMat3::from_cols(into, across.cross(into), across));
+                let at = pose.position + pose.rotation * middle;
+                placed.push(place(shape, (at, pose.rotation * turn)));
             }
             let least = LEAST_SHARE * report.area * report.pressure;
             if stepped && report.force.length() > least {

@@ -94,6 +94,8 @@ shaped! {
         /// Parts; these or `shape`.
         #[serde(default)]
         parts: Vec<PartEntry>,
+        /// Its sharp edge, which cuts bodies that have `spare` vertices. Dynamic scenes.
+        edge: Option<EdgeEntry>,
         /// Where it stands (m) at first; `path` says so too.
         at: Option<[f64; 3]>,
         /// Its rotation at first.
@@ -139,6 +141,18 @@ shaped! {
         /// Time (s) after which it touches no more. Dynamic scenes.
         until: Option<f64>,
     }
+}
+
+/// The sharp edge of a tool.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct EdgeEntry {
+    /// Its ends (m) in the frame of the tool.
+    pub ends: [[f64; 3]; 2],
+    /// Direction in which it cuts, in the frame of the tool, any length.
+    pub into: [f64; 3],
+    /// Energy (J/m^2) that a unit of cut area takes; 0 for a blade that meets no force.
+    pub toughness: f64,
 }
 
 /// A body, or some of its faces; at most one key beside `body`.
