@@ -5,7 +5,8 @@ use glam::DVec3;
 use sinew_engine::by_precision;
 use sinew_engine::row::VertexRow;
 use sinew_models::cutting::{
-    CutError, CutReport, MaterialSkin, check_cut, cut_body, material_skin,
+    CutError, CutReport, MaterialSkin, check_cut, cut_body, is_cut, node_places, node_velocities,
+    update_skin,
 };
 
 /// # Cuts
@@ -69,8 +70,40 @@ impl Simulation {
     /// # Errors
     /// When the body is none that can be cut.
     pub fn skin(&mut self, body: BodyHandle) -> Result<MaterialSkin, CutError> {
+        let mut skin = MaterialSkin::default();
+        self.update_skin(body, &mut skin)?;
+        Ok(skin)
+    }
+
+    /// Makes a [`skin`](Self::skin) of this simulation that of the present shape. While nothing was cut or removed since it was
+    /// made, only its points move: for every frame. Whether it is made anew.
+    ///
+    /// # Errors
+    /// When the body is none that can be cut.
+    pub fn update_skin(
+        &mut self,
+        body: BodyHandle,
+        skin: &mut MaterialSkin,
+    ) -> Result<bool, CutError> {
         let precision = self.precision();
-        by_precision!(precision, material_skin(self.columns(), body.0))
+        by_precision!(precision, update_skin(self.columns(), body.0, skin))
+    }
+
+    /// Whether a body was cut.
+    pub fn is_cut(&self, body: BodyHandle) -> bool {
+        is_cut(self.world(), body.0)
+    }
+
+    /// Places (m) of the vertices of the mesh of a body, then of those that cuts made: the nodes of its skin.
+    pub fn node_places(&mut self, body: BodyHandle) -> Vec<DVec3> {
+        let precision = self.precision();
+        by_precision!(precision, node_places(self.columns(), body.0))
+    }
+
+    /// Velocities (m/s) of the same.
+    pub fn node_velocities(&mut self, body: BodyHandle) -> Vec<DVec3> {
+        let precision = self.precision();
+        by_precision!(precision, node_velocities(self.columns(), body.0))
     }
 
     /// Faces of elements that a cut parted, by their rows, each and all ascending.

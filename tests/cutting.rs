@@ -10,7 +10,7 @@ use sinew::engine::scalar::Scalar;
 use sinew::engine::vertex::{Displacement, Mass, RestPosition, Velocity};
 use sinew::models::body::sheet::MembraneDescription;
 use sinew::models::body::{Evaluation, MassRule, VolumeRule};
-use sinew::models::cutting::CutError;
+use sinew::models::cutting::{CutError, MaterialSkin};
 use sinew::models::resection::{Region, Removal};
 use sinew::prelude::*;
 use sinew::solvers::settings::LinearPrecision;
@@ -414,4 +414,75 @@ fn lips_bear_what_presses_them_together() {
     assert!((lips[0][0] + lips[0][1]).abs() < 2e-3 * lips[0][1], "{lips:?}");
     assert!(through[0][0].abs() < 0.5 * whole[0][0].abs(), "{through:?}");
     assert_eq!(lips[1], [0.0; 2], "{lips:?}");
+}
+
+/// The skin is what drawing needs: smooth sides with points of their own, depths, a volume; it moves without being made anew.
+#[test]
+fn the_skin_follows_cut_motion_and_removal() {
+    let size = 0.06;
+    let mesh = block(6);
+    let (mut simulation, body) = cuttable(&mesh, options(Precision::F64, 1), Model::default());
+    let mut skin = MaterialSkin::default();
+    assert!(simulation.update_skin(body, &mut skin).unwrap() && !simulation.is_cut(body));
+    assert_eq!((skin.points.len(), skin.cells.len()), (mesh.points.len(), 0));
+    simulation.cut(body, &oblique()).unwrap();
+    assert!(simulation.update_skin(body, &mut skin).unwrap() && simulation.is_cut(body));
+    assert_eq!(skin.points[..mesh.points.len()], mesh.points);
+    assert_eq!(skin, simulation.skin(body).unwrap());
+    let [p, q] = oblique()[0];
+    let blade = (q - p).cross(DVec3::Y).normalize();
+    let is_wound = |v: u32| {
+        let own = skin.triangles.iter().zip(&skin.wound).filter(|(t, _)| t.contains(&v));
+        own.map(|(_, wound)| *wound).collect::<std::collections::BTreeSet<_>>()
+    };
+    let mut wounds = 0;
+    for v in mesh.points.len()..skin.points.len() {
+        let round = is_wound(v as u32);
+        assert!(round.len() == 1, "a point of the wound and of what is round it: {round:?}");
+        let at = skin.rest[v];
+        let on_faces = at.min(size - at).min_element();
+        // the cut of elements at the end of the blade goes on in its plane
+        if round.contains(&true) {
+            wounds += 1;
+            assert!((at - p).dot(blade).abs() < 1e-3 * size / 6.0, "{at}");
+            let depth = skin.depth[v];
+            assert!(depth > on_faces - 1e-15 && depth < on_faces + 1e-12, "{depth} {on_faces}");
+        } else {
+            assert!(skin.depth[v] == 0.0 && on_faces < 1e-15);
+        }
+    }
+    assert!(wounds > 40);
+    // a side of the wound is one surface: but for the edge of the wound every edge has two triangles
+    let mut edges = std::collections::BTreeMap::new();
+    for t in skin.triangles.iter().zip(&skin.wound).filter(|(_, wound)| **wound).map(|(t, _)| t) {
+        for k in 0..3 {
+            *edges.entry([t[k], t[(k + 1) % 3]]).or_insert(0) += 1;
+        }
+    }
+    let open = edges.keys().filter(|[a, b]| !edges.contains_key(&[*b, *a]));
+    let on_edge = |v: u32| skin.rest[v as usize].min(size - skin.rest[v as usize]).min_element();
+    assert!(open.clone().count() > 20 && open.flatten().all(|&v| on_edge(v) < 1e-15));
+    let volume = |skin: &MaterialSkin| -> f64 {
+        let corners = skin.triangles.iter().map(|t| t.map(|v| skin.points[v as usize]));
+        corners.map(|[a, b, c]| a.dot(b.cross(c)) / 6.0).sum()
+    };
+    let cells: f64 = skin
+        .cells
+        .iter()
+        .map(|(cell, _)| cell.map(|v| skin.points[v as usize]))
+        .map(|[a, b, c, d]| (b - a).cross(c - a).dot(d - a) / 6.0)
+        .sum();
+    assert!((volume(&skin) / size.powi(3) - 1.0).abs() < 1e-12);
+    assert!(cells > 0.0 && cells < 0.5 * size.powi(3), "{cells}");
+    // it moves as the elements do, and whatever is known at nodes is known there
+    simulation.step().unwrap();
+    assert!(!simulation.update_skin(body, &mut skin).unwrap());
+    assert_eq!(skin, simulation.skin(body).unwrap());
+    let at = simulation.node_places(body);
+    assert!(skin.mean(|node| at[node as usize]).eq(skin.points.iter().copied()));
+    assert!((volume(&skin) / simulation.volume(body) - 1.0).abs() < 1e-9);
+    let region = Region::Sphere { centre: DVec3::new(0.03, 0.03, 0.06), radius: 0.012 };
+    simulation.remove_elements(body, &Removal::new(region)).unwrap();
+    assert!(simulation.update_skin(body, &mut skin).unwrap());
+    assert!((volume(&skin) / simulation.volume(body) - 1.0).abs() < 1e-9);
 }

@@ -59,6 +59,8 @@
       skin.source = r.words(skin.vertices);
       skin.body = r.words(skin.vertices);
       skin.index = r.words(3 * skin.triangles);
+      // how deep in a wound, from 1 on
+      skin.depth = r.bytesOf(skin.depths);
     }
     for (const shape of run.shapes) {
       shape.points = r.floats(3 * shape.vertices);
@@ -67,7 +69,7 @@
     }
     for (const line of run.graphs.flatMap((graph) => graph.lines)) line.points = r.floats(2 * line.count);
     run.corners = r.words(4 * run.cells);
-    run.fates = r.words(2 * run.cells);
+    run.fates = r.words(3 * run.cells);
     let before = run.rest;
     const fields = run.fields.map(() => null);
     for (const frame of run.frames) {
@@ -216,7 +218,7 @@
 
   const camera = { azimuth: data.camera[0], elevation: data.camera[1], zoom: 1, shift: [0, 0] };
   // `cut`: normal and place of a plane that takes away what is before it
-  const shown = { field: data.field, map: "", ghost: true, mesh: false, ground: true, cut: null };
+  const shown = { field: data.field, map: "", ghost: true, mesh: false, ground: true, wounds: true, cut: null };
   const night = matchMedia("(prefers-color-scheme: dark)");
 
   class View {
@@ -323,14 +325,15 @@
       return out;
     }
 
-    // normals weighted by angles, as in still pictures
+    // normals weighted by angles, in wounds by areas, as in still pictures
     fill(shape, skin, places, tint, keep) {
       const { source, index } = skin, normals = new Float32Array(3 * source.length);
       const at = (v) => { const i = 3 * source[v]; return [places[i], places[i + 1], places[i + 2]]; };
       for (let t = 0; t < index.length; t += 3) {
         const v = [index[t], index[t + 1], index[t + 2]], p = v.map(at);
-        const n = unit(cross(add(p[1], p[0], -1), add(p[2], p[0], -1)));
+        const area = cross(add(p[1], p[0], -1), add(p[2], p[0], -1)), n = unit(area);
         for (let k = 0; k < 3; k++) {
+          if (skin.depth[v[k]]) { for (let x = 0; x < 3; x++) normals[3 * v[k] + x] += area[x]; continue; }
           const a = unit(add(p[(k + 1) % 3], p[k], -1)), b = unit(add(p[(k + 2) % 3], p[k], -1));
           const angle = Math.acos(Math.max(-1, Math.min(1, dot(a, b))));
           for (let x = 0; x < 3; x++) normals[3 * v[k] + x] += angle * n[x];
@@ -443,7 +446,10 @@
         return [Math.max(0, Math.min(255, 255 * (x - common[0]) / (common[1] - common[0]))), 0, 0, 0];
       };
       const places = this.metres(frame.places);
-      this.fill(this.body, skin, places, (v, source) => tint(skin.body[v], values?.[source]), this.skin === frame.skin);
+      const inner = (depth) => [...data.wound[0].map((c, x) => c + (data.wound[1][x] - c) * (depth - 1) / 254), 255];
+      const coloured = (v, source) =>
+        skin.depth[v] && (shown.wounds || !values) ? inner(skin.depth[v]) : tint(skin.body[v], values?.[source]);
+      this.fill(this.body, skin, places, coloured, this.skin === frame.skin);
       this.section(i, places, values, tint);
       this.skin = frame.skin;
       this.solids(frame);
@@ -462,8 +468,9 @@
         const [a, b, c, w] = shown.cut, heights = new Float32Array(run.points);
         for (let v = 0; v < run.points; v++) heights[v] = a * places[3 * v] + b * places[3 * v + 1] + c * places[3 * v + 2] - w;
         for (let cell = 0; cell < run.cells; cell++) {
-          if (fates[2 * cell + 1] <= frame) continue;
-          const below = [], above = [], body = fates[2 * cell];
+          const [body, born, gone] = fates.subarray(3 * cell, 3 * cell + 3);
+          if (frame < born || gone <= frame) continue;
+          const below = [], above = [];
           for (let k = 4 * cell; k < 4 * cell + 4; k++) (heights[corners[k]] > 0 ? above : below).push(corners[k]);
           if (!below.length || !above.length) continue;
           const first = numbers.length;
@@ -967,6 +974,9 @@
   for (const [id, name] of [["ghost", "ghost"], ["edges", "mesh"], ["ground", "ground"]]) {
     byId(id).onchange = (e) => { shown[name] = e.target.checked; dirty = true; };
   }
+  // wounds in colours of their own, or by numbers as all else
+  byId("wounds").parentNode.hidden = !views.some((v) => v.run.skins.some((skin) => skin.depths));
+  byId("wounds").onchange = (e) => { shown.wounds = e.target.checked; setField(shown.field); };
   const reset = () => {
     Object.assign(camera, { azimuth: data.camera[0], elevation: data.camera[1], zoom: 1, shift: [0, 0] });
     dirty = true;

@@ -141,3 +141,17 @@ pub const BODY_COLOURS: [Rgb; 6] = [
     [150, 118, 172],
     [120, 132, 144],
 ];
+
+/// Colours of a wound: under the surface, and deep inside.
+pub const WOUND_COLOURS: [Rgb; 2] = [[244, 168, 150], [132, 18, 32]];
+
+/// Colour of a wound so far between [`WOUND_COLOURS`].
+pub fn wound_colour(shade: f32) -> Rgb {
+    let [near, deep] = WOUND_COLOURS.map(|colour| colour.map(f32::from));
+    std::array::from_fn(|i| (near[i] + shade * (deep[i] - near[i])).round() as u8)
+}
+
+/// How far between [`WOUND_COLOURS`] a depth (m) is in a scene of this size (m): half of the way at 3 % of it.
+pub fn wound_shade(depth: f32, size: f32) -> f32 {
+    1.0 - (-depth.max(0.0) / (0.04 * size)).exp()
+}

@@ -5,7 +5,7 @@
 //! deflated and written in base 64.
 
 use crate::camera::CameraRequest;
-use crate::colour::{BODY_COLOURS, ColourMap, Rgb};
+use crate::colour::{BODY_COLOURS, ColourMap, Rgb, WOUND_COLOURS, wound_shade};
 use crate::error::RenderError;
 use crate::look::Look;
 use crate::scene::{Frame, Graph, Recording};
@@ -130,6 +130,12 @@ pub fn run_data(recording: &Recording) -> Result<Value, std::io::Error> {
         packer.words(skin.points.iter().copied());
         packer.words(skin.body.iter().map(|b| u32::from(*b)));
         packer.words(skin.triangles.iter().flatten().copied());
+        // 0 where there is no wound
+        let shade = |depth: &f32| match depth.is_nan() {
+            true => 0,
+            false => 1 + (254.0 * wound_shade(*depth, recording.size())).round() as u8,
+        };
+        packer.bytes.extend(skin.depth.iter().map(shade));
     }
     for shape in &recording.shapes {
         packer.floats(shape.points.iter().chain(&shape.normals).flatten().copied());
@@ -151,7 +157,7 @@ pub fn run_data(recording: &Recording) -> Result<Value, std::io::Error> {
         .collect();
     let cells = &recording.cells;
     packer.words(cells.iter().flat_map(|cell| cell.points));
-    packer.words(cells.iter().flat_map(|cell| [cell.body.into(), cell.gone]));
+    packer.words(cells.iter().flat_map(|cell| [cell.body.into(), cell.born, cell.gone]));
     let mut before = rest;
     let mut scalars: Vec<Option<Vec<u8>>> = vec![None; recording.fields.len()];
     for frame in &recording.frames {
@@ -199,7 +205,7 @@ pub fn run_data(recording: &Recording) -> Result<Value, std::io::Error> {
             "name": f.name, "label": f.label, "unit": f.unit, "range": f.range, "map": f.map.name(),
         })).collect::<Vec<_>>(),
         "skins": skins.iter().map(|s| json!({
-            "vertices": s.points.len(), "triangles": s.triangles.len(),
+            "vertices": s.points.len(), "triangles": s.triangles.len(), "depths": s.depth.len(),
         })).collect::<Vec<_>>(),
         "shapes": recording.shapes.iter().map(|s| json!({
             "vertices": s.points.len(), "triangles": s.triangles.len(), "colour": s.colour, "plate": s.plate,
@@ -271,6 +277,7 @@ pub fn page(recordings: &[&Recording], camera: CameraRequest) -> Result<String, 
         "camera": camera,
         "field": first.fields.first().map_or("none", |f| &f.name),
         "colours": BODY_COLOURS,
+        "wound": WOUND_COLOURS,
         "maps": maps,
     });
     // in a script element only this could end the text

@@ -1,7 +1,7 @@
 //! Frames to pixels on a device: several pictures are under way at a time.
 
 use crate::camera::Camera;
-use crate::colour::{BODY_COLOURS, ColourMap};
+use crate::colour::{BODY_COLOURS, ColourMap, wound_colour, wound_shade};
 use crate::error::RenderError;
 use crate::image::Image;
 use crate::look::Look;
@@ -343,6 +343,9 @@ impl Renderer {
             .map(|v| {
                 let point = skin.points[v] as usize;
                 let mut tint = linear(BODY_COLOURS[skin.body[v] as usize % BODY_COLOURS.len()]);
+                if let Some(depth) = skin.wound(v) {
+                    tint = linear(wound_colour(wound_shade(depth, size)));
+                }
                 let mut value = 0.0;
                 if let Some((field, values)) = field {
                     let [low, high] = field.range;

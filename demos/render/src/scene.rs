@@ -95,9 +95,9 @@ pub struct Frame {
     pub step: u64,
     /// Time (s), or the share of the loads of a static scene.
     pub time: f64,
-    /// Points (m).
+    /// Points (m). Those that a cut made follow all others; what the same one of them is may differ between surfaces.
     pub points: Vec<[f32; 3]>,
-    /// Surface over them; the same as before unless elements were removed.
+    /// Surface over them; the same as before unless elements were removed or cut.
     pub skin: Arc<Skin>,
     /// Values of every field of the recording at the points.
     pub fields: Vec<Vec<f32>>,
@@ -170,6 +170,8 @@ pub struct Cell {
     pub points: [u32; 4],
     /// Its body.
     pub body: u16,
+    /// The first frame with it: material that a cut parted is other cells than before.
+    pub born: u32,
     /// The first frame without it.
     pub gone: u32,
 }

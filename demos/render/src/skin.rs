@@ -6,6 +6,8 @@ use std::collections::HashMap;
 
 /// Angle (degrees) between faces above which their common edge stays sharp.
 pub const CREASE_ANGLE: f32 = 40.0;
+/// The same within a wound, whose triangles may be narrow: the side of a cut is smooth, and its end is not.
+const WOUND_ANGLE: f32 = 80.0;
 
 /// Triangles of a surface over the points of a frame.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -18,6 +20,8 @@ pub struct Skin {
     pub triangles: Vec<[u32; 3]>,
     /// Edges by their points where the surface is sharp, or ends; without those that end nowhere.
     pub creases: Vec<[u32; 2]>,
+    /// Depth (m) of each vertex that lies on a wound below the surface there was, NaN of others; empty without wounds.
+    pub depth: Vec<f32>,
 }
 
 /// A triangle by its points and the index of its body.
@@ -29,6 +33,12 @@ impl Skin {
     ///
     /// Facets without area or with an index out of range are left out.
     pub fn new(facets: &[Facet], rest: &[[f32; 3]], crease: f32) -> Self {
+        Self::with_wounds(facets, rest, &[], crease)
+    }
+
+    /// [`new`](Self::new) with wounds: `depth` (m) tells which of the points lie on one, NaN of those that do not. A wound
+    /// shares no points with what is not wound.
+    pub fn with_wounds(facets: &[Facet], rest: &[[f32; 3]], depth: &[f32], crease: f32) -> Self {
         let at = |v: u32| rest.get(v as usize).map(|p| Vec3::from_array(*p));
         let mut kept = Vec::with_capacity(facets.len());
         for &(t, body) in facets {
@@ -57,13 +67,15 @@ impl Skin {
             }
             i
         }
-        let least = crease.to_radians().cos();
+        let depth_of = |v: u32| depth.get(v as usize).copied().unwrap_or(f32::NAN);
+        let least = [crease, crease.max(WOUND_ANGLE)].map(|angle| angle.to_radians().cos());
         let mut creases = Vec::new();
         for (&edge, faces) in &edges {
             let smooth = match faces[..] {
                 [f, g] => {
                     let (f, g) = (&kept[f as usize], &kept[g as usize]);
-                    f.1 == g.1 && f.2.dot(g.2) > least
+                    let is_wound = !depth_of(edge[0]).is_nan();
+                    f.1 == g.1 && f.2.dot(g.2) > least[usize::from(is_wound)]
                 }
                 _ => false,
             };
@@ -93,17 +105,32 @@ impl Skin {
             });
             skin.triangles.push(corners);
         }
+        let depths = skin.points.iter().map(|&v| depth_of(v));
+        if depths.clone().any(|depth| !depth.is_nan()) {
+            skin.depth = depths.collect();
+        }
         skin
     }
 
+    /// Depth (m) of a vertex on a wound.
+    pub fn wound(&self, vertex: usize) -> Option<f32> {
+        self.depth.get(vertex).copied().filter(|depth| !depth.is_nan())
+    }
+
     /// Unit normals of the vertices on the shape `points` (m): those of the faces around, weighted by their
-    /// angles at the vertex, so that they do not depend on how flat parts are cut.
+    /// angles at the vertex, so that they do not depend on how flat parts are cut; in wounds by their areas, since narrow
+    /// triangles there have wide angles and no sure normal.
     pub fn normals(&self, points: &[[f32; 3]]) -> Vec<[f32; 3]> {
         let at = |v: u32| Vec3::from_array(points[self.points[v as usize] as usize]);
         let mut sums = vec![Vec3::ZERO; self.points.len()];
         for &t in &self.triangles {
             let p = t.map(at);
-            let Some(normal) = (p[1] - p[0]).cross(p[2] - p[0]).try_normalize() else { continue };
+            let area = (p[1] - p[0]).cross(p[2] - p[0]);
+            let Some(normal) = area.try_normalize() else { continue };
+            if self.wound(t[0] as usize).is_some() {
+                t.iter().for_each(|&v| sums[v as usize] += area);
+                continue;
+            }
             for k in 0..3 {
                 let (a, b) = (p[(k + 1) % 3] - p[k], p[(k + 2) % 3] - p[k]);
                 sums[t[k] as usize] += normal * a.angle_between(b);

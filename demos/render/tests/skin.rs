@@ -42,6 +42,23 @@ fn a_smooth_cube_has_normals_along_its_diagonals() {
 }
 
 #[test]
+fn a_wound_is_smooth_and_ends_in_an_edge() {
+    // two triangles of a wound at 60 degrees to each other, one of them narrow, then one of the surface
+    let points = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.5, -0.005, 0.00866]];
+    let facets = [([0, 1, 2], 0), ([1, 0, 3], 0)];
+    let depth = [0.1, 0.2, 0.0, 0.0];
+    let skin = Skin::with_wounds(&facets, &points, &depth, CREASE_ANGLE);
+    assert_eq!((skin.points.len(), skin.creases.len()), (4, 4));
+    assert_eq!((skin.wound(0), skin.depth.len()), (Some(0.1), 4));
+    assert_eq!(Skin::new(&facets, &points, CREASE_ANGLE).points.len(), 6);
+    // the narrow one hardly counts
+    let up = skin.normals(&points)[0];
+    assert!(up[2] > 0.9999, "{up:?}");
+    let other = [f32::NAN; 4];
+    assert_eq!(Skin::with_wounds(&facets, &points, &other, CREASE_ANGLE).depth, []);
+}
+
+#[test]
 fn bodies_and_rims_end_a_surface() {
     let points = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0]];
     let sheet = [([0, 1, 2], 0), ([1, 3, 2], 0)];

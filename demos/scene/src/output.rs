@@ -320,8 +320,9 @@ impl Writer {
                 c.vertices.iter().for_each(|&vertex| held[first + vertex as usize] = 1.0);
             }
         }
-        let points: Vec<DVec3> = self.mesh.points.iter().zip(&u).map(|(x, u)| x + u).collect();
-        // only what is left
+        // only what is left, and in place of what cuts parted the tetrahedra of its material
+        let mut made = Vec::new();
+        let mut parted = Vec::new();
         let mut left = ByKind::<Vec<usize>>::default();
         let (mut j, mut of_body, mut index) = (Vec::new(), Vec::new(), Vec::new());
         for kind in ElementKind::IN_FILES {
@@ -332,9 +333,35 @@ impl Writer {
                     of_body.push(i as f64);
                     index.push(f64::from(e));
                 }
+                if kind != ElementKind::Tetrahedron || !simulation.is_cut(body.handle) {
+                    continue;
+                }
+                // it was cut, so it has one
+                let Ok(skin) = simulation.skin(body.handle) else { continue };
+                let before = built.bodies[..i].iter().map(|b| b.mesh.points.len());
+                let (vertices, first) = (body.mesh.points.len(), before.sum::<usize>());
+                let shift = self.mesh.points.len() + made.len() - vertices;
+                let velocities = simulation.node_velocities(body.handle);
+                made.extend_from_slice(&skin.rest[vertices..]);
+                u.extend((vertices..skin.points.len()).map(|p| skin.points[p] - skin.rest[p]));
+                v.extend(skin.mean(|node| velocities[node as usize]).skip(vertices));
+                let place =
+                    |p: u32| p as usize + if (p as usize) < vertices { first } else { shift };
+                for (corners, e) in &skin.cells {
+                    let source = simulation.topology().bodies[body.handle.0].source(kind, *e);
+                    parted.push((left[kind].len(), corners.map(|p| place(p) as u32)));
+                    left[kind].push(self.start[i][kind] + source as usize);
+                    j.push(ratios[i][kind][source as usize]);
+                    of_body.push(i as f64);
+                    index.push(f64::from(source));
+                }
             }
         }
-        let mesh = self.mesh.only(&left);
+        let mut mesh = self.mesh.only(&left);
+        mesh.points.extend(made);
+        held.resize(mesh.points.len(), 0.0);
+        parted.into_iter().for_each(|(at, corners)| mesh.tetrahedra[at] = corners);
+        let points: Vec<DVec3> = mesh.points.iter().zip(&u).map(|(x, u)| x + u).collect();
         let name = format!("frames/{}_{:05}.vtu", self.stem, self.frames.len());
         let data = VtuData {
             points: &points,

@@ -9,7 +9,7 @@ const EDGES: [[usize; 2]; 6] = [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]];
 /// How near (in edges) to its end an edge may be cut: a point of the wound never lies on a vertex.
 const MARGIN: f64 = 1e-3;
 /// No number.
-const NONE: u32 = u32::MAX;
+pub(super) const NONE: u32 = u32::MAX;
 
 /// A point of the material: a mean of vertices of the mesh by these weights, which add up to 1. Vertices of no weight come
 /// last.

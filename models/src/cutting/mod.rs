@@ -19,6 +19,7 @@
 
 pub mod blade;
 pub mod material;
+mod skin;
 
 use bevy_ecs::prelude::*;
 use glam::DVec3;
@@ -38,10 +39,12 @@ use sinew_engine::scalar::Scalar;
 use sinew_engine::surface::SurfacePoint;
 use sinew_engine::topology::{BodyRows, ElementTables, Topology};
 use sinew_engine::vertex::{Displacement, Mass, Position, RestPosition, Velocity};
-use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
 use self::material::{Element, Material, Stroke};
+pub use self::skin::{
+    MaterialSkin, cut_material, is_cut, node_places, node_velocities, update_skin,
+};
 use crate::body::description::{MassRule, SoftBody};
 use crate::body::edit_log::{Edit, before_edit, log_edit};
 use crate::body::matter::{Chosen, Items, chosen};
@@ -600,46 +603,4 @@ pub(crate) fn cut_faces(world: &World, body: usize) -> Option<CutFaces> {
         }));
     }
     Some(CutFaces { points, triangles, wounds, divided })
-}
-
-/// The surface of the material of a body in its present shape.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct MaterialSkin {
-    /// Places (m). Both sides of a wound have points of their own.
-    pub points: Vec<DVec3>,
-    /// Triangles of points, outward.
-    pub triangles: Vec<[u32; 3]>,
-    /// Whether each was laid open by a cut.
-    pub wound: Vec<bool>,
-    /// Number of the tetrahedron or copy behind each.
-    pub tetrahedra: Vec<u32>,
-}
-
-/// The surface of what a body of linear tetrahedra is of: the faces of its mesh as far as they have material, and both sides
-/// of its wounds.
-///
-/// # Errors
-/// When there is no such body, or it is one that cannot be cut.
-pub fn material_skin<S: Scalar>(world: &mut World, body: usize) -> Result<MaterialSkin, CutError> {
-    let resection = prepared(world, body)?;
-    let own = resection.bodies[body].as_ref().expect("it was prepared");
-    let material = material_of(world, body, own);
-    world.insert_resource(resection);
-    let at = places::<S>(world, body);
-    let mut skin = MaterialSkin::default();
-    let mut known = BTreeMap::new();
-    for (face, cell, wound) in material.skin() {
-        let cell = &material.cells[cell as usize];
-        let triangle = face.map(|point| {
-            // at the end of a cut both sides have the same points
-            *known.entry((point, wound.then_some(cell.element))).or_insert_with(|| {
-                skin.points.push(material.place(cell, point, &|node| at[node as usize]));
-                skin.points.len() as u32 - 1
-            })
-        });
-        skin.triangles.push(triangle);
-        skin.wound.push(wound);
-        skin.tetrahedra.push(cell.element);
-    }
-    Ok(skin)
 }

@@ -96,7 +96,7 @@ pub fn bar() -> Recording {
                 p(x, y, z)
             };
             let points = [p(0, 0, 0), unit(&[a]), unit(&[a, b]), p(1, 1, 1)];
-            cells.push(Cell { points, body: 0, gone: u32::MAX });
+            cells.push(Cell { points, body: 0, born: 0, gone: u32::MAX });
         }
     }
     Recording {

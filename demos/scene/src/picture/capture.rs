@@ -4,6 +4,7 @@ use super::boundary::{Face, boundary};
 use super::measure::{MeasuredBody, ModuliFields};
 use super::quantity::Quantity;
 use super::tools::{Force, Tools, append};
+use super::wound::Wound;
 use crate::assemble::{BuiltBody, BuiltScene};
 use crate::probe;
 use crate::run::Observer;
@@ -81,6 +82,8 @@ struct BodyPart {
     faces: Vec<Face>,
     /// Count of changes of the body at the last look.
     changes: Option<u64>,
+    /// Since it was cut.
+    wound: Option<Box<Wound>>,
 }
 
 /// Pressure (Pa) along the normal of a face, at its middle.
@@ -156,6 +159,11 @@ impl<'a> Recorder<'a> {
     /// that it took.
     pub fn finish(mut self) -> (Recording, f64) {
         let start = Instant::now();
+        for frame in &mut self.recording.frames {
+            // points that cuts made later
+            frame.points.extend(&self.recording.rest[frame.points.len()..]);
+            frame.fields.iter_mut().for_each(|own| own.resize(frame.points.len(), f32::NAN));
+        }
         let largest = self.forces.iter().flatten().map(|f| f.force.length()).fold(0.0, f32::max);
         let scale = 0.2 * self.recording.size() / largest.max(f32::MIN_POSITIVE);
         for (frame, forces) in self.recording.frames.iter_mut().zip(&self.forces) {
@@ -226,10 +234,10 @@ impl<'a> Recorder<'a> {
             };
             let fibres = body.axes.as_ref().is_some_and(|axes| !axes.families.is_empty());
             let measured = (needs_measures || fibres).then(|| MeasuredBody::new(body, &moduli));
-            let (first, faces, changes) = (points.len(), Vec::new(), None);
+            let (first, faces, changes, wound) = (points.len(), Vec::new(), None, None);
             // cuts open the body, of which the surface knows nothing
             let carries = body.carried.is_some() && !cutting;
-            self.parts.push(BodyPart { first, carries, measured, faces, changes });
+            self.parts.push(BodyPart { first, carries, measured, faces, changes, wound });
             points.extend(body.mesh.points.iter().map(|p| p.as_vec3().to_array()));
             if let Some(carried) = body.carried.as_ref().filter(|_| carries) {
                 points.extend(carried.points.iter().map(|p| p.as_vec3().to_array()));
@@ -307,7 +315,7 @@ impl<'a> Recorder<'a> {
         for (i, part) in parts {
             for (corners, kind, element) in filling(&built.bodies[i].mesh) {
                 let points = corners.map(|v| v + part.first as u32);
-                self.recording.cells.push(Cell { points, body: i as u16, gone: u32::MAX });
+                self.recording.cells.push(Cell { points, body: i as u16, born: 0, gone: u32::MAX });
                 self.elements.push((i, kind, element));
             }
         }
@@ -324,24 +332,42 @@ impl<'a> Recorder<'a> {
         }
     }
 
-    /// Marks cells whose elements were removed.
-    fn remove_cells(&mut self, built: &BuiltScene) {
-        let left = |body: &BuiltBody, kind| built.simulation.remaining(body.handle, kind);
+    /// Marks cells whose elements were removed or parted, and fills what was parted anew.
+    fn change_cells(&mut self, built: &BuiltScene) {
+        let left = |body: &BuiltBody, kind| body.whole(&built.simulation, kind);
         let left: Vec<_> = built
             .bodies
             .iter()
             .map(|b| [ElementKind::Tetrahedron, ElementKind::Hexahedron].map(|kind| left(b, kind)))
             .collect();
         let now = self.recording.frames.len() as u32;
-        for (cell, (body, kind, e)) in self.recording.cells.iter_mut().zip(&self.elements) {
+        let (whole, parted) = self.recording.cells.split_at_mut(self.elements.len());
+        for (cell, (body, kind, e)) in whole.iter_mut().zip(&self.elements) {
             let left = &left[*body][usize::from(*kind == ElementKind::Hexahedron)];
             if cell.gone == u32::MAX && left.binary_search(e).is_err() {
                 cell.gone = now;
             }
         }
+        parted.iter_mut().for_each(|cell| cell.gone = cell.gone.min(now));
+        if self.elements.is_empty() {
+            return;
+        }
+        for (i, part) in self.parts.iter().enumerate() {
+            for (corners, _) in part.wound.iter().flat_map(|wound| &wound.skin.cells) {
+                let points = corners.map(|v| self.slot(part, v));
+                let (body, born, gone) = (i as u16, now, u32::MAX);
+                self.recording.cells.push(Cell { points, body, born, gone });
+            }
+        }
     }
 
-    /// Looks for removed elements; returns whether there are any new ones.
+    /// Where a point of a body is among those recorded.
+    fn slot(&self, part: &BodyPart, point: u32) -> u32 {
+        let made = part.wound.as_ref().and_then(|wound| wound.place(point));
+        made.unwrap_or_else(|| self.place[part.first + point as usize])
+    }
+
+    /// Looks for removed elements and cuts; returns whether there are any new ones.
     fn faces(&mut self, built: &mut BuiltScene) -> bool {
         let mut changed = false;
         let BuiltScene { simulation, bodies, .. } = built;
@@ -351,6 +377,13 @@ impl<'a> Recorder<'a> {
                 continue;
             }
             part.changes = changes;
+            if simulation.is_cut(body.handle)
+                && let Some(faces) = part.wound.get_or_insert_default().faces(simulation, body)
+            {
+                (part.faces, changed) = (faces, true);
+                continue;
+            }
+            part.wound = None;
             if let Some(carried) = body.carried.as_ref().filter(|_| part.carries) {
                 let first = body.mesh.points.len() as u32;
                 let face = |t: &[u32; 3]| Face {
@@ -376,17 +409,25 @@ impl<'a> Recorder<'a> {
         changed
     }
 
-    fn new_skin(&self) -> Arc<Skin> {
-        let facets: Vec<Facet> = self
-            .parts
-            .iter()
-            .enumerate()
-            .flat_map(|(body, part)| {
-                let place = |v: u32| self.place[part.first + v as usize];
-                part.faces.iter().map(move |f| (f.vertices.map(place), body as u16))
-            })
-            .collect();
-        Arc::new(Skin::new(&facets, &self.recording.rest, self.options.crease))
+    fn new_skin(&mut self) -> Arc<Skin> {
+        let mut depth = vec![f32::NAN; self.kept.len()];
+        for wound in self.parts.iter_mut().filter_map(|part| part.wound.as_mut()) {
+            wound.first = depth.len();
+            for (rest, own) in wound.made() {
+                match self.recording.rest.get_mut(depth.len()) {
+                    Some(known) => *known = rest,
+                    None => self.recording.rest.push(rest),
+                }
+                depth.push(own);
+            }
+        }
+        let this = &*self;
+        let facets = this.parts.iter().enumerate().flat_map(|(body, part)| {
+            let slots = |f: &Face| f.vertices.map(|v| this.slot(part, v));
+            part.faces.iter().map(move |f| (slots(f), body as u16))
+        });
+        let facets: Vec<Facet> = facets.collect();
+        Arc::new(Skin::with_wounds(&facets, &self.recording.rest, &depth, self.options.crease))
     }
 
     fn record(&mut self, built: &mut BuiltScene, step: u64) {
@@ -395,14 +436,18 @@ impl<'a> Recorder<'a> {
         let cutting = !(built.resections.is_empty() && built.cuts.is_empty());
         if step > 0 && cutting && self.faces(built) {
             self.skin = self.new_skin();
-            self.remove_cells(built);
+            self.change_cells(built);
         }
         let mut points = Vec::with_capacity(self.kept.len());
         let mut fields = vec![Vec::with_capacity(self.kept.len()); self.recording.fields.len()];
         let (mut balls, mut rods) = (Vec::new(), Vec::new());
         let mut displacements = Vec::new();
-        for (part, body) in self.parts.iter().zip(&built.bodies) {
-            let u = built.simulation.displacements(body.handle);
+        let (mut made, mut values_made) = (Vec::new(), vec![Vec::new(); fields.len()]);
+        for (part, body) in self.parts.iter_mut().zip(&built.bodies) {
+            let mut u = built.simulation.displacements(body.handle);
+            let wound = part.wound.as_mut();
+            let parted =
+                wound.map_or(Vec::new(), |own| own.update(&mut built.simulation, body, &mut u));
             let pressed = self.options.quantities.contains(&Quantity::Pressure);
             let pressures =
                 if pressed { built.simulation.contact_pressures(body.handle) } else { Vec::new() };
@@ -416,7 +461,7 @@ impl<'a> Recorder<'a> {
                 let triangles = left(ElementKind::Triangle);
                 let quads = left(ElementKind::Quad);
                 let count = body.membrane_triangles().len();
-                measured.at_vertices(&u, &solids, &|e| {
+                measured.at_vertices(&u, &solids, &parted, &|e| {
                     if e < count {
                         triangles.binary_search(&(e as u32)).is_ok()
                     } else {
@@ -428,7 +473,7 @@ impl<'a> Recorder<'a> {
                 self.options.quantities.iter().filter(|q| q.field().is_some()).copied().collect();
             let value = |v: usize, quantity: Quantity| match (quantity.index(), &measures) {
                 (Some(k), Some(measures)) => measures[v][k],
-                _ if quantity == Quantity::Pressure => pressures[v],
+                _ if quantity == Quantity::Pressure => pressures.get(v).copied().unwrap_or(0.0),
                 _ => u[v].length(),
             };
             for (v, (x, u)) in body.mesh.points.iter().zip(&u).enumerate() {
@@ -449,10 +494,28 @@ impl<'a> Recorder<'a> {
                     values.extend(of_points.into_iter().map(|x: f64| x as f32));
                 }
             }
+            if let Some(wound) = &part.wound {
+                let skin = &wound.skin;
+                made.extend(skin.points[wound.vertices..].iter().map(|x| x.as_vec3().to_array()));
+                for (values, &quantity) in values_made.iter_mut().zip(&quantities) {
+                    let all: Vec<f64> = match quantity.index() {
+                        None if quantity != Quantity::Pressure => skin
+                            .points
+                            .iter()
+                            .zip(&skin.rest)
+                            .map(|(x, y)| x.distance(*y))
+                            .collect(),
+                        _ => skin.mean(|node| value(node as usize, quantity)).collect(),
+                    };
+                    values.extend(all[wound.vertices..].iter().map(|x| *x as f32));
+                }
+            }
             let dark = self.recording.fields.first().is_none_or(|f| f.map != ColourMap::Viridis);
             fibres(part, body, &u, FIBRE[usize::from(dark)], &mut rods);
             displacements.push(u);
         }
+        points.extend(made);
+        fields.iter_mut().zip(values_made).for_each(|(all, made)| all.extend(made));
         let now = Now::new(built, step, displacements);
         self.balls(built, &now, &points, &mut balls);
         let mut forces = forces(&self.scene.scene, built, &now, &mut self.recording.forces);

@@ -315,9 +315,7 @@ pub fn run_to_page(
             } else {
                 format!("{frames} frames")
             };
-            let whole =
-                if summary.cuts.is_empty() { "" } else { " of the elements that are whole" };
-            summary.files.push(format!("{} (open in a browser; {of}{whole})", page.display()));
+            summary.files.push(format!("{} (open in a browser; {of})", page.display()));
         }
         Err(error) if asked => return Err(error.into()),
         Err(error) => {

@@ -44,6 +44,16 @@ pub(crate) struct MeasuredBody {
     rest: Vec<DVec3>,
 }
 
+/// A piece of a tetrahedron that a cut parted.
+pub(crate) struct Parted {
+    /// The tetrahedron of the mesh.
+    pub source: u32,
+    /// Vertices that move it, of the mesh or made by cuts.
+    pub nodes: [u32; 4],
+    /// Part of its volume.
+    pub share: f64,
+}
+
 /// Fields of moduli of a body: Young's moduli (Pa) and Poisson's ratios, for tetrahedra and then hexahedra.
 #[derive(Default)]
 pub(crate) struct ModuliFields {
@@ -139,30 +149,33 @@ impl MeasuredBody {
         let solid = &self.solids[element];
         let (mut sum, mut volume) = (DMat3::ZERO, 0.0);
         for point in &solid.points {
-            sum += gradient(solid, point, u) * point.volume;
+            sum += gradient(&solid.vertices, point, u) * point.volume;
             volume += point.volume;
         }
         if volume > 0.0 { DMat3::IDENTITY + sum * volume.recip() } else { DMat3::IDENTITY }
     }
 
-    /// Averages by volume at the vertices of what is left of a body, in the order of its mesh; by area where
-    /// only membranes meet, 0 strain and a ratio of 1 where nothing does.
+    /// Averages by volume at the vertices of what is left of a body, in the order of its mesh, then at those that cuts made;
+    /// by area where only membranes meet, 0 strain and a ratio of 1 where nothing does. `solids` are those that are whole.
     pub(crate) fn at_vertices(
         &self,
         u: &[DVec3],
         solids: &[u32],
+        parted: &[Parted],
         sheet_left: &dyn Fn(usize) -> bool,
     ) -> Vec<Measures> {
-        let mut sums = vec![([0.0; 4], 0.0); self.rest.len()];
-        for &e in solids {
+        let mut sums = vec![([0.0; 4], 0.0); u.len()];
+        let whole = solids.iter().map(|&e| (e, &self.solids[e as usize].vertices[..], 1.0));
+        let parted = parted.iter().map(|own| (own.source, &own.nodes[..], own.share));
+        for (e, vertices, share) in whole.chain(parted) {
             let solid = &self.solids[e as usize];
             let (mut mean, mut volume) = ([0.0; 4], 0.0);
             for point in &solid.points {
-                let measures = measures(gradient(solid, point, u), solid.lame);
-                (0..4).for_each(|k| mean[k] += point.volume * measures[k]);
-                volume += point.volume;
+                let measures = measures(gradient(vertices, point, u), solid.lame);
+                (0..4).for_each(|k| mean[k] += share * point.volume * measures[k]);
+                volume += share * point.volume;
             }
-            for &v in &solid.vertices {
+            for &v in vertices {
                 let (sum, weight) = &mut sums[v as usize];
                 (0..4).for_each(|k| sum[k] += mean[k]);
                 *weight += volume;
@@ -186,9 +199,9 @@ impl MeasuredBody {
 }
 
 /// Displacement gradient at a point.
-fn gradient(solid: &MeasuredSolid, point: &SolidPoint, u: &[DVec3]) -> DMat3 {
+fn gradient(vertices: &[u32], point: &SolidPoint, u: &[DVec3]) -> DMat3 {
     let mut g = DMat3::ZERO;
-    for (&v, d) in solid.vertices.iter().zip(&point.gradients) {
+    for (&v, d) in vertices.iter().zip(&point.gradients) {
         let u = u[v as usize];
         g += DMat3::from_cols(u * d.x, u * d.y, u * d.z);
     }

@@ -10,6 +10,7 @@ mod job;
 mod measure;
 mod quantity;
 mod tools;
+mod wound;
 
 pub use boundary::{Face, boundary};
 pub use capture::{CaptureOptions, Recorder};

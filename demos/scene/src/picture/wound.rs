@@ -1,0 +1,78 @@
+//! Points of a recording that cuts made: they come after all others, and there are more of them after every cut.
+
+use super::boundary::Face;
+use super::measure::Parted;
+use crate::assemble::BuiltBody;
+use glam::DVec3;
+use sinew::engine::connectivity::ElementKind;
+use sinew::models::cutting::{MaterialSkin, cut_material};
+use sinew::simulation::Simulation;
+use std::collections::BTreeSet;
+
+/// The surface of a body since it was cut.
+#[derive(Default)]
+pub(super) struct Wound {
+    pub skin: MaterialSkin,
+    /// Vertices of the mesh, which are the first points of the surface.
+    pub vertices: usize,
+    /// Where its other points begin among those recorded.
+    pub first: usize,
+}
+
+impl Wound {
+    /// The surface as it is now; whether there is one.
+    pub fn faces(&mut self, simulation: &mut Simulation, body: &BuiltBody) -> Option<Vec<Face>> {
+        self.vertices = body.mesh.points.len();
+        simulation.update_skin(body.handle, &mut self.skin).ok()?;
+        let face = |(&vertices, &e): (&[u32; 3], &u32)| Face {
+            vertices,
+            element: Some((ElementKind::Tetrahedron, e)),
+            second: false,
+        };
+        Some(self.skin.triangles.iter().zip(&self.skin.tetrahedra).map(face).collect())
+    }
+
+    /// Where a point is among those recorded, if a cut made it.
+    pub fn place(&self, point: u32) -> Option<u32> {
+        let made = (point as usize).checked_sub(self.vertices)?;
+        Some((self.first + made) as u32)
+    }
+
+    /// Places at rest of the points that cuts made, with the depths of those on wounds.
+    pub fn made(&self) -> impl Iterator<Item = ([f32; 3], f32)> {
+        let skin = &self.skin;
+        let mut depth = vec![f32::NAN; skin.points.len()];
+        for (triangle, _) in skin.triangles.iter().zip(&skin.wound).filter(|(_, wound)| **wound) {
+            triangle.iter().for_each(|&v| depth[v as usize] = skin.depth[v as usize] as f32);
+        }
+        let rest = skin.rest.iter().map(|x| x.as_vec3().to_array());
+        rest.zip(depth).skip(self.vertices)
+    }
+
+    /// Moves the points, adds the displacements of the vertices that cuts made, and tells the pieces that they move.
+    pub fn update(
+        &mut self,
+        simulation: &mut Simulation,
+        body: &BuiltBody,
+        u: &mut Vec<DVec3>,
+    ) -> Vec<Parted> {
+        let at = simulation.node_places(body.handle);
+        let moved = simulation.update_skin(body.handle, &mut self.skin);
+        let Some(material) =
+            cut_material(simulation.world(), body.handle.0).filter(|_| moved.is_ok())
+        else {
+            return Vec::new();
+        };
+        let rest = |&vertex: &u32| body.mesh.points[vertex as usize];
+        u.extend(at[self.vertices..].iter().zip(&material.ghosts).map(|(x, of)| *x - rest(of)));
+        let pieces: BTreeSet<u32> = self.skin.cells.iter().map(|(_, e)| *e).collect();
+        let parted = |e: u32| {
+            let element = &material.elements[e as usize];
+            let place = |v| element.vertices.iter().position(|&own| own == v).unwrap_or(0);
+            let nodes = body.mesh.tetrahedra[element.source as usize];
+            let nodes = nodes.map(|v| element.nodes[place(v)]);
+            Parted { source: element.source, nodes, share: element.share() }
+        };
+        pieces.into_iter().map(parted).collect()
+    }
+}

@@ -1,0 +1,257 @@
+//! The surface of the material of a body, for drawing and measuring: what is left of the faces of its mesh, and its wounds.
+
+use bevy_ecs::prelude::*;
+use glam::DVec3;
+use sinew_engine::columns::single_table;
+use sinew_engine::scalar::Scalar;
+use sinew_engine::surface::closest_point;
+use sinew_engine::topology::Topology;
+use sinew_engine::vertex::Velocity;
+use std::cmp::Reverse;
+use std::collections::{BTreeMap, BinaryHeap};
+
+use super::material::{Element, Material, NONE};
+use super::{CutError, material_of, places, prepared, rest_of, row_of};
+use crate::body::present::Resection;
+
+/// The surface of the material of a body in its present shape.
+///
+/// Every point is a mean of *nodes*: the vertices of the mesh, and behind them those that cuts made, in the order in which they
+/// came. Whatever is known at nodes is known at the points by the same weights.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct MaterialSkin {
+    /// Places (m): first of all vertices of the mesh, then of points that cuts made. Both sides of a wound have points of their
+    /// own, and so has a wound beside the surface round it. Triangles round a point are one smooth surface but for two things:
+    /// edges of the body, and the end of a cut, where both sides meet in the same points.
+    pub points: Vec<DVec3>,
+    /// Places (m) at rest: coordinates of what is drawn inside of the body.
+    pub rest: Vec<DVec3>,
+    /// Depth (m, at rest) of the points of wounds below the surface of the mesh; 0 at all others.
+    pub depth: Vec<f64>,
+    /// Triangles of points, outward.
+    pub triangles: Vec<[u32; 3]>,
+    /// Whether each was laid open by a cut.
+    pub wound: Vec<bool>,
+    /// Number of the tetrahedron or copy behind each.
+    pub tetrahedra: Vec<u32>,
+    /// Tetrahedra of points that fill what is left of those that cuts parted, with the number of each or of its copy.
+    pub cells: Vec<([u32; 4], u32)>,
+    /// Nodes of every point.
+    pub nodes: Vec<[u32; 4]>,
+    /// Their weights, which add up to 1; those of no weight come last.
+    pub weights: Vec<[f64; 4]>,
+    /// The body and the count of its changes that it is of.
+    of: Option<(usize, u64)>,
+    /// Of every vertex of the mesh the nearest one of its surface.
+    near: Vec<u32>,
+}
+
+impl MaterialSkin {
+    /// Numbers at the points from numbers at the nodes.
+    pub fn mean<T>(&self, at: impl Fn(u32) -> T) -> impl Iterator<Item = T>
+    where
+        T: std::ops::Mul<f64, Output = T> + std::iter::Sum,
+    {
+        self.nodes.iter().zip(&self.weights).map(move |(nodes, weights)| {
+            let used = nodes.iter().zip(weights).filter(|(_, w)| **w != 0.0);
+            used.map(|(&node, &w)| at(node) * w).sum()
+        })
+    }
+
+    fn add(&mut self, nodes: [u32; 4], weights: [f64; 4]) -> u32 {
+        self.nodes.push(nodes);
+        self.weights.push(weights);
+        self.nodes.len() as u32 - 1
+    }
+}
+
+/// Whether a body was cut: its material is no longer that of its elements.
+pub fn is_cut(world: &World, body: usize) -> bool {
+    cut_material(world, body).is_some()
+}
+
+/// The material of a body that was cut, with that of elements that were removed since.
+pub fn cut_material(world: &World, body: usize) -> Option<&Material> {
+    world.get_resource::<Resection>()?.bodies.get(body)?.as_ref()?.material.as_deref()
+}
+
+/// Places (m) of the nodes of a body: the vertices of its mesh, then those that cuts made.
+pub fn node_places<S: Scalar>(world: &mut World, body: usize) -> Vec<DVec3> {
+    places::<S>(world, body)
+}
+
+/// Velocities (m/s) of the nodes of a body.
+pub fn node_velocities<S: Scalar>(world: &mut World, body: usize) -> Vec<DVec3> {
+    let mut query = world.query::<&Velocity<S>>();
+    let rows = &world.resource::<Topology>().bodies[body];
+    let Some(v) = single_table(query.contiguous_iter(world)) else { return Vec::new() };
+    let nodes = 0..(rows.mesh_vertices() + rows.copies.ghosts.len()) as u32;
+    nodes.map(|node| v[(rows.vertices.start + row_of(rows, node)) as usize].get()).collect()
+}
+
+/// Makes a skin that of a body in its present shape. While nothing was cut or removed since it was, only its points move, and
+/// `false` is returned.
+///
+/// # Errors
+/// When there is no such body, or it is one that cannot be cut.
+pub fn update_skin<S: Scalar>(
+    world: &mut World,
+    body: usize,
+    skin: &mut MaterialSkin,
+) -> Result<bool, CutError> {
+    let of = world.resource::<Topology>().bodies.get(body).map(|rows| (body, rows.changes));
+    let is_new = of.is_none() || skin.of != of;
+    if is_new {
+        build(world, body, skin)?;
+        skin.of = of;
+    }
+    let at = places::<S>(world, body);
+    skin.points = skin.mean(|node| at[node as usize]).collect();
+    Ok(is_new)
+}
+
+fn build(world: &mut World, body: usize, skin: &mut MaterialSkin) -> Result<(), CutError> {
+    let resection = prepared(world, body)?;
+    let own = resection.bodies[body].as_ref().expect("it was prepared");
+    let material = material_of(world, body, own);
+    world.insert_resource(resection);
+    let rows = world.resource::<Topology>().bodies[body].clone();
+    let rest = rest_of(world, &rows);
+    let rest: Vec<DVec3> =
+        (0..material.vertices).map(|v| rest[row_of(&rows, v) as usize]).collect();
+    let near = match skin.of {
+        Some((of, _)) if of == body => std::mem::take(&mut skin.near),
+        _ => Vec::new(),
+    };
+    *skin = MaterialSkin { near, ..MaterialSkin::default() };
+    for vertex in 0..material.vertices {
+        skin.add([vertex; 4], [1.0, 0.0, 0.0, 0.0]);
+    }
+    let mut known = BTreeMap::new();
+    // the vertices of the mesh behind each point
+    let mut origins: Vec<(u32, bool)> = (0..material.vertices).map(|v| (v, false)).collect();
+    let mut place = |skin: &mut MaterialSkin, element: u32, wound: bool, point: u32| {
+        let (nodes, weights) = moved_by(&material, &material.elements[element as usize], point);
+        if nodes == [point; 4] {
+            return point;
+        }
+        *known.entry((point, wound, nodes)).or_insert_with(|| {
+            origins.push((point, wound));
+            skin.add(nodes, weights)
+        })
+    };
+    for (face, cell, wound) in material.skin() {
+        let element = material.cells[cell as usize].element;
+        let triangle = face.map(|point| place(skin, element, wound, point));
+        skin.triangles.push(triangle);
+        skin.wound.push(wound);
+        skin.tetrahedra.push(element);
+    }
+    for cell in &material.cells {
+        if material.elements[cell.element as usize].portion != [0.25; 4] {
+            let corners = cell.corners.map(|point| place(skin, cell.element, true, point));
+            skin.cells.push((corners, cell.element));
+        }
+    }
+    let at_rest = |point: u32| {
+        let point = &material.points[point as usize];
+        let used = point.vertices.iter().zip(point.weights).filter(|(_, w)| *w != 0.0);
+        used.map(|(&v, w)| w * rest[v as usize]).sum::<DVec3>()
+    };
+    skin.rest = origins.iter().map(|&(point, _)| at_rest(point)).collect();
+    skin.depth = vec![0.0; origins.len()];
+    if skin.wound.contains(&true) {
+        let surface = Surface::new(&material, &rest);
+        if skin.near.is_empty() {
+            skin.near = surface.nearest(&material);
+        }
+        for (i, (point, _)) in origins.iter().enumerate().filter(|(_, (_, wound))| *wound) {
+            let from = material.points[*point as usize].vertices.map(|v| skin.near[v as usize]);
+            skin.depth[i] = surface.distance(skin.rest[i], from);
+        }
+    }
+    Ok(())
+}
+
+/// The nodes that move a point as one of an element, in the order of its vertices, with their weights.
+fn moved_by(material: &Material, element: &Element, point: u32) -> ([u32; 4], [f64; 4]) {
+    let point = &material.points[point as usize];
+    let node = |v: u32| element.nodes[element.vertices.iter().position(|&w| w == v).unwrap_or(0)];
+    let first = node(point.vertices[0]);
+    let nodes =
+        [0, 1, 2, 3].map(|i| if point.weights[i] == 0.0 { first } else { node(point.vertices[i]) });
+    (nodes, point.weights)
+}
+
+/// The surface of the whole mesh at rest.
+struct Surface<'a> {
+    rest: &'a [DVec3],
+    triangles: Vec<[u32; 3]>,
+    /// Of every vertex the triangles round it.
+    round: Vec<Vec<u32>>,
+}
+
+impl<'a> Surface<'a> {
+    fn new(material: &Material, rest: &'a [DVec3]) -> Self {
+        let mut faces: Vec<[u32; 3]> = elements(material)
+            .flat_map(|[a, b, c, d]| [[b, c, d], [a, d, c], [a, b, d], [a, c, b]])
+            .map(|mut face| {
+                face.sort_unstable();
+                face
+            })
+            .collect();
+        faces.sort_unstable();
+        let outside = faces.chunk_by(|a, b| a == b).filter(|same| same.len() == 1);
+        let triangles: Vec<[u32; 3]> = outside.map(|same| same[0]).collect();
+        let mut round = vec![Vec::new(); rest.len()];
+        for (number, triangle) in (0..).zip(&triangles) {
+            triangle.iter().for_each(|&v| round[v as usize].push(number));
+        }
+        Self { rest, triangles, round }
+    }
+
+    /// Distance (m) to the triangles round some vertices.
+    fn distance<const N: usize>(&self, from: DVec3, vertices: [u32; N]) -> f64 {
+        let known = vertices.iter().filter_map(|&v| self.round.get(v as usize));
+        let distance = |&t: &u32| {
+            let corners = self.triangles[t as usize].map(|v| self.rest[v as usize]);
+            let shares = closest_point(from, corners);
+            let closest: DVec3 = corners.iter().zip(shares).map(|(x, share)| *x * share).sum();
+            from.distance(closest)
+        };
+        known.flatten().map(distance).min_by(f64::total_cmp).unwrap_or(0.0)
+    }
+
+    /// Of every vertex the one of the surface whose triangles are nearest, as far as its neighbours know: it spreads along
+    /// edges, nearest first.
+    fn nearest(&self, material: &Material) -> Vec<u32> {
+        let mut beside = vec![Vec::new(); self.rest.len()];
+        for corners in elements(material) {
+            for v in corners {
+                beside[v as usize].extend(corners.iter().copied().filter(|w| *w != v));
+            }
+        }
+        let mut near = vec![NONE; self.rest.len()];
+        // numbers that are not negative are in the order of their bits
+        let mut next = BinaryHeap::new();
+        let outside = (0..).zip(&self.round).filter(|(_, round)| !round.is_empty());
+        next.extend(outside.map(|(v, _): (u32, _)| Reverse((0u64, v, v))));
+        while let Some(Reverse((_, vertex, from))) = next.pop() {
+            if near[vertex as usize] != NONE {
+                continue;
+            }
+            near[vertex as usize] = from;
+            for &other in beside[vertex as usize].iter().filter(|&&w| near[w as usize] == NONE) {
+                let distance = self.distance(self.rest[other as usize], [from]);
+                next.push(Reverse((distance.to_bits(), other, from)));
+            }
+        }
+        near
+    }
+}
+
+/// Corners of the elements of the mesh.
+fn elements(material: &Material) -> impl Iterator<Item = [u32; 4]> {
+    let own = (0..).zip(&material.elements).filter(|(e, element)| element.source == *e);
+    own.map(|(_, element): (u32, &Element)| element.vertices)
+}
