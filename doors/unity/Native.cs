@@ -222,6 +222,22 @@ namespace Sinew
         internal UIntPtr FibreCount;
         internal double VolumeModulus;
         internal IntPtr Volume;
+        internal UIntPtr Spare;
+    }
+
+    /// <summary>What a cut did.</summary>
+    [StructLayout(LayoutKind.Sequential)]
+    internal struct NativeCutReport
+    {
+        internal uint StructSize;
+        internal uint Reserved;
+        internal UIntPtr Separated;
+        internal UIntPtr Copies;
+        internal UIntPtr Vertices;
+        internal UIntPtr Spare;
+        internal UIntPtr Pieces;
+        internal double LeastShare;
+        internal double Area;
     }
 
     /// <summary>A constraint.</summary>
@@ -418,11 +434,14 @@ namespace Sinew
 
     internal static partial class Native
     {
-        internal const uint SINEW_ABI = 4;
+        internal const uint SINEW_ABI = 5;
         internal const uint SINEW_F64 = 0;
         internal const uint SINEW_F32 = 1;
         internal const uint SINEW_CPU = 0;
         internal const uint SINEW_GPU = 1;
+        internal const uint SINEW_SKIN_POINTS = 0;
+        internal const uint SINEW_SKIN_REST = 1;
+        internal const uint SINEW_SKIN_DEPTH = 2;
         internal const uint SINEW_HOLD = 0;
         internal const uint SINEW_TRANSLATE = 1;
         internal const uint SINEW_ROTATE = 2;
@@ -507,6 +526,22 @@ namespace Sinew
         [DllImport(Library, CallingConvention = C)]
         internal static extern int sinew_remove_elements(SimulationHandle simulation, ulong body,
             ref NativeRegion region, out UIntPtr removed);
+
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_cut(SimulationHandle simulation, ulong body, double[] strip,
+            UIntPtr positionCount, ref NativeCutReport report);
+
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_skin_read(SimulationHandle simulation, ulong body, uint quantity,
+            double[] result, UIntPtr capacity, out UIntPtr needed);
+
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_skin_triangles(SimulationHandle simulation, ulong body, uint[] triangles,
+            UIntPtr capacity, out UIntPtr needed, out ulong revision);
+
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_skin_wound(SimulationHandle simulation, ulong body, uint[] result,
+            UIntPtr capacity, out UIntPtr needed);
 
         [DllImport(Library, CallingConvention = C)]
         internal static extern IntPtr sinew_last_error();

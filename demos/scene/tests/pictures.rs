@@ -99,7 +99,7 @@ fn surfaces_follow_a_resection() {
 fn a_wound_is_drawn_as_the_blade_left_it() {
     let mut scene = scene("lobe");
     scene.scene.cuts[0].time = 0.1;
-    scene.scene.pulls[0].from = 0.1;
+    scene.scene.pulls[0].from = Some(0.1);
     let quantities = vec![Quantity::Displacement, Quantity::Strain];
     let capture = CaptureOptions { quantities, page: true, ..CaptureOptions::default() };
     let (recording, hash) = record_as(&scene, 16, capture);

@@ -242,26 +242,38 @@ fn liver_loses_its_lobe() {
 }
 
 #[test]
-fn a_lobe_is_cut_off_and_falls() {
+fn a_lobe_is_cut_off_and_lifted() {
     let (summary, table) = run_whole("lobe", None);
     let cut = &summary.cuts[0];
     assert_eq!(cut.pieces, 2, "{summary}");
     assert!(cut.copies >= cut.separated && cut.separated > 100 && cut.spare > 0, "{summary}");
     // the blade is a cylinder of radius 0.4 m, so that the wound is hardly larger than the plane section
     assert!((0.003..0.02).contains(&cut.area), "{summary}");
-    // no matter and no energy went at the instant: what the ligament carries at the end is the weight of what hangs there
-    let fallen: Vec<f64> =
-        table.vector("lobe.mean_displacement", "m").iter().map(|u| u.z).collect();
-    let time = table.column("time_s");
-    let (start, end) = (0.5, *time.last().unwrap());
-    let way =
-        fallen.last().unwrap() - fallen[time.iter().position(|t| *t >= start - 1e-9).unwrap()];
-    let free = -0.5 * 9.81 * (end - start) * (end - start);
-    // damping by mass holds it back, and it was swinging a little
-    assert!((0.6..1.05).contains(&(way / free)), "{way} {free}");
-    let held = table.vector("ligament.reaction", "N");
-    let last = held.last().unwrap().z / (summary.bodies[0].mass * 9.81);
-    assert!((0.3..0.95).contains(&last), "{last}");
+    let z =
+        |name: &str, unit| -> Vec<f64> { table.vector(name, unit).iter().map(|x| x.z).collect() };
+    let (lobe, held) = (z("lobe.mean_displacement", "m"), z("ligament.reaction", "N"));
+    let (hand, time) = (z("hand.pull_force", "N"), table.column("time_s"));
+    let at = |when: f64| time.iter().position(|t| *t > when - 1e-9).unwrap();
+    // before the cut the ligament bears all of it, then the hand bears the lobe
+    let weight = summary.bodies[0].mass * 9.81;
+    assert!(hand[at(0.5)].abs() < 0.01 * weight && (held[at(0.5)] / weight - 1.0).abs() < 0.01);
+    let (lifted, borne) = (lobe.last().unwrap() - lobe[at(0.6)], -hand.last().unwrap());
+    assert!((0.05..0.1).contains(&(borne / weight)), "{borne} N of {weight} N");
+    let both = borne + held.last().unwrap();
+    assert!((both / weight - 1.0).abs() < 0.005, "{both} N of {weight} N");
+    // the way of the hand
+    assert!((lifted - 0.06).abs() < 0.001, "{lifted}");
+    // frames hold all of the body, whatever was parted
+    let frames = folder("lobe").join("frames");
+    let volume = |number: u32| {
+        let mesh = Mesh::read(&frames.join(format!("lobe_{number:05}.vtu"))).unwrap();
+        let corners = mesh.tetrahedra.iter().map(|t| t.map(|v| mesh.points[v as usize]));
+        let volume = corners.map(|[a, b, c, d]| (b - a).cross(c - a).dot(d - a) / 6.0);
+        (mesh.tetrahedra.len(), volume.sum::<f64>())
+    };
+    let (before, after) = (volume(0), volume(42));
+    assert!(after.0 > before.0 + 2 * cut.separated, "{before:?} {after:?}");
+    assert!((after.1 / before.1 - 1.0).abs() < 0.01, "{before:?} {after:?}");
     says(&summary.to_string(), &["cut blade", "tetrahedra parted"]);
 }
 

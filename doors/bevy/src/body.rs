@@ -14,7 +14,7 @@ use sinew::engine::columns::single_table;
 use sinew::engine::law::{ElasticEnergy, RecoveringBodies};
 use sinew::engine::precision::Precision;
 use sinew::engine::report::VolumeReport;
-use sinew::engine::row::LocalRow;
+use sinew::engine::row::{LocalRow, MeshVertex};
 use sinew::engine::scalar::Scalar;
 use sinew::engine::surface::SurfaceReader;
 use sinew::engine::topology::Topology;
@@ -22,6 +22,7 @@ use sinew::engine::vertex::{Mass, Velocity};
 use sinew::models::body::change::set_material;
 use sinew::models::body::sheet::MembraneSettings;
 use sinew::models::body::{BodyError, Evaluation, Integration, MassRule, VolumeRule};
+use sinew::models::cutting::{MaterialSkin, is_cut, update_skin};
 use sinew::models::material::field::FieldError;
 use sinew::models::resection::{
     Region, Removal, RemovalError, RemovalLog, RemovalReport, RemovalRequest,
@@ -60,6 +61,8 @@ pub struct SinewBody {
     pub integration: Integration,
     /// How its mass is shared out; it cannot be changed later.
     pub masses: MassRule,
+    /// Vertices kept for what [`cut_body`](sinew::models::cutting::cut_body) makes; without, it cannot be cut.
+    pub spare: usize,
     /// Makes all triangles and quadrilaterals of the mesh a membrane; it cannot be changed later.
     pub membrane: Option<MembraneSettings>,
 }
@@ -75,6 +78,7 @@ impl SinewBody {
             volume: VolumeRule::default(),
             integration: Integration::default(),
             masses: MassRule::default(),
+            spare: 0,
             membrane: None,
         }
     }
@@ -116,12 +120,18 @@ pub struct SinewBodyState {
 #[derive(Component)]
 struct Applied(YoungPoisson);
 
-/// The surface of what is left of a body, by vertices of the user's mesh.
+/// The surface of what is left of a body, by vertices of the user's mesh, then points that cuts made.
 #[derive(Component, Clone, Debug, Default)]
 pub struct SinewSurface {
     /// Outside triangles of the solid, outward, then triangles of membranes.
     pub triangles: Vec<[u32; 3]>,
-    /// Counts up when the triangles change; the body may have more vertices then.
+    /// Whether each was laid open by a cut; empty while nothing was cut.
+    pub wound: Vec<bool>,
+    /// Depth (m, at rest) of points of wounds below the surface of the mesh, 0 of all others; empty while nothing was cut.
+    pub depth: Vec<f64>,
+    /// Rows of the body, relative to its first, and weights by which each point that cuts made moves.
+    pub made: Vec<([u32; 4], [f64; 4])>,
+    /// Counts up when the triangles change; there may be more points then.
     pub revision: u64,
     /// [`BodyRows::changes`](sinew::engine::topology::BodyRows::changes) that it was read at.
     changes: u64,
@@ -373,6 +383,7 @@ fn build_body(
         volume: body.volume,
         integration: body.integration,
         masses: body.masses,
+        spare: body.spare,
         membrane: body.membrane.as_ref().map(|m| m.of(&mesh.triangles, &mesh.quads)),
         ..BodyDescription::new(&name, mesh, body.material)
     };
@@ -414,7 +425,23 @@ fn surface(world: &mut World, index: usize) -> SinewSurface {
     let of_vertices = |t: &&[u32; 3]| t.iter().all(|v| (*v as usize) < body.row_count());
     let triangles = found.triangles.iter().filter(of_vertices).chain(&found.sheets).map(user);
     let triangles = triangles.collect();
-    SinewSurface { triangles, revision: 1, changes: body.changes }
+    let changes = body.changes;
+    let mut skin = MaterialSkin::default();
+    let precision = *world.resource::<Precision>();
+    if !is_cut(world, index)
+        || by_precision!(precision, update_skin(world, index, &mut skin)).is_err()
+    {
+        return SinewSurface { triangles, revision: 1, changes, ..SinewSurface::default() };
+    }
+    let body = &world.resource::<Topology>().bodies[index];
+    let row = |node: u32| match (node as usize).checked_sub(body.mesh_vertices()) {
+        Some(ghost) => (body.vertex_order.len() + ghost) as u32,
+        None => body.row_of_vertex[MeshVertex(node)].map_or(0, |row| row.0),
+    };
+    let rows = skin.nodes.iter().map(|nodes| nodes.map(row));
+    let made = rows.zip(skin.weights).skip(body.mesh_vertices()).collect();
+    let MaterialSkin { triangles, wound, depth, .. } = skin;
+    SinewSurface { triangles, wound, depth, made, revision: 1, changes }
 }
 
 /// Changed materials.
@@ -574,7 +601,8 @@ fn read_surfaces(
     for (entity, index) in old {
         let new = surface(world, index);
         let Some(mut own) = world.get_mut::<SinewSurface>(entity) else { continue };
-        let revision = own.revision + u64::from(own.triangles != new.triangles);
+        let is_new = own.triangles != new.triangles || own.made != new.made;
+        let revision = own.revision + u64::from(is_new);
         *own = SinewSurface { revision, ..new };
     }
 }

@@ -23,7 +23,7 @@ use sinew::touch::set::ContactSet;
 /// Writes the surface of a body into a `Mesh`, once a drawn frame, in place. Without a `Mesh3d` the body gets one.
 ///
 /// Vertex `i` of the mesh is vertex `i` of the user's mesh, whatever is cut away, so that attributes of your own
-/// such as texture coordinates stay right; without `smooth_normals` every triangle has three vertices of its own.
+/// such as texture coordinates stay right; points that cuts made follow. Without `smooth_normals` every triangle has three vertices of its own.
 /// Membranes are drawn from one side: switch culling off in their material.
 #[derive(Component, Clone, Copy, Debug)]
 pub struct SinewMeshSync {
@@ -41,7 +41,7 @@ impl Default for SinewMeshSync {
 /// differ, and late by up to one step. For steps in a fixed schedule.
 #[derive(Component, Clone, Debug, Default)]
 pub struct SinewInterpolation {
-    /// Positions (m) of its rows before the last step.
+    /// Positions (m) of its rows before the last step, those of vertices that cuts made last.
     before: Vec<DVec3>,
 }
 
@@ -181,7 +181,7 @@ pub fn sync_meshes(
             _ => 1.0,
         };
         let is_new = drawn.revision != surface.revision
-            || drawn.positions.len() != body.mesh_vertices()
+            || drawn.positions.len() != body.mesh_vertices() + surface.made.len()
             || drawn.smooth != sync.smooth_normals
             || mesh.is_changed();
         let moved = state.is_changed() || transform.is_changed() || drawn.fraction != fraction;
@@ -189,7 +189,8 @@ pub fn sync_meshes(
             continue;
         }
         let rows = body.vertices.start as usize..body.vertices.end as usize;
-        let bounds = drawn.place(body, &positions[rows], (before, fraction), &transform);
+        let bounds =
+            drawn.place((body, &surface), &positions[rows], (before, fraction), &transform);
         let Some(mut mesh) = meshes.get_mut(&mesh.0) else { continue };
         if is_new {
             drawn.renew(&mut mesh, &surface, sync.smooth_normals);
@@ -204,23 +205,29 @@ impl Drawn {
     /// Positions in the frame of the body, and their bounds.
     fn place(
         &mut self,
-        body: &BodyRows,
+        (body, surface): (&BodyRows, &SinewSurface),
         positions: &[Position],
         (before, fraction): (&[DVec3], f64),
         transform: &GlobalTransform,
     ) -> Aabb3d {
         let to_frame = affine(transform).inverse();
         self.fraction = fraction;
-        self.positions.resize(body.mesh_vertices(), [0.0; 3]);
+        self.positions.resize(body.mesh_vertices() + surface.made.len(), [0.0; 3]);
         let (mut min, mut max) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-        for (local, (vertex, position)) in body.vertex_order.iter().zip(positions).enumerate() {
-            let mut there = position.0;
-            if let Some(before) = before.get(local) {
-                there = before.lerp(there, fraction);
-            }
+        let at = |local: usize| match before.get(local) {
+            Some(before) => before.lerp(positions[local].0, fraction),
+            None => positions[local].0,
+        };
+        let mut place = |index: usize, there: DVec3| {
             let there = to_frame.transform_point3(there);
             (min, max) = (min.min(there), max.max(there));
-            self.positions[vertex.index()] = there.as_vec3().to_array();
+            self.positions[index] = there.as_vec3().to_array();
+        };
+        for (local, vertex) in body.vertex_order.iter().enumerate() {
+            place(vertex.index(), at(local));
+        }
+        for (index, (rows, weights)) in (body.mesh_vertices()..).zip(&surface.made) {
+            place(index, rows.iter().zip(weights).map(|(&row, w)| *w * at(row as usize)).sum());
         }
         Aabb3d { min: Vec3A::from(min.as_vec3()), max: Vec3A::from(max.as_vec3()) }
     }

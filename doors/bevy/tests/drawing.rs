@@ -11,6 +11,7 @@ use bevy_transform::components::{GlobalTransform, Transform};
 use sinew::engine::schedule::SimulationSystems;
 use sinew::engine::topology::Topology;
 use sinew::engine::vertex::{Displacement, Position};
+use sinew::models::cutting::cut_body;
 use sinew::models::resection::{Region, Removal, RemovalRequest};
 use sinew::prelude::{DVec3, Shape, Tool};
 use sinew_bevy::*;
@@ -104,6 +105,37 @@ fn a_mesh_is_where_the_body_is() {
 fn modified(app: &mut App) -> usize {
     let events = messages::<AssetEvent<Mesh>>(app);
     events.iter().filter(|event| matches!(event, AssetEvent::Modified { .. })).count()
+}
+
+#[test]
+fn both_sides_of_a_cut_are_drawn_and_move() {
+    let mut app = app_of(Duration::from_millis(10), STEP);
+    let body = held(&mut app, Transform::default());
+    let count = mesh().points.len();
+    let mut own = app.world_mut().get_mut::<SinewBody>(body).unwrap();
+    own.spare = count;
+    app.world_mut().entity_mut(body).insert(SinewMeshSync::default());
+    (0..3).for_each(|_| app.update());
+    assert_eq!(drawn(&app, body).count_vertices(), count);
+    let edge = |y: f64| [DVec3::new(0.045, y, 1.0), DVec3::new(0.045, y, -1.0)];
+    let report = cut_body::<f64>(app.world_mut(), 0, &[edge(-1.0), edge(1.0)]).unwrap();
+    assert_eq!(report.pieces, 2);
+    (0..3).for_each(|_| app.update());
+    let surface = app.world().get::<SinewSurface>(body).unwrap();
+    assert_eq!((surface.revision, surface.wound.len()), (2, surface.triangles.len()));
+    assert!(surface.wound.contains(&true) && surface.depth.iter().any(|depth| *depth > 0.0));
+    let mesh = drawn(&app, body);
+    assert_eq!(mesh.count_vertices(), count + surface.made.len());
+    let indices: Vec<u32> = mesh.indices().unwrap().iter().map(|i| i as u32).collect();
+    assert_eq!(indices, surface.triangles.concat());
+    // closed: nothing is missing along the wound
+    let at = attribute(mesh, false);
+    let corners = |t: &[u32; 3]| t.map(|v| at[v as usize]);
+    let volume = |[a, b, c]: [Vec3; 3]| a.dot(b.cross(c)) / 6.0;
+    let volume: f32 = surface.triangles.iter().map(corners).map(volume).sum();
+    let (low, high) = self::mesh().bounds().unwrap();
+    let whole = (high - low).element_product() as f32;
+    assert!((volume / whole - 1.0).abs() < 0.02, "{volume} of {whole}");
 }
 
 #[test]

@@ -16,7 +16,7 @@
 #include <stdint.h>
 
 // Raised when a structure or the meaning of a function changes; functions are only added.
-#define SINEW_ABI 4
+#define SINEW_ABI 5
 
 // No error.
 #define SINEW_OK 0
@@ -86,6 +86,15 @@
 
 // Steps are computed on a graphics processor.
 #define SINEW_GPU 1
+
+// Numbers of the points to draw of a body, three each: positions (m).
+#define SINEW_SKIN_POINTS 0
+
+// The same at rest (m): coordinates of what is drawn inside of the body.
+#define SINEW_SKIN_REST 1
+
+// One each: depth (m, at rest) of points of wounds below the surface of the mesh, 0 at all others.
+#define SINEW_SKIN_DEPTH 2
 
 // Motions of constraints: none; they can be given poses.
 #define SINEW_HOLD 0
@@ -381,6 +390,8 @@ typedef struct sinew_body {
   double volume_modulus;
   // What keeps its volume: "elements", or "clusters" for nearly incompressible tissue.
   const char *volume;
+  // Vertices kept for what cuts make of it, such as their number in the mesh; without, it cannot be cut.
+  size_t spare;
 } sinew_body;
 
 // Which elements to remove.
@@ -406,6 +417,28 @@ typedef struct sinew_region {
   // Limit of strain or stress.
   double above;
 } sinew_region;
+
+// What a cut did.
+typedef struct sinew_cut_report {
+  // sizeof(sinew_cut_report), set by the caller
+  uint32_t struct_size;
+  // 0
+  uint32_t reserved;
+  // Tetrahedra that it parted.
+  size_t separated;
+  // Copies of tetrahedra that it made.
+  size_t copies;
+  // Vertices that it made.
+  size_t vertices;
+  // Vertices that further cuts may make.
+  size_t spare;
+  // Connected pieces of the body now.
+  size_t pieces;
+  // Least share of a tetrahedron of the body now.
+  double least_share;
+  // Area (m^2, at rest) of one side of the wound.
+  double area;
+} sinew_cut_report;
 
 // A constraint.
 typedef struct sinew_constraint {
@@ -836,6 +869,41 @@ sinew_status sinew_remove_elements(struct sinew_simulation *simulation,
                                    sinew_handle body,
                                    const struct sinew_region *region,
                                    size_t *removed);
+
+// Cuts a body of linear tetrahedra along the surface that a blade sweeps, at once, in its present shape. `strip` holds both
+// ends (m) of the edge of the blade, six numbers a position, at two positions or more. The body needs `spare`. `report` may be
+// NULL.
+sinew_status sinew_cut(struct sinew_simulation *simulation,
+                       sinew_handle body,
+                       const double *strip,
+                       size_t position_count,
+                       struct sinew_cut_report *report);
+
+// Reads numbers of the points to draw of a body, cut or not: `SINEW_SKIN_POINTS` and so on. They are those of all vertices of
+// its mesh, then of points that cuts made. `needed` says how many numbers there are, `out` may be NULL with capacity 0 to ask.
+sinew_status sinew_skin_read(struct sinew_simulation *simulation,
+                             sinew_handle body,
+                             uint32_t quantity,
+                             double *out,
+                             size_t capacity,
+                             size_t *needed);
+
+// Triangles of these points, outward, three points each: the outside of a body and both sides of its wounds. `needed` says how
+// many indices there are, `revision` (or NULL) changes with them; `out` may be NULL with capacity 0 to ask.
+sinew_status sinew_skin_triangles(struct sinew_simulation *simulation,
+                                  sinew_handle body,
+                                  uint32_t *triangles,
+                                  size_t capacity,
+                                  size_t *needed,
+                                  uint64_t *revision);
+
+// Of each of these triangles 1 if a cut laid it open, else 0. `needed` says how many there are, `out` may be NULL with capacity
+// 0 to ask.
+sinew_status sinew_skin_wound(struct sinew_simulation *simulation,
+                              sinew_handle body,
+                              uint32_t *out,
+                              size_t capacity,
+                              size_t *needed);
 
 // Holds vertices where they are; `sinew_constraint_pose` moves them.
 sinew_status sinew_hold(struct sinew_simulation *simulation,

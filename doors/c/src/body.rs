@@ -1,7 +1,8 @@
 //! Bodies: adding, reading, changing.
 
 use super::call::{
-    fill, invalid, null, optional_text, out, read, sinew_simulation, slice, tell, text, times, with,
+    fill, invalid, null, optional_text, out, out_struct, read, sinew_simulation, slice, tell, text,
+    times, with,
 };
 use super::mesh::sinew_mesh;
 use super::simulation::{add, strided, word};
@@ -78,6 +79,7 @@ pub unsafe extern "C" fn sinew_body_add(
             None => None,
         };
         own.axes = fibres(&b)?;
+        own.spare = b.spare;
         if b.membrane.is_null() {
             return sim.add_body(mesh, &own);
         }
@@ -303,6 +305,97 @@ pub unsafe extern "C" fn sinew_remove_elements(
         let report = sim.remove_elements(body, region, mass)?;
         let lists = [report.tetrahedra, report.hexahedra, report.triangles, report.quads];
         tell("removed", removed, lists.iter().map(Vec::len).sum())
+    })
+}
+
+/// Cuts a body of linear tetrahedra along the surface that a blade sweeps, at once, in its present shape. `strip` holds both
+/// ends (m) of the edge of the blade, six numbers a position, at two positions or more. The body needs `spare`. `report` may be
+/// NULL.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn sinew_cut(
+    simulation: *mut sinew_simulation,
+    body: sinew_handle,
+    strip: *const f64,
+    position_count: usize,
+    report: *mut sinew_cut_report,
+) -> sinew_status {
+    with(simulation, |sim| {
+        let place = if report.is_null() { None } else { Some(out_struct("report", report)?) };
+        let numbers = slice("strip", strip, times("positions", position_count, 6)?)?;
+        let ends = numbers.as_chunks::<6>().0.iter();
+        let ends = ends.map(|x| [DVec3::from_slice(&x[..3]), DVec3::from_slice(&x[3..])]);
+        let made = sim.cut(body, &ends.collect::<Vec<_>>())?;
+        if let Some(place) = place {
+            *place = sinew_cut_report {
+                struct_size: place.struct_size,
+                reserved: 0,
+                separated: made.separated.len(),
+                copies: made.copies.len(),
+                vertices: made.vertices,
+                spare: made.spare,
+                pieces: made.pieces,
+                least_share: made.least_share,
+                area: made.area,
+            };
+        }
+        Ok(())
+    })
+}
+
+/// Reads numbers of the points to draw of a body, cut or not: `SINEW_SKIN_POINTS` and so on. They are those of all vertices of
+/// its mesh, then of points that cuts made. `needed` says how many numbers there are, `out` may be NULL with capacity 0 to ask.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn sinew_skin_read(
+    simulation: *mut sinew_simulation,
+    body: sinew_handle,
+    quantity: u32,
+    out: *mut f64,
+    capacity: usize,
+    needed: *mut usize,
+) -> sinew_status {
+    with(simulation, |sim| {
+        let skin = sim.skin(body)?;
+        let numbers = match quantity {
+            SINEW_SKIN_POINTS => skin.points.as_flattened(),
+            SINEW_SKIN_REST => skin.rest.as_flattened(),
+            SINEW_SKIN_DEPTH => skin.depth,
+            other => return Err(invalid("quantity", format!("{other} is none of a skin"))),
+        };
+        fill(numbers, out, capacity, needed)
+    })
+}
+
+/// Triangles of these points, outward, three points each: the outside of a body and both sides of its wounds. `needed` says how
+/// many indices there are, `revision` (or NULL) changes with them; `out` may be NULL with capacity 0 to ask.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn sinew_skin_triangles(
+    simulation: *mut sinew_simulation,
+    body: sinew_handle,
+    triangles: *mut u32,
+    capacity: usize,
+    needed: *mut usize,
+    revision: *mut u64,
+) -> sinew_status {
+    with(simulation, |sim| {
+        let skin = sim.skin(body)?;
+        tell("revision", revision, skin.revision)?;
+        fill(skin.triangles.as_flattened(), triangles, capacity, needed)
+    })
+}
+
+/// Of each of these triangles 1 if a cut laid it open, else 0. `needed` says how many there are, `out` may be NULL with capacity
+/// 0 to ask.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn sinew_skin_wound(
+    simulation: *mut sinew_simulation,
+    body: sinew_handle,
+    out: *mut u32,
+    capacity: usize,
+    needed: *mut usize,
+) -> sinew_status {
+    with(simulation, |sim| {
+        let wound: Vec<u32> = sim.skin(body)?.wound.iter().map(|own| u32::from(*own)).collect();
+        fill(&wound, out, capacity, needed)
     })
 }
 

@@ -3,7 +3,7 @@
 use std::ffi::c_char;
 
 /// Raised when a structure or the meaning of a function changes; functions are only added.
-pub const SINEW_ABI: u32 = 4;
+pub const SINEW_ABI: u32 = 5;
 
 /// 0, or what kind of error `sinew_last_error` tells of.
 pub type sinew_status = i32;
@@ -258,7 +258,40 @@ pub struct sinew_body {
     pub volume_modulus: f64,
     /// What keeps its volume: "elements", or "clusters" for nearly incompressible tissue.
     pub volume: *const c_char,
+    /// Vertices kept for what cuts make of it, such as their number in the mesh; without, it cannot be cut.
+    pub spare: usize,
 }
+
+/// What a cut did.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct sinew_cut_report {
+    /// sizeof(sinew_cut_report), set by the caller
+    pub struct_size: u32,
+    /// 0
+    pub reserved: u32,
+    /// Tetrahedra that it parted.
+    pub separated: usize,
+    /// Copies of tetrahedra that it made.
+    pub copies: usize,
+    /// Vertices that it made.
+    pub vertices: usize,
+    /// Vertices that further cuts may make.
+    pub spare: usize,
+    /// Connected pieces of the body now.
+    pub pieces: usize,
+    /// Least share of a tetrahedron of the body now.
+    pub least_share: f64,
+    /// Area (m^2, at rest) of one side of the wound.
+    pub area: f64,
+}
+
+/// Numbers of the points to draw of a body, three each: positions (m).
+pub const SINEW_SKIN_POINTS: u32 = 0;
+/// The same at rest (m): coordinates of what is drawn inside of the body.
+pub const SINEW_SKIN_REST: u32 = 1;
+/// One each: depth (m, at rest) of points of wounds below the surface of the mesh, 0 at all others.
+pub const SINEW_SKIN_DEPTH: u32 = 2;
 
 /// Motions of constraints: none; they can be given poses.
 pub const SINEW_HOLD: u32 = 0;

@@ -66,6 +66,14 @@ fn null_is_an_argument_everywhere() {
         sinew_set_activation(sim, body, null(), 0.5);
         sinew_remove_elements(none, 0, null(), null_mut());
         sinew_remove_elements(sim, body, null(), null_mut());
+        sinew_cut(none, 0, null(), 0, null_mut());
+        sinew_cut(sim, body, null(), 2, null_mut());
+        sinew_skin_read(none, 0, 0, null_mut(), 0, null_mut());
+        sinew_skin_read(sim, body, 7, null_mut(), 0, null_mut());
+        sinew_skin_triangles(none, 0, null_mut(), 0, null_mut(), null_mut());
+        sinew_skin_triangles(sim, body, null_mut(), 0, null_mut(), null_mut());
+        sinew_skin_wound(none, 0, null_mut(), 0, null_mut());
+        sinew_skin_wound(sim, body, null_mut(), 0, null_mut());
         sinew_hold(none, 0, null(), null(), 0, null_mut());
         sinew_hold(sim, body, null(), null(), 3, null_mut());
         sinew_constraint_add(none, 0, null(), null_mut());
@@ -172,6 +180,10 @@ fn wrong_handles_are_told() {
             sinew_set_material(sim, handle, &material);
             sinew_set_activation(sim, handle, name.as_ptr(), 0.5);
             sinew_remove_elements(sim, handle, &region, null_mut());
+            sinew_cut(sim, handle, xyz.as_ptr(), 0, null_mut());
+            sinew_skin_read(sim, handle, 0, null_mut(), 0, &mut number);
+            sinew_skin_triangles(sim, handle, null_mut(), 0, &mut number, null_mut());
+            sinew_skin_wound(sim, handle, null_mut(), 0, &mut number);
             sinew_hold(sim, handle, name.as_ptr(), vertex.as_ptr(), 1, &mut wide);
             sinew_constraint_add(sim, handle, &constraint, &mut wide);
             sinew_constraint_pose(sim, handle, null(), null(), null());
@@ -205,6 +217,7 @@ fn wrong_sizes_of_structures_are_told() {
         let arrays = sized!(sinew_mesh_arrays { struct_size: size });
         let material = sized!(sinew_material { struct_size: size });
         let body = sized!(sinew_body { struct_size: size });
+        let mut cut = sized!(sinew_cut_report { struct_size: size });
         let inner = sized!(sinew_body { name: name.as_ptr(), material: &material });
         let constraint = sized!(sinew_constraint { struct_size: size });
         let part = sized!(sinew_part { struct_size: size });
@@ -228,6 +241,7 @@ fn wrong_sizes_of_structures_are_told() {
             sinew_pull_add(slab.sim, slab.body, &pull, &mut handle);
             sinew_pick(slab.sim, [0.0; 3].as_ptr(), [1.0; 3].as_ptr(), &mut pick);
             sinew_remove_elements(slab.sim, slab.body, &region, null_mut());
+            sinew_cut(slab.sim, slab.body, [0.0; 12].as_ptr(), 2, &mut cut);
         }
         for (function, status) in table {
             assert_eq!(status, SINEW_ARGUMENT, "{function}: {}", said());

@@ -533,3 +533,49 @@ fn scenes_come_from_files_and_from_memory() {
 fn sinew_embed_scene(name: &str) -> String {
     format!("{}/../../demos/scenes/{name}.toml", env!("CARGO_MANIFEST_DIR"))
 }
+
+#[test]
+fn a_body_is_cut_and_drawn() {
+    let slab = Slab::new(1);
+    let (name, liver) = (c("other"), c("liver"));
+    let material = sized!(sinew_material { preset: liver.as_ptr() });
+    let strip =
+        [[0.045, -0.01, 0.06, 0.045, -0.01, -0.01], [0.045, 0.11, 0.06, 0.045, 0.11, -0.01]];
+    let strip = strip.as_flattened().as_ptr();
+    let described =
+        sized!(sinew_body { name: name.as_ptr(), material: &material, spare: slab.vertices });
+    let (mut body, mut needed, mut revision) = (0, 0, [0; 2]);
+    let mut report = sized!(sinew_cut_report {});
+    unsafe {
+        let sim = slab.sim;
+        assert_eq!(sinew_cut(sim, slab.body, strip, 2, null_mut()), SINEW_ARGUMENT);
+        assert!(said().contains("spare"), "{}", said());
+        ok(sinew_body_add(sim, slab.mesh, &described, &mut body));
+        ok(sinew_skin_triangles(sim, body, null_mut(), 0, &mut needed, &mut revision[0]));
+        ok(sinew_cut(sim, body, strip, 2, &mut report));
+        assert_eq!(report.pieces, 2);
+        assert!(
+            (report.area - 0.005).abs() < 1e-9 && report.vertices + report.spare == slab.vertices
+        );
+        ok(sinew_skin_triangles(sim, body, null_mut(), 0, &mut needed, &mut revision[1]));
+        assert!(revision[1] > revision[0]);
+        let mut triangles = vec![0; needed];
+        let list = triangles.as_mut_ptr();
+        ok(sinew_skin_triangles(sim, body, list, needed, &mut needed, null_mut()));
+        let mut wound = vec![7; needed / 3];
+        ok(sinew_skin_wound(sim, body, wound.as_mut_ptr(), needed / 3, &mut needed));
+        let mut read = |quantity| {
+            ok(sinew_skin_read(sim, body, quantity, null_mut(), 0, &mut needed));
+            let mut numbers = vec![f64::NAN; needed];
+            ok(sinew_skin_read(sim, body, quantity, numbers.as_mut_ptr(), needed, &mut needed));
+            numbers
+        };
+        let (points, rest) = (read(SINEW_SKIN_POINTS), read(SINEW_SKIN_REST));
+        let depth = read(SINEW_SKIN_DEPTH);
+        assert!(points == rest && points.len() == 3 * depth.len() && depth.len() > slab.vertices);
+        assert!(wound.contains(&1) && wound.iter().all(|own| *own < 2));
+        for (t, _) in triangles.chunks(3).zip(&wound).filter(|(_, wound)| **wound == 1) {
+            assert!(t.iter().all(|&v| (points[3 * v as usize] - 0.045).abs() < 1e-12));
+        }
+    }
+}

@@ -1,5 +1,6 @@
 //! Bodies: adding, reading, changing.
 
+use crate::cut::SkinBuffer;
 use crate::embedding::Embedding;
 use crate::error::{InputError, Result};
 use crate::handle::{Handle, Kind, Target};
@@ -39,19 +40,21 @@ pub(crate) struct Buffers {
     changes: Option<u64>,
     /// The epoch in which the count was looked at.
     looked: u64,
+    pub skin: SkinBuffer,
 }
 
 impl Buffers {
     /// Has the surface looked at anew.
     pub fn forget_surface(&mut self) {
         (self.changes, self.looked) = (None, 0);
+        self.skin.forget();
     }
 }
 
 /// Triangles of the outside of a body.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Surface<'a> {
-    /// Outside of what is left of the solid, outward, then membranes that do not lie on it; faces of four corners are cut in
+    /// Outside of what is left of the solid, of elements that are whole after a cut, outward, then membranes that do not lie on it; faces of four corners are cut in
     /// two. Indices of the user's mesh.
     pub triangles: &'a [[u32; 3]],
     /// Changes whenever they do, and never comes again.
@@ -353,7 +356,8 @@ impl Embedding {
         Ok(self.built.simulation.area_ratios(body))
     }
 
-    /// Triangles to draw it by. They are made anew only after removals.
+    /// Triangles to draw it by, over the vertices of its mesh. They are made anew only after removals and cuts. A body that was
+    /// cut has more to draw: see [`Embedding::skin`].
     pub fn surface(&mut self, body: Handle) -> Result<Surface<'_>> {
         let (body, epoch) = (self.body(body)?, self.epoch);
         let own = &mut self.buffers[body];

@@ -28,6 +28,7 @@
 mod act;
 mod body;
 mod choice;
+mod cut;
 mod embedding;
 mod error;
 mod files;
@@ -39,6 +40,7 @@ mod touch;
 pub use act::{ConstraintSpec, TractionOn, Wrench};
 pub use body::{Quantity, Surface};
 pub use choice::{choice, preset, solver_settings, spring_rule};
+pub use cut::Skin;
 pub use embedding::{Embedding, Energy, Options, Overrides, Report};
 pub use error::{Code, EmbedError, InputError, Result};
 pub use files::{Files, Folder};
@@ -69,6 +71,7 @@ pub use sinew::models::body::sheet::{
     Bending, MembraneDescription, MembraneModel, PlaneState, RestCurvature,
 };
 pub use sinew::models::body::{BodyDescription, Evaluation, Integration, MassRule, Model};
+pub use sinew::models::cutting::CutReport;
 pub use sinew::models::material::YoungPoisson;
 pub use sinew::models::material::field::{MaterialArrays, MaterialField};
 pub use sinew::models::resection::{Region, RemovalReport};

@@ -371,3 +371,56 @@ fn settings_are_what_was_asked_for() {
     assert!(!sim.is_static() && sim.scene_name().is_none());
     assert_eq!(version(), env!("CARGO_PKG_VERSION"));
 }
+
+#[test]
+fn a_body_is_cut_and_what_is_drawn_of_it_follows() {
+    let mesh = slab();
+    let mut sim = Embedding::new(&options()).unwrap();
+    let own = BodyDescription::new("slab", &mesh, preset("liver").unwrap());
+    let own = BodyDescription { spare: mesh.points.len(), ..own };
+    let body = sim.add_body(&mesh, &own).unwrap();
+    let count = mesh.points.len();
+    let surface = sim.surface(body).unwrap().triangles.to_vec();
+    let skin = sim.skin(body).unwrap();
+    let first = skin.revision;
+    assert_eq!((skin.points.len(), skin.triangles), (count, &surface[..]));
+    assert!(skin.depth == [0.0; 75] && !skin.wound.contains(&true));
+    let before = sim.snapshot().unwrap();
+    // upright, across the middle of the slab but for its cells
+    let edge = |y: f64| [DVec3::new(0.045, y, 0.06), DVec3::new(0.045, y, -0.01)];
+    let strip = [edge(-0.01), edge(0.11)];
+    let report = sim.cut(body, &strip).unwrap();
+    assert!(report.pieces == 2 && report.vertices > 0 && near(report.area, 0.005, 1e-9));
+    let volume = |skin: &Skin| -> f64 {
+        let corners = skin.triangles.iter().map(|t| t.map(|v| skin.points[v as usize]));
+        let corners = corners.map(|t| t.map(DVec3::from_array));
+        corners.map(|[a, b, c]| a.dot(b.cross(c)) / 6.0).sum()
+    };
+    let skin = sim.skin(body).unwrap();
+    let (second, points) = (skin.revision, skin.points.len());
+    assert!(second > first && points > count && skin.points == skin.rest);
+    let deepest = skin.depth.iter().copied().fold(0.0, f64::max);
+    // half of how thick it is; triangles are looked for round the nearest vertices alone
+    assert!((0.024..0.026).contains(&deepest) && near(volume(&skin), 5e-4, 1e-12), "{deepest}");
+    let wound = skin.triangles.iter().zip(skin.wound).filter(|(_, wound)| **wound);
+    let on = |v: &u32| (skin.points[*v as usize][0] - 0.045).abs() < 1e-12;
+    assert!(wound.clone().count() > 20 && wound.flat_map(|(t, _)| t).all(on));
+    assert_eq!(sim.vertex_count(body).unwrap(), count);
+    // the surface over the vertices of the mesh has no stretched elements
+    let inside = sim.surface(body).unwrap().triangles.len();
+    assert!(inside > 0 && inside != surface.len());
+    // positions alone change by steps
+    let velocity: Vec<f64> = mesh.points.iter().flat_map(|_| [0.1, 0.0, 0.0]).collect();
+    sim.set_state(body, &[0.0].repeat(3 * count), &velocity).unwrap();
+    sim.step(3).unwrap();
+    let skin = sim.skin(body).unwrap();
+    assert!(skin.revision == second && skin.points.len() == points && skin.points != skin.rest);
+    // back to before it, and what cannot be cut
+    sim.restore(&before).unwrap();
+    let skin = sim.skin(body).unwrap();
+    assert!(skin.revision > second && skin.points.len() == count);
+    let error = sim.cut(body, &strip[..1]).unwrap_err();
+    assert!(error.code == Code::Argument && error.text.contains("two positions"), "{error}");
+    let (mut sim, body, _) = held(&options());
+    assert!(sim.cut(body, &strip).unwrap_err().text.contains("spare"));
+}

@@ -155,6 +155,7 @@ fn python(name: &str, of: &str, json: bool) -> (String, &'static str) {
         "[f64; 3]" => ("list[float]", ""),
         "Vec<f64>" => ("list[float | None]", ""),
         "Vec<u32>" | "Vec<u64>" | "Vec<MeshVertex>" => ("list[int]", ""),
+        "Vec<[u32; 2]>" => ("list[list[int]]", ""),
         "Vec<PartReport>" => ("tuple[PartReport, ...]", ""),
         "Fallbacks" | "ContactFigures" => (of, ""),
         "VolumeReport" => ("Volume", ""),
@@ -185,6 +186,7 @@ fn reports_of_python() -> String {
         (engine, "VolumeReport", "Volume", true),
         ("doors/embed/src/embedding.rs", "Report", "Report", true),
         ("models/src/resection/report.rs", "RemovalReport", "Removal", false),
+        ("models/src/cutting/mod.rs", "CutReport", "Cut", false),
     ] {
         let (doc, fields) = structure(&source(path), own);
         let words = |doc: &str| unlinked(doc, |word| format!("`{word}`")).replace('`', "``");

@@ -199,6 +199,7 @@ pub struct BodyIn {
     pub integration: Option<String>,
     pub masses: String,
     pub springs: SpringsIn,
+    pub spare: usize,
     pub membrane: Option<MembraneIn>,
     pub axes: Option<AxesIn>,
 }

@@ -169,6 +169,7 @@ fn add_body(
         },
         masses: choice("rule of masses", &spec.masses)?,
         springs: springs(&spec.springs)?,
+        spare: spec.spare,
         membrane,
         axes: spec.axes.map(AxesIn::description).transpose()?,
         ..BodyDescription::new(name, mesh, spec.material.uniform())
@@ -453,6 +454,32 @@ impl Engine {
             own.remove_elements(body, region(of, list, &numbers)?, mass)
         })?;
         Ok(json(&report))
+    }
+
+    /// What a cut did, as JSON.
+    fn cut(&self, body: Handle, strip: Floats) -> PyResult<String> {
+        let ends = strip.0.as_chunks::<6>().0.iter();
+        let ends = ends.map(|x| [DVec3::from_slice(&x[..3]), DVec3::from_slice(&x[3..])]);
+        let ends: Vec<_> = ends.collect();
+        Ok(json(&self.0.with(|own| own.cut(body, &ends))?))
+    }
+
+    /// What to draw of a body: points, the same at rest, depths, triangles, whether each is wound, and the revision.
+    #[expect(clippy::type_complexity, reason = "a tuple for Python, unpacked at once")]
+    fn skin<'py>(
+        &self,
+        py: Python<'py>,
+        body: Handle,
+    ) -> PyResult<([Array<'py, f64>; 3], Array<'py, u32>, Array<'py, bool>, u64)> {
+        let (numbers, triangles, wound, revision) = self.0.with(|own| {
+            let skin = own.skin(body)?;
+            let numbers = [skin.points.as_flattened(), skin.rest.as_flattened(), skin.depth];
+            let triangles = skin.triangles.as_flattened().to_vec();
+            Ok((numbers.map(<[f64]>::to_vec), triangles, skin.wound.to_vec(), skin.revision))
+        })?;
+        let numbers = numbers.map(|numbers| PyArray1::from_vec(py, numbers));
+        let triangles = PyArray1::from_vec(py, triangles);
+        Ok((numbers, triangles, PyArray1::from_vec(py, wound), revision))
     }
 
     fn set_activation(&self, body: Handle, family: &str, activation: f64) -> PyResult<()> {

@@ -554,3 +554,26 @@ def test_meshes_show_data_and_choose_by_place():
         box.select(sphere={"centre": (9, 9, 9), "radius": np.float64(0.1)})
     with pytest.raises(sinew.ArgumentError, match="exactly one"):
         box.select(all=True, group="x0")
+
+
+def test_a_cut_and_what_is_drawn_of_it():
+    mesh = sinew.generate("box", size=(0.1, 0.1, 0.05), cells=(4, 4, 2))
+    sim = sinew.Simulation(dt=0.01, threads=1)
+    body = sim.add_body("slab", mesh, sinew.preset("liver"), spare=len(mesh.points))
+    before = body.skin
+    assert np.array_equal(before.triangles, body.surface) and not before.wound.any()
+    strip = [[(0.045, y, 0.06), (0.045, y, -0.01)] for y in (-0.01, 0.11)]
+    report = body.cut(strip)
+    assert report.pieces == 2 and report.area == pytest.approx(0.005) and len(report.copies) > 0
+    skin = body.skin
+    assert skin.revision != before.revision and len(skin.points) > len(mesh.points)
+    assert np.allclose(skin.points[skin.triangles[skin.wound]][..., 0], 0.045)
+    assert 0.024 < skin.depth.max() < 0.026 and np.array_equal(skin.points, skin.rest)
+    a, b, c = np.moveaxis(skin.points[skin.triangles], 1, 0)
+    assert (a * np.cross(b, c)).sum() / 6 == pytest.approx(5e-4)
+    sim.step(2)
+    assert not np.array_equal(body.skin.points, skin.points) and body.skin.revision == skin.revision
+    with pytest.raises(sinew.ArgumentError, match="two positions"):
+        body.cut(strip[:1])
+    with pytest.raises(sinew.ArgumentError, match="shape"):
+        body.cut(strip[0])

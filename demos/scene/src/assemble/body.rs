@@ -154,11 +154,9 @@ impl BuiltBody {
 
     /// Volume (m^3) of what is left of it, as it is now; inverted elements count negative.
     pub fn volume(&self, simulation: &mut Simulation) -> f64 {
-        if !simulation.topology().bodies[self.handle.0].copies.portions.is_empty()
-            && let Ok(skin) = simulation.skin(self.handle)
-        {
-            let corners = skin.triangles.iter().map(|t| t.map(|p| skin.points[p as usize]));
-            return corners.map(|[a, b, c]| a.dot(b.cross(c)) / 6.0).sum();
+        if simulation.is_cut(self.handle) {
+            // linear tetrahedra and their shares
+            return simulation.volume(self.handle);
         }
         let points = self.deformed(simulation);
         let left = |kind| simulation.remaining(self.handle, kind).into_iter().map(|e| e as usize);

@@ -297,7 +297,10 @@ impl<'a> Recorder<'a> {
         if self.options.page && self.options.frames.is_none() {
             // every cut may bring a new surface
             let of_point = 6 + self.recording.fields.len() + if cutting { 32 } else { 0 };
-            let most = (PAGE.0 / (of_point * self.kept.len()).max(1)).clamp(2, PAGE.1);
+            // and points of wounds, about as many as vertices are kept for it
+            let spare: usize = built.simulation.topology().bodies.iter().map(|b| b.spare).sum();
+            let points = self.kept.len() + spare;
+            let most = (PAGE.0 / (of_point * points).max(1)).clamp(2, PAGE.1);
             let (every, last) = ((self.due - 1).div_ceil(most - 1).max(1), self.due - 1);
             let mut at = 0..;
             self.wanted

@@ -470,3 +470,29 @@ class Removal:
 
     compacted: bool
     """Whether tables and edge graph were compacted."""
+
+
+@dataclass(frozen=True)
+class Cut:
+    """What a cut did."""
+
+    separated: list[int]
+    """Tetrahedra that it parted, by their numbers, ascending."""
+
+    copies: list[list[int]]
+    """Number of every copy that came to be, and of the tetrahedron of the mesh that it is of."""
+
+    vertices: int
+    """Vertices that it made."""
+
+    spare: int
+    """Vertices that further cuts may make."""
+
+    pieces: int
+    """Connected pieces of the body now."""
+
+    least_share: float
+    """Least share of a tetrahedron of the body now."""
+
+    area: float
+    """Area (m^2, at rest) of one side of the wound."""

@@ -20,7 +20,7 @@ from ._errors import ArgumentError
 from ._mesh import Mesh, floats, indices, vector
 from ._native import Snapshot
 from ._reports import Floats, Report
-from ._types import Axes, Curve, Energy, Material, Membrane, Part, Pick, Pose, Run, Shape, Sine, Stiffness, Wrench
+from ._types import Axes, Curve, Energy, Material, Membrane, Part, Pick, Pose, Run, Shape, Sine, Skin, Stiffness, Wrench
 
 
 def _read_snapshot(data: bytes) -> Snapshot:
@@ -352,6 +352,22 @@ class Body(_Thing):
         del report["time"]
         return reports.Removal(**report)
 
+    def cut(self, strip: ArrayLike) -> reports.Cut:
+        """Cuts a body of linear tetrahedra along the surface that a blade sweeps, at once, in its present shape. ``strip``: both
+        ends (m) of the edge of the blade, one position after another, (n, 2, 3)."""
+        ends = np.asarray(strip, float)
+        if ends.ndim != 3 or ends.shape[1:] != (2, 3):
+            raise ArgumentError(f"strip: an array of shape {ends.shape}; it needs (n, 2, 3)")
+        report = json.loads(self._own.cut(self.handle, floats("strip", ends.reshape(-1, 3), 3)))
+        del report["time"]
+        return reports.Cut(**report)
+
+    @property
+    def skin(self) -> Skin:
+        """What to draw of it, cut or not: its outside and both sides of its wounds."""
+        (points, rest, depth), triangles, wound, revision = self._own.skin(self.handle)
+        return Skin(points.reshape(-1, 3), rest.reshape(-1, 3), depth, triangles.reshape(-1, 3), wound, revision)
+
     def set_activation(self, family: str, activation: float) -> None:
         """Sets the activation (0 to 1) of an active family of fibres from the next step on."""
         self._own.set_activation(self.handle, family, activation)
@@ -573,11 +589,13 @@ class Simulation:
         integration: str | None = None,
         masses: str = "volume",
         springs: str | float | None = None,
+        spare: int = 0,
         membrane: Membrane | None = None,
         axes: Axes | None = None,
     ) -> Body:
         """Adds a body; its mesh is checked and repaired first, see ``warnings``. Words are those of scene files. ``integration``: of
-        hexahedra, "full" or "reduced". ``springs``: of mass-spring models a method of fitting, or one constant (N/m) for all."""
+        hexahedra, "full" or "reduced". ``springs``: of mass-spring models a method of fitting, or one constant (N/m) for all.
+        ``spare``: vertices kept for what cuts make, such as their number in the mesh; without, it cannot be cut."""
         spec = _Spec(
             material=_material(material),
             model=model,
@@ -586,6 +604,7 @@ class Simulation:
             integration=integration,
             masses=masses,
             springs=_springs(springs),
+            spare=spare,
             membrane=None if membrane is None else _membrane(membrane),
             axes=None if axes is None else _axes(axes),
         )

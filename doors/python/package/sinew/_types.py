@@ -309,6 +309,29 @@ class Wrench:
 
 
 @dataclass(frozen=True, eq=False)
+class Skin:
+    """What to draw of a body that may be cut."""
+
+    points: Floats
+    """Positions (m), (n, 3): of all vertices of the mesh, then of points that cuts made. A wound has points of its own."""
+
+    rest: Floats
+    """The same at rest (m), (n, 3): coordinates of what is drawn inside of the body."""
+
+    depth: Floats
+    """Depth (m, at rest) of the points of wounds below the surface of the mesh, (n,); 0 at all others."""
+
+    triangles: NDArray[np.uint32]
+    """Triangles of points, outward, (m, 3)."""
+
+    wound: NDArray[np.bool_]
+    """Whether each was laid open by a cut, (m,)."""
+
+    revision: int
+    """Changes whenever anything but the points does, and never comes again."""
+
+
+@dataclass(frozen=True, eq=False)
 class Pick:
     """A point of a surface that a ray met."""
 
