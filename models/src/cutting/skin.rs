@@ -26,7 +26,8 @@ pub struct MaterialSkin {
     pub points: Vec<DVec3>,
     /// Places (m) at rest: coordinates of what is drawn inside of the body.
     pub rest: Vec<DVec3>,
-    /// Depth (m, at rest) of the points of wounds below the surface of the mesh; 0 at all others.
+    /// Depth (m, at rest) of the points of wounds below the surface of the mesh, by its triangles round the vertices nearest to
+    /// each, so that it may be a little too large; 0 at all others.
     pub depth: Vec<f64>,
     /// Triangles of points, outward.
     pub triangles: Vec<[u32; 3]>,
@@ -240,6 +241,7 @@ impl<'a> Surface<'a> {
             if near[vertex as usize] != NONE {
                 continue;
             }
+            let from = if self.round[vertex as usize].is_empty() { from } else { vertex };
             near[vertex as usize] = from;
             for &other in beside[vertex as usize].iter().filter(|&&w| near[w as usize] == NONE) {
                 let distance = self.distance(self.rest[other as usize], [from]);
