@@ -11,9 +11,9 @@ use sinew_models::cutting::{
 
 /// # Cuts
 impl Simulation {
-    /// Cuts a body of linear tetrahedra along the surface that a blade sweeps, at once, from now on: its edge is at `[p, q]`
-    /// (m), one position after another, in the present shape of the body. Energy, mass and momentum are the same before and
-    /// after; see [`sinew_models::cutting`]. The body needs [spare](sinew_models::body::BodyDescription::spare) vertices.
+    /// Cuts a body along the surface that a blade sweeps, at once, from now on: its edge is at `[p, q]` (m), one position
+    /// after another, in the present shape of the body. Mass and momentum are the same before and after, and energy as far as
+    /// [`sinew_models::cutting`] says, which tells what can be cut, too. The body needs [spare](sinew_models::body::BodyDescription::spare) vertices.
     ///
     /// # Errors
     /// When the strip cannot be used, the body is none that can be cut, or a pressure acts where it would be parted; nothing is changed then. A strip beside the body is no error.
@@ -106,19 +106,13 @@ impl Simulation {
         by_precision!(precision, node_velocities(self.columns(), body.0))
     }
 
-    /// Faces of elements that a cut parted, by their rows, each and all ascending.
-    pub(crate) fn parted_faces(&self, body: BodyHandle) -> Vec<Vec<VertexRow>> {
+    /// Vertex rows of the elements that cuts parted.
+    pub(crate) fn parted_elements(&self, body: BodyHandle) -> Vec<Vec<VertexRow>> {
         let rows = &self.topology().bodies[body.0];
-        let elements = rows.tetrahedra().iter().zip(&rows.copies.portions);
-        let parted = elements.filter(|(_, portion)| **portion != [0.25; 4]);
-        let faces = parted.flat_map(|(nodes, _)| {
-            let mut nodes = nodes.map(|v| VertexRow(v + rows.vertices.start));
-            nodes.sort_unstable();
-            let [a, b, c, d] = nodes;
-            [vec![a, b, c], vec![a, b, d], vec![a, c, d], vec![b, c, d]]
-        });
-        let mut faces: Vec<_> = faces.collect();
-        faces.sort_unstable();
-        faces
+        let kind = rows.copies.kind;
+        let all = 0..rows.copies.portions.len() as u32;
+        let parted = all.filter(|&e| !rows.is_whole(kind, e));
+        let of = |e| rows.nodes[kind].of(e).iter().map(|v| VertexRow(v + rows.vertices.start));
+        parted.map(|e| of(e).collect()).collect()
     }
 }

@@ -513,7 +513,7 @@ impl Simulation {
         cells: &[[u32; N]],
     ) -> Result<Vec<[VertexRow; N]>, SimulationError> {
         let mut faces = Vec::with_capacity(cells.len());
-        let parted = self.parted_faces(body);
+        let parted = self.parted_elements(body);
         for (triangle, vertices) in cells.iter().enumerate() {
             let rows = self.rows(body, name, vertices)?;
             let topology = self.topology();
@@ -522,10 +522,8 @@ impl Simulation {
             };
             // of a quadrilateral both diagonals too: elements couple all their vertices
             let mut pairs = (0..N).flat_map(|i| (0..i).map(move |j| (i, j)));
-            let mut corners = rows.clone();
-            corners.sort_unstable();
-            let is_parted = N == 3 && parted.binary_search(&corners).is_ok();
-            if is_parted || !pairs.all(|(i, j)| is_edge((rows[i], rows[j]))) {
+            let is_on = |element: &Vec<VertexRow>| rows.iter().all(|row| element.contains(row));
+            if parted.iter().any(is_on) || !pairs.all(|(i, j)| is_edge((rows[i], rows[j]))) {
                 let (body, name) = (topology.bodies[body.0].name.clone(), name.into());
                 let vertices = [vertices[0], vertices[1], vertices[2]];
                 return Err(SimulationError::Face { name, body, triangle, vertices });

@@ -11,6 +11,7 @@ mod comparison_models;
 mod contact;
 mod cross;
 mod cutting;
+mod cutting_elements;
 mod determinism;
 mod documents;
 mod elements;

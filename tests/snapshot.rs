@@ -1,6 +1,7 @@
 //! Snapshots: what follows from one has the same bits as what would have followed without, whatever acts on the bodies
 //! and however steps are made; and bytes that are no snapshot are told.
 
+use crate::common::rich_axes::rich;
 use crate::common::*;
 use glam::{DQuat, DVec2, DVec3};
 use proptest::prelude::*;
@@ -409,15 +410,26 @@ fn removals_and_materials() {
 #[test]
 fn cuts() {
     let mesh = beam_mesh();
+    let beam = BodyDescription::new("beam", &mesh, soft(2e5, 0.4));
+    let beam = BodyDescription { spare: 400, ..beam };
+    let (volume, model) = (VolumeRule::Clusters, Model::NeoHookean);
+    let material = soft(2e5, 0.49);
+    let axes = Some(rich(&mesh));
+    let rich = BodyDescription { volume, model, material, axes, ..beam.clone() };
+    for (name, beam) in [("cuts", beam), ("cuts of clusters and axes", rich)] {
+        cuts_of(name, &mesh, &beam);
+    }
+}
+
+fn cuts_of(name: &str, mesh: &Mesh, beam: &BodyDescription) {
     let build = |options| {
         let mut simulation = Simulation::new(options).unwrap();
-        let beam = BodyDescription::new("beam", &mesh, soft(2e5, 0.4));
-        let body = simulation.add_body(&BodyDescription { spare: 400, ..beam }).unwrap();
+        let body = simulation.add_body(beam).unwrap();
         // rows after those of the body that is cut
         let other = mesh.transformed(1.0, DQuat::IDENTITY, DVec3::Y * 0.3);
         let other = simulation.add_body(&BodyDescription::new("other", &other, soft(2e5, 0.3)));
-        clamp(&mut simulation, body, &mesh, "x0");
-        clamp(&mut simulation, other.unwrap(), &mesh, "x0");
+        clamp(&mut simulation, body, mesh, "x0");
+        clamp(&mut simulation, other.unwrap(), mesh, "x0");
         simulation
     };
     let act = |simulation: &mut Simulation, step: u64| {
@@ -436,7 +448,7 @@ fn cuts() {
         };
         assert!(!simulation.cut(body, &strip).unwrap().copies.is_empty());
     };
-    exact("cuts", threads(2), &Scene { build: &build, act: &act });
+    exact(name, threads(2), &Scene { build: &build, act: &act });
 }
 
 #[test]

@@ -5,11 +5,11 @@ use crate::element::{
     ShapeGradients, TetrahedronShapes, TetrahedronVertices, displacement_gradient, minor,
 };
 use crate::isoparametric::{
-    CornerPoints, Derivatives, HexahedronRest, HexahedronVertices, PointsRest, Tetrahedron10Rest,
-    Tetrahedron10Vertices,
+    CornerPoints, Derivatives, HexahedronRest, HexahedronVertices, OwnPoints, PointsRest,
+    Tetrahedron10Rest, Tetrahedron10Vertices,
 };
 use crate::lanes::{Batch, Batches, Lanes, MAX_LANES};
-use crate::ratios::point_gradients;
+use crate::ratios::{DerivativesAt, point_gradients};
 use crate::scalar::{Real, Scalar};
 use crate::schedule::{StepSchedule, StepSystems};
 use crate::step::{ColumnsBehind, StepFailure};
@@ -128,7 +128,7 @@ type OfPoints<'w, 's, N, R, F = ()> = Query<'w, 's, (&'static N, &'static R, &'s
 /// Counts into [`CompressionReport`].
 fn measure_compression<S: Scalar>(
     (workers, failure, topology): (Res<Workers>, Res<StepFailure>, Res<Topology>),
-    mut report: ResMut<CompressionReport>,
+    (mut report, points): (ResMut<CompressionReport>, Res<OwnPoints>),
     vertices: Query<&Displacement<S>>,
     tetrahedra: Query<(&TetrahedronVertices, ShapeGradients<S>, &BodyId)>,
     hexahedra: OfPoints<HexahedronVertices, HexahedronRest<S>, Without<CornerPoints>>,
@@ -161,8 +161,8 @@ fn measure_compression<S: Scalar>(
         });
     }
     macro_rules! at_points {
-        ($elements:expr, $derivatives:expr) => {
-            let derivatives = &$derivatives;
+        ($elements:expr, $derivatives:expr, $own:expr) => {
+            let derivatives = (&$derivatives, &$own[..]);
             for (nodes, rest, bodies) in $elements.contiguous_iter().expect(tables) {
                 add(bodies, 300, &|elements| {
                     let far = |&i: &usize| at_some_point(derivatives, u, &nodes[i].0, &rest[i]);
@@ -171,9 +171,9 @@ fn measure_compression<S: Scalar>(
             }
         };
     }
-    at_points!(hexahedra, Derivatives::hexahedron());
-    at_points!(at_corners, Derivatives::hexahedron_corners());
-    at_points!(tens, Derivatives::tetrahedron10());
+    at_points!(hexahedra, Derivatives::hexahedron(), points.bricks);
+    at_points!(at_corners, Derivatives::hexahedron_corners(), points.bricks);
+    at_points!(tens, Derivatives::tetrahedron10(), points.tens);
 }
 
 /// Sum over some elements, each of so much work (ns), chunk by chunk.
@@ -194,7 +194,7 @@ pub fn in_chunks(
 
 /// Whether a solid element is compressed far at one of its Gauss points.
 fn at_some_point<S: Scalar, const N: usize, const Q: usize>(
-    derivatives: &Derivatives<S, N, 3, Q>,
+    derivatives: DerivativesAt<S, N, Q>,
     displacement: &[Displacement<S>],
     nodes: &[u32; N],
     rest: &PointsRest<S, Q>,

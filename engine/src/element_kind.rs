@@ -9,9 +9,10 @@ use std::ops::{Index, IndexMut};
 use std::slice::ChunksExact;
 
 /// Kinds of elements.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum ElementKind {
     /// Tetrahedron of first or of second order; a body has those of one order only.
+    #[default]
     Tetrahedron,
     /// Membrane triangle.
     Triangle,

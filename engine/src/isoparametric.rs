@@ -33,7 +33,7 @@
 use crate::element::{TETRAHEDRON_FACES, index_columns, row_columns};
 use crate::lanes::{Lanes, MAX_LANES};
 use crate::scalar::{Real, Scalar, cross, dot, scale, sub};
-use bevy_ecs::prelude::Component;
+use bevy_ecs::prelude::{Component, Resource};
 use bytemuck::TransparentWrapper;
 
 /// Pairs of local vertices of a hexahedron: all, in lexicographic order.
@@ -287,6 +287,41 @@ impl<S: Scalar> Derivatives<S, 4, 2, 4> {
     }
 }
 
+impl<const N: usize, const D: usize, const Q: usize> Derivatives<f64, N, D, Q> {
+    /// In the type of a simulation.
+    #[cold]
+    pub fn cast<S: Scalar>(&self) -> Derivatives<S, N, D, Q> {
+        Derivatives(self.0.map(|vertex| vertex.map(|of| of.map(S::from_f64))))
+    }
+}
+
+/// Derivatives of shape functions in elements that have points of their own, which is what cuts leave of them:
+/// [`PointsRest::own`] tells which.
+#[derive(Resource, Clone, Debug, Default)]
+pub struct OwnPoints {
+    /// Of ten-node tetrahedra.
+    pub tens: Vec<Derivatives<f64, 10, 3, 4>>,
+    /// Of hexahedra.
+    pub bricks: Vec<Derivatives<f64, 8, 3, 8>>,
+}
+
+/// No element has points of its own.
+pub static NO_OWN_POINTS: OwnPoints = OwnPoints { tens: Vec::new(), bricks: Vec::new() };
+
+/// The derivatives for an element: those of all, or, as [`PointsRest::own`] says, one of a list, which is put into `slot`.
+#[inline(always)]
+pub fn derivatives_of<'s, S: Scalar, const N: usize, const D: usize, const Q: usize>(
+    of_all: &'s Derivatives<S, N, D, Q>,
+    list: &[Derivatives<f64, N, D, Q>],
+    own: u32,
+    slot: &'s mut Option<Derivatives<S, N, D, Q>>,
+) -> &'s Derivatives<S, N, D, Q> {
+    match own.checked_sub(1).and_then(|at| list.get(at as usize)) {
+        None => of_all,
+        Some(own) => slot.insert(own.cast()),
+    }
+}
+
 /// Quadrature points from `first` on; where they do not fill the register the last one is repeated.
 #[inline(always)]
 pub fn load_points<L: Lanes, const N: usize>(of: &[L::Scalar; N], first: usize) -> L {
@@ -365,6 +400,8 @@ pub struct PointsRest<S: Scalar, const Q: usize> {
     pub gradients: [[S; Q]; 9],
     /// Volume (m^3) that each point stands for; 0 once the element is removed.
     pub volume: [S; Q],
+    /// 0, or 1 plus the place in [`OwnPoints`] of the derivatives at points of its own.
+    pub own: u32,
 }
 
 /// Marks hexahedra whose [`PointsRest`] stands for their corners in place of Gauss points. Their energy does not see single
@@ -390,6 +427,7 @@ impl<S: Scalar, const Q: usize> PointsRest<S, Q> {
         PointsRest {
             gradients: self.gradients.map(|row| row.map(S::to_f64)),
             volume: self.volume.map(S::to_f64),
+            own: self.own,
         }
     }
 }
@@ -457,7 +495,7 @@ impl<const Q: usize> RestPoints<Q> {
 
     /// As a component.
     pub fn component<S: Scalar>(&self) -> PointsRest<S, Q> {
-        let mut rest = PointsRest { gradients: [[S::ZERO; Q]; 9], volume: [S::ZERO; Q] };
+        let mut rest = PointsRest { gradients: [[S::ZERO; Q]; 9], volume: [S::ZERO; Q], own: 0 };
         for q in 0..Q {
             rest.volume[q] = S::from_f64(self.volume[q]);
             for i in 0..3 {

@@ -41,6 +41,15 @@ pub struct BodyElements {
     pub copies: Copies,
 }
 
+/// Volumes (m^3) of the vertices of an element, from which they have their masses and weights; 0 after the last one.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Lumps {
+    /// For masses.
+    pub mass: [f64; 10],
+    /// For weights.
+    pub weight: [f64; 10],
+}
+
 /// What cuts made of the elements of a body; empty while it is whole. An element whose material falls apart becomes several
 /// of the same shape, each with its share of the volume.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -50,8 +59,13 @@ pub struct Copies {
     pub ghosts: Vec<u32>,
     /// Element of the mesh, by its index there, that every copy is of; copies are numbered after all elements of the mesh.
     pub sources: Vec<u32>,
-    /// Parts of the volume of every tetrahedron row that its material has at its vertices: a quarter each where it is whole.
+    /// Elements that can be parted: those of one kind.
+    pub kind: ElementKind,
+    /// Parts of the volume of every row of these that its material has at its corners: a quarter each where it is whole. Of
+    /// hexahedra a quarter of their share.
     pub portions: Vec<[f64; 4]>,
+    /// What the vertices of every row have, where elements are not linear tetrahedra; nothing where one is whole.
+    pub lumps: Vec<Lumps>,
 }
 
 impl BodyElements {
@@ -91,14 +105,20 @@ impl BodyElements {
 
     /// Number of elements of the user's mesh, without copies.
     pub fn mesh_elements(&self, kind: ElementKind) -> usize {
-        let copies = if kind == ElementKind::Tetrahedron { self.copies.sources.len() } else { 0 };
+        let copies = if kind == self.copies.kind { self.copies.sources.len() } else { 0 };
         self.order[kind].len() - copies
     }
 
     /// Whether no cut parted an element, given by its row.
     pub fn is_whole(&self, kind: ElementKind, element: u32) -> bool {
         let portion = self.copies.portions.get(element as usize);
-        kind != ElementKind::Tetrahedron || portion.is_none_or(|portion| *portion == [0.25; 4])
+        kind != self.copies.kind || portion.is_none_or(|portion| *portion == [0.25; 4])
+    }
+
+    /// What the vertices of an element have that a cut parted, if it is no linear tetrahedron.
+    pub fn lumps(&self, kind: ElementKind, element: u32) -> Option<&Lumps> {
+        let parted = !self.is_whole(kind, element);
+        self.copies.lumps.get(element as usize).filter(|_| parted)
     }
 
     /// Index in the user's mesh of an element, for a copy that of the element it is of.

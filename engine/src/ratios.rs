@@ -8,9 +8,9 @@ use crate::element::{
 };
 use crate::element_kind::ElementKind;
 use crate::isoparametric::{
-    CornerPoints, Derivatives, HexahedronIndex, HexahedronRest, HexahedronVertices, PointsRest,
-    QuadIndex, QuadRest, QuadVertices, Tetrahedron10Rest, Tetrahedron10Vertices, load_points,
-    point_differences, rows_of,
+    CornerPoints, Derivatives, HexahedronIndex, HexahedronRest, HexahedronVertices, NO_OWN_POINTS,
+    OwnPoints, PointsRest, QuadIndex, QuadRest, QuadVertices, Tetrahedron10Rest,
+    Tetrahedron10Vertices, derivatives_of, load_points, point_differences, rows_of,
 };
 use crate::lanes::{Batch, Batches, Kernel, Lanes, MAX_LANES, padded};
 use crate::report::{AreaReport, SystemTimes, VolumeReport};
@@ -36,6 +36,7 @@ pub struct VolumeMeasure<'w, 's, S: Scalar> {
     workers: Res<'w, Workers>,
     failure: Res<'w, StepFailure>,
     topology: Res<'w, Topology>,
+    points: Res<'w, OwnPoints>,
     report: ResMut<'w, VolumeReport>,
     times: ResMut<'w, SystemTimes>,
     vertices: Query<'w, 's, &'static Displacement<S>>,
@@ -56,7 +57,7 @@ pub fn measure_volume_ratios<S: Scalar>(
 ) {
     const CHUNK: usize = 4096;
     let start = Instant::now();
-    let VolumeMeasure { workers, failure, topology, mut report, mut times, .. } = measure;
+    let VolumeMeasure { workers, failure, topology, points, mut report, mut times, .. } = measure;
     if failure.0.is_some() {
         return;
     }
@@ -86,12 +87,12 @@ pub fn measure_volume_ratios<S: Scalar>(
         }
     }
     macro_rules! at_points {
-        ($elements:expr, $derivatives:expr) => {
+        ($elements:expr, $derivatives:expr, $own:expr) => {
             for (nodes, rest, bodies) in
                 $elements.contiguous_iter().expect("element components are stored in tables")
             {
                 let mut ratios = vec![f64::INFINITY; nodes.len()];
-                let derivatives = &$derivatives;
+                let derivatives = (&$derivatives, &$own[..]);
                 workers.for_chunks(&mut ratios, CHUNK, nodes.len() * 200, |first, ratios| {
                     for (i, ratio) in (first..).zip(ratios) {
                         let all = point_ratios(derivatives, u, &nodes[i].0, &rest[i]);
@@ -104,15 +105,19 @@ pub fn measure_volume_ratios<S: Scalar>(
             }
         };
     }
-    at_points!(measure.hexahedra, Derivatives::hexahedron());
-    at_points!(measure.hexahedra_at_corners, Derivatives::hexahedron_corners());
-    at_points!(measure.tens, Derivatives::tetrahedron10());
+    at_points!(measure.hexahedra, Derivatives::hexahedron(), points.bricks);
+    at_points!(measure.hexahedra_at_corners, Derivatives::hexahedron_corners(), points.bricks);
+    at_points!(measure.tens, Derivatives::tetrahedron10(), points.tens);
     times.add("volume ratios", start.elapsed());
 }
 
+/// Derivatives at the points of elements, and those of elements that have points of their own.
+pub type DerivativesAt<'a, S, const N: usize, const Q: usize> =
+    (&'a Derivatives<S, N, 3, Q>, &'a [Derivatives<f64, N, 3, Q>]);
+
 /// Ratio `J` of deformed to rest volume at the points of a solid element; 1 for a removed one.
 pub fn point_ratios<S: Scalar, const N: usize, const Q: usize>(
-    derivatives: &Derivatives<S, N, 3, Q>,
+    derivatives: DerivativesAt<S, N, Q>,
     displacement: &[Displacement<S>],
     nodes: &[u32; N],
     rest: &PointsRest<S, Q>,
@@ -126,12 +131,14 @@ pub fn point_ratios<S: Scalar, const N: usize, const Q: usize>(
 
 /// Displacement gradients at the Gauss points of a solid element.
 pub(crate) fn point_gradients<S: Scalar, const N: usize, const Q: usize>(
-    derivatives: &Derivatives<S, N, 3, Q>,
+    derivatives: DerivativesAt<S, N, Q>,
     displacement: &[Displacement<S>],
     nodes: &[u32; N],
     rest: &PointsRest<S, Q>,
 ) -> [[S::One; 9]; Q] {
     let u = rows_of(Displacement::peel_slice(displacement), nodes);
+    let mut slot = None;
+    let derivatives = derivatives_of(derivatives.0, derivatives.1, rest.own, &mut slot);
     std::array::from_fn(|q| {
         let at = point_differences::<S::One, 4, _, _, _>(derivatives, &u, q);
         displacement_gradient(&rest.gradients::<S::One>(q), &at)
@@ -292,8 +299,9 @@ impl ElementNow<'_> {
 pub fn each_element<S: Scalar>(world: &mut World, body: usize, mut with: impl FnMut(ElementNow)) {
     let mut vertices = world.query::<&Displacement<S>>();
     macro_rules! each {
-        ($kind:ident: $data:ty, |$u:ident, ($($part:ident),+)| $ratios:expr) => {
+        ($kind:ident: $data:ty, |$u:ident, $points:ident, ($($part:ident),+)| $ratios:expr) => {
             let mut elements = world.query::<(&BodyId, $data)>();
+            let $points = world.get_resource::<OwnPoints>().unwrap_or(&NO_OWN_POINTS);
             if let Some($u) = single_table(vertices.contiguous_iter(world)) {
                 let own = elements.iter(world).filter(|(of, _)| of.0 as usize == body);
                 for (_, (index, $($part),+)) in own {
@@ -308,7 +316,7 @@ pub fn each_element<S: Scalar>(world: &mut World, body: usize, mut with: impl Fn
     let (ten, quad) = (Derivatives::tetrahedron10(), Derivatives::quad());
     each!(
         Tetrahedron: (&TetrahedronIndex, &TetrahedronVertices, ShapeGradients<S>, &RestVolume<S>),
-        |u, (nodes, gradients, volume)| {
+        |u, _points, (nodes, gradients, volume)| {
             let (d1, d2, d3) = gradients;
             let gradients =
                 [[d1.0.0, d1.1.0, d1.2.0], [d2.0.0, d2.1.0, d2.2.0], [d3.0.0, d3.1.0, d3.2.0]];
@@ -319,18 +327,20 @@ pub fn each_element<S: Scalar>(world: &mut World, body: usize, mut with: impl Fn
     );
     each!(
         Hexahedron: (&HexahedronIndex, &HexahedronVertices, &HexahedronRest<S>, Has<CornerPoints>),
-        |u, (nodes, rest, at_corners)| {
-            let derivatives = &bricks[usize::from(at_corners)];
+        |u, points, (nodes, rest, at_corners)| {
+            let derivatives = (&bricks[usize::from(at_corners)], &points.bricks[..]);
             (point_ratios(derivatives, u, &nodes.0, rest), rest.volume.map(S::to_f64))
         }
     );
     each!(
         Tetrahedron: (&TetrahedronIndex, &Tetrahedron10Vertices, &Tetrahedron10Rest<S>),
-        |u, (nodes, rest)| (point_ratios(&ten, u, &nodes.0, rest), rest.volume.map(S::to_f64))
+        |u, points, (nodes, rest)| {
+            (point_ratios((&ten, &points.tens), u, &nodes.0, rest), rest.volume.map(S::to_f64))
+        }
     );
     each!(
         Triangle: (&MembraneIndex, &MembraneVertices, MembraneRest<S>),
-        |u, (nodes, rest)| {
+        |u, _points, (nodes, rest)| {
             let (a, b, area) = rest;
             let edges = [[a.0.0, a.1.0, a.2.0], [b.0.0, b.1.0, b.2.0]];
             let local = nodes.0.map(|v| xyz(u[v as usize].0));
@@ -339,7 +349,7 @@ pub fn each_element<S: Scalar>(world: &mut World, body: usize, mut with: impl Fn
     );
     each!(
         Quad: (&QuadIndex, &QuadVertices, &QuadRest<S>),
-        |u, (nodes, rest)| {
+        |u, _points, (nodes, rest)| {
             (quad_ratios(&quad, u, *nodes, rest), rest.half_area.map(|half| 2.0 * half.to_f64()))
         }
     );

@@ -2,6 +2,7 @@
 //! [`ForceSchedule`], so that a solver can run it again at trial states.
 
 use crate::columns::single_table;
+use crate::isoparametric::OwnPoints;
 use crate::law::{
     BodiesWithoutRecovery, DisabledLaws, ElasticEnergy, EvaluationRequest, LawBuffer, LawBuffers,
     LawId, LawInfo, Partition, RecoveringBodies, ViscousRequest,
@@ -109,6 +110,7 @@ pub fn install<S: Scalar>(world: &mut World, executor: Executor) {
     world.init_resource::<Topology>();
     world.init_resource::<EvaluationRequest>();
     world.init_resource::<RecoveringBodies>();
+    world.init_resource::<OwnPoints>();
     world.init_resource::<BodiesWithoutRecovery>();
     world.init_resource::<DisabledLaws>();
     world.init_resource::<ElasticEnergy>();
@@ -174,6 +176,8 @@ pub struct Evaluation<'a> {
     pub workers: &'a Workers,
     /// Bodies whose laws give way to the corotational energy.
     pub recovering: &'a RecoveringBodies,
+    /// Derivatives in elements with points of their own.
+    pub points: &'a OwnPoints,
 }
 
 /// What a law does with the displacements of all vertices and the columns `D` of its elements: energy, force
@@ -239,7 +243,7 @@ where
               disabled: Res<DisabledLaws>,
               request: Res<EvaluationRequest>,
               workers: Res<Workers>,
-              recovering: Res<RecoveringBodies>| {
+              (recovering, points): (Res<RecoveringBodies>, Res<OwnPoints>)| {
             let start = Instant::now();
             if disabled.contains(info.name) {
                 return;
@@ -247,7 +251,12 @@ where
             let Some(u) = single_table(vertices.contiguous_iter()) else { return };
             let Some(data) = single_table(elements.contiguous_iter()) else { return };
             let mut buffer = buffers.lock(id);
-            let with = Evaluation { request: &request, workers: &workers, recovering: &recovering };
+            let with = Evaluation {
+                request: &request,
+                workers: &workers,
+                recovering: &recovering,
+                points: &points,
+            };
             evaluate(with, u, data, &mut buffer);
             buffer.time = start.elapsed();
         },

@@ -153,6 +153,7 @@ impl EditImage {
                 entity.insert(body.clone());
             }
         }
+        world.insert_resource(self.points.clone());
         partition_laws::<S>(world);
         let tables = ElementTables::of(world);
         world.insert_resource(tables);

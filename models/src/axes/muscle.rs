@@ -357,8 +357,12 @@ fn energy<S: Scalar>(world: &mut World) -> f64 {
         world
             .query::<points::FibreData<S, AxisTetrahedron10Vertices, AxisTetrahedron10Blocks, 4>>();
     let request = EvaluationRequest { energy: true, force: false, tangent: None };
-    let with =
-        Evaluation { request: &request, workers: world.resource(), recovering: world.resource() };
+    let with = Evaluation {
+        request: &request,
+        workers: world.resource(),
+        recovering: world.resource(),
+        points: world.resource(),
+    };
     let buffers = world.resource::<LawBuffers<S>>();
     let Some(u) = single_table(vertices.contiguous_iter(world)) else { return 0.0 };
     let mut energy = 0.0;

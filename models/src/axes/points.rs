@@ -145,6 +145,7 @@ impl<'a, S: Scalar, const V: usize, const P: usize, const Q: usize> Shared<'a, S
             nodes: E::AxisVertices::peel_slice(nodes),
             blocks: E::AxisBlocks::peel_slice(blocks),
             derivatives: E::derivatives(),
+            own: &[],
         };
         Self { elements, rest }
     }
@@ -405,10 +406,10 @@ where
         &self,
         i: usize,
         u: &[[S; 3]; V],
-        first: usize,
+        (derivatives, first): (&Derivatives<S, V, 3, Q>, usize),
     ) -> Points<C::Element<L>, L> {
         let shared = self.0.shared();
-        let u = point_differences::<L, 4, _, _, _>(&shared.elements.derivatives, u, first);
+        let u = point_differences::<L, 4, _, _, _>(derivatives, u, first);
         let share = load_weights::<L, Q>(&shared.rest[i].volume, first);
         (self.0.element::<L>(i, first, share), share, u)
     }

@@ -93,7 +93,7 @@ pub fn neighbours(tetrahedra: &[[u32; 4]]) -> Vec<[u32; 4]> {
 /// `together` are in one.
 pub fn pieces(
     elements: &[u32],
-    neighbours: &[[u32; 4]],
+    neighbours: &[impl AsRef<[u32]>],
     together: impl Fn(u32, u32) -> bool,
 ) -> Vec<u32> {
     let mut piece = vec![NONE; elements.len()];
@@ -106,7 +106,7 @@ pub fn pieces(
         let mut open = vec![first];
         while let Some(place) = open.pop() {
             let element = elements[place];
-            for &n in neighbours[element as usize].iter().filter(|&&n| n != NONE) {
+            for &n in neighbours[element as usize].as_ref().iter().filter(|&&n| n != NONE) {
                 if let Ok(at) = elements.binary_search(&n)
                     && piece[at] == NONE
                     && together(element, n)

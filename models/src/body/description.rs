@@ -154,7 +154,7 @@ impl From<MassLumping> for MassRule {
 
 impl MassRule {
     /// How an element shares its mass out, before [`MassRule::apply`].
-    pub(super) fn lumping(self) -> MassLumping {
+    pub(crate) fn lumping(self) -> MassLumping {
         match self {
             Self::Volume | Self::Equal => MassLumping::RowSum,
             Self::Nodal => MassLumping::NodalQuadrature,
@@ -311,14 +311,6 @@ pub enum BodyError {
         body: String,
         /// Why not, and what to do.
         problem: String,
-    },
-    /// It was cut, so that what is left is no mesh.
-    #[error(
-        "body `{body}` was cut: copies of elements are no mesh that a body could be built from"
-    )]
-    Cut {
-        /// Name of the body.
-        body: String,
     },
     /// A membrane that cannot be built.
     #[error("membrane of body `{body}`: {source}")]

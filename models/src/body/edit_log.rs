@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 use sinew_engine::columns::TableImage;
 use sinew_engine::connectivity::{ByKind, ElementKind};
 use sinew_engine::fnv::Fnv64;
+use sinew_engine::isoparametric::OwnPoints;
 use sinew_engine::layout::UNUSED;
 use sinew_engine::row::LocalRow;
 use sinew_engine::scalar::Scalar;
@@ -91,6 +92,7 @@ pub(crate) struct EditImage {
     pub tables: TableImage,
     pub topology: Topology,
     pub resection: Option<Resection>,
+    pub points: OwnPoints,
     pub bodies: Vec<(Entity, SoftBody)>,
 }
 
@@ -109,6 +111,7 @@ impl EditImage {
             tables,
             topology: world.resource::<Topology>().clone(),
             resection: world.get_resource::<Resection>().cloned(),
+            points: world.get_resource::<OwnPoints>().cloned().unwrap_or_default(),
             bodies: bodies.iter(world).map(|(entity, body)| (entity, body.clone())).collect(),
         })
     }

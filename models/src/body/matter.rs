@@ -212,7 +212,9 @@ impl Matter<'_> {
         let tens = !self.ordered.tetrahedra10().is_empty();
         for &t in elements[ElementKind::Tetrahedron].iter().filter(|_| tens) {
             let density = density(ElementKind::Tetrahedron, t);
-            let volumes = self.tetrahedron10(t).vertex_volumes();
+            let parted = self.ordered.lumps(ElementKind::Tetrahedron, t);
+            let volumes =
+                parted.map_or_else(|| self.tetrahedron10(t).vertex_volumes(), |own| own.mass);
             let nodes = self.ordered.tetrahedra10()[t as usize];
             add(&nodes, &volumes.map(|volume| density * volume));
         }
@@ -225,7 +227,9 @@ impl Matter<'_> {
         for &h in &elements[ElementKind::Hexahedron] {
             let density = density(ElementKind::Hexahedron, h);
             let nodes = self.ordered.hexahedra()[h as usize];
-            let volumes = self.nodal_shares(nodes);
+            let parted = self.ordered.lumps(ElementKind::Hexahedron, h);
+            let parted = parted.map(|own| std::array::from_fn(|i| own.mass[i]));
+            let volumes = parted.or_else(|| self.nodal_shares(nodes));
             let volumes = volumes.unwrap_or_else(|| {
                 let points = nodes.map(|v| (self.rest_of)(v).to_array());
                 let filled = self.field.filled_at(self.place(ElementKind::Hexahedron, h));
@@ -258,7 +262,10 @@ impl Matter<'_> {
             let density = self.material(ElementKind::Tetrahedron, t).density;
             let rest = self.tetrahedron10(t);
             let nodes = self.ordered.tetrahedra10()[t as usize];
-            let both = rest.shape_volumes().into_iter().zip(rest.vertex_volumes());
+            let whole = || (rest.shape_volumes(), rest.vertex_volumes());
+            let parted = self.ordered.lumps(ElementKind::Tetrahedron, t);
+            let (weights, masses) = parted.map_or_else(whole, |own| (own.weight, own.mass));
+            let both = weights.into_iter().zip(masses);
             for (v, (weight, mass)) in nodes.into_iter().zip(both) {
                 if let Some(at) = vertices.place(v) {
                     shift[at] += density * (weight - mass);

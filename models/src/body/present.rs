@@ -61,7 +61,7 @@ pub(crate) struct Entities {
     /// Edges of pooled springs, and those that are springs by themselves.
     pub edges: [Vec<Entity>; 2],
     pub triangles: Vec<Entity>,
-    /// Axes of all kinds, with the element that they lie in, ascending.
+    /// Axes of all kinds, with the element that they lie in, by elements.
     axes: ByKind<Vec<(u32, Entity)>>,
 }
 
@@ -132,7 +132,8 @@ impl Resection {
         find_elements!(HexahedronIndex, AxisHexahedron, ElementKind::Hexahedron);
         find_elements!(QuadIndex, ElementKind::Quad);
         for own in self.bodies.iter_mut().flatten() {
-            own.rows.axes.iter_mut().for_each(|axes| axes.sort_unstable());
+            // those of an element in the order of their tables: entities are others after a rollback
+            own.rows.axes.iter_mut().for_each(|axes| axes.sort_by_key(|(element, _)| *element));
         }
         find!((&EdgeVertices, Has<MassSpring>), |own, entity, edge, first| {
             if let Some(at) = own.edge(edge.0.0.map(|v| v - first)) {

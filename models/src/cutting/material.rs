@@ -1,8 +1,11 @@
 //! The material of a body and how a blade divides it, as plain numbers.
 
 use glam::DVec3;
+use sinew_engine::isoparametric::{hexahedron_shape, middle_of, tetrahedron10_shape};
 use sinew_engine::sets::DisjointSets;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
+
+use super::hexahedra;
 
 /// Local corners of the edges of a tetrahedron.
 const EDGES: [[usize; 2]; 6] = [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]];
@@ -82,20 +85,67 @@ impl Cell {
     }
 }
 
+/// Kinds of elements that have material.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Order {
+    /// Tetrahedra of four vertices.
+    #[default]
+    Linear,
+    /// Tetrahedra of ten vertices and straight sides. Material knows their corners alone.
+    TenNodes,
+    /// Hexahedra: six tetrahedra each in local coordinates, where they are cubes.
+    Hexahedra,
+}
+
+impl Order {
+    /// Vertices of an element.
+    pub fn size(self) -> usize {
+        match self {
+            Self::Linear => 4,
+            Self::TenNodes => 10,
+            Self::Hexahedra => 8,
+        }
+    }
+}
+
 /// An element: one of the mesh, or a copy of one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Element {
-    /// Its vertices in the mesh, which give its shape at rest.
+    /// Its vertices in the mesh, which give its shape at rest; the first four.
     pub vertices: [u32; 4],
     /// The vertices that move it: those of the mesh, or ghosts of them, which are numbered from the last vertex of the mesh on.
     pub nodes: [u32; 4],
+    /// The further vertices of elements that have more than four, and what moves them.
+    pub further: [[u32; 6]; 2],
     /// Element of the mesh that it is a copy of, or itself.
     pub source: u32,
-    /// Part of the volume of the whole element that lies at each vertex: integrals of the shape functions over the material.
+    /// Element that it fell off, or itself.
+    pub parent: u32,
+    /// Part of the volume of the whole element that lies at each corner: integrals of linear shape functions over the
+    /// material. Of hexahedra a quarter of the part of the cube.
     pub portion: [f64; 4],
 }
 
 impl Element {
+    /// A vertex in the mesh.
+    pub fn vertex(&self, i: usize) -> u32 {
+        if i < 4 { self.vertices[i] } else { self.further[0][i - 4] }
+    }
+
+    /// What moves a vertex.
+    pub fn node(&self, i: usize) -> u32 {
+        if i < 4 { self.nodes[i] } else { self.further[1][i - 4] }
+    }
+
+    fn move_by(&mut self, i: usize, node: u32) {
+        if i < 4 { self.nodes[i] = node } else { self.further[1][i - 4] = node }
+    }
+
+    /// Its first `N` vertices.
+    pub fn all_vertices<const N: usize>(&self) -> [u32; N] {
+        std::array::from_fn(|i| self.vertex(i))
+    }
+
     /// Part of the volume of the whole element.
     pub fn share(&self) -> f64 {
         self.portion.iter().sum()
@@ -136,6 +186,8 @@ pub struct Uncut {
     pub(super) edges: Vec<[u32; 2]>,
     /// Edges of every cell.
     edges_of: Vec<[u32; 6]>,
+    /// Element of every cell where elements are of several, which are entered together.
+    elements: Vec<u32>,
 }
 
 /// What a stroke has decided so far, by edges and cells of the [`Uncut`] material.
@@ -180,7 +232,11 @@ impl Uncut {
         let number = |edge| edges.partition_point(|own| *own < edge) as u32;
         let edges_of = material.cells.iter().map(|cell| cell.edges().map(number)).collect();
         let cells = material.cells.iter().map(|cell| cell.corners).collect();
-        Self { points: material.points.len() as u32, cells, edges, edges_of }
+        let elements = match material.order {
+            Order::Hexahedra => material.cells.iter().map(|cell| cell.element).collect(),
+            _ => Vec::new(),
+        };
+        Self { points: material.points.len() as u32, cells, edges, edges_of, elements }
     }
 
     /// Nothing decided yet.
@@ -223,9 +279,14 @@ impl Uncut {
             true => marks[*e as usize].is_some_and(|mark| mark.swept),
             false => to.crossed.binary_search_by_key(e, |(own, _)| *own).is_ok(),
         };
-        let cells: Vec<usize> = (0..self.cells.len())
-            .filter(|&cell| !separated[cell] && self.edges_of[cell].iter().any(entered))
-            .collect();
+        let is_entered = |cell: &usize| self.edges_of[*cell].iter().any(entered);
+        let mut cells: Vec<usize> = (0..self.cells.len()).filter(is_entered).collect();
+        if !self.elements.is_empty() {
+            let own: BTreeSet<u32> = cells.iter().map(|&cell| self.elements[cell]).collect();
+            let all = 0..self.cells.len();
+            cells = all.filter(|&cell| own.contains(&self.elements[cell])).collect();
+        }
+        cells.retain(|&cell| !separated[cell]);
         let mut apart = Vec::new();
         for cell in cells {
             let own = &self.edges_of[cell];
@@ -264,7 +325,7 @@ impl Uncut {
     }
 }
 
-/// The material of a body of linear tetrahedra.
+/// The material of a body.
 ///
 /// A blade divides the *material* only. An element whose material falls apart becomes as many copies of the same shape, each
 /// with its share of the volume and vertices of its own where the two sides come apart (virtual nodes: Molino, Bao, Fedkiw
@@ -285,6 +346,8 @@ pub struct Material {
     pub uncut: Option<Box<Uncut>>,
     /// Edges of that which are cut, ascending.
     cut: Vec<[u32; 2]>,
+    /// Kind of its elements.
+    pub order: Order,
 }
 
 impl Material {
@@ -300,7 +363,9 @@ impl Material {
         let element = |(source, &vertices): (u32, _)| Element {
             vertices,
             nodes: vertices,
+            further: [[NONE; 6]; 2],
             source,
+            parent: source,
             portion: [0.25; 4],
         };
         Self {
@@ -308,20 +373,61 @@ impl Material {
             cells: (0..).zip(tetrahedra).map(whole).collect(),
             elements: (0..).zip(tetrahedra).map(element).collect(),
             vertices: vertices as u32,
+            order: Order::Linear,
             ..Self::default()
         }
     }
 
+    /// Of a mesh of ten-node tetrahedra.
+    pub fn of_ten_nodes(vertices: usize, tetrahedra: &[[u32; 10]]) -> Self {
+        let corners: Vec<[u32; 4]> =
+            tetrahedra.iter().map(|&[a, b, c, d, ..]| [a, b, c, d]).collect();
+        let mut material = Self { order: Order::TenNodes, ..Self::new(vertices, &corners) };
+        for (element, own) in material.elements.iter_mut().zip(tetrahedra) {
+            element.further = [std::array::from_fn(|i| own[4 + i]); 2];
+        }
+        material
+    }
+
+    /// Of a mesh of hexahedra.
+    pub fn of_hexahedra(vertices: usize, all: &[[u32; 8]]) -> Self {
+        let first: Vec<[u32; 4]> = all.iter().map(|&[a, b, c, d, ..]| [a, b, c, d]).collect();
+        let mut material = Self { order: Order::Hexahedra, ..Self::new(vertices, &first) };
+        material.cells.clear();
+        for ((number, own), element) in (0..).zip(all).zip(&mut material.elements) {
+            element.further = [std::array::from_fn(|i| own.get(4 + i).copied().unwrap_or(NONE)); 2];
+            material.cells.extend(hexahedra::tetrahedra(own).map(|corners| Cell {
+                corners,
+                element: number,
+                volume: 1.0 / 6.0,
+                wound: [false; 4],
+                began: number,
+            }));
+        }
+        material
+    }
+
     /// Where a point is, as a corner of a cell, when `at` says where vertices and ghosts are.
     pub fn place(&self, cell: &Cell, point: u32, at: &dyn Fn(u32) -> DVec3) -> DVec3 {
-        let Element { vertices, nodes, .. } = self.elements[cell.element as usize];
+        let element = &self.elements[cell.element as usize];
         let point = &self.points[point as usize];
+        let size = self.order.size();
         if point.weights[0] == 1.0 {
             // to the last bit
-            let i = vertices.iter().position(|&v| v == point.vertices[0]).unwrap_or(0);
-            return at(nodes[i]);
+            let i = (0..size).find(|&i| element.vertex(i) == point.vertices[0]).unwrap_or(0);
+            return at(element.node(i));
         }
-        nodes.iter().zip(point.weights_in(vertices)).map(|(&n, w)| w * at(n)).sum()
+        let weighted = |weights: &[f64]| {
+            weights.iter().enumerate().map(|(i, w)| *w * at(element.node(i))).sum()
+        };
+        match self.order {
+            Order::Linear => weighted(&point.weights_in(element.vertices)),
+            Order::TenNodes => weighted(&tetrahedron10_shape(point.weights_in(element.vertices))),
+            Order::Hexahedra => {
+                let at = hexahedra::local(&element.all_vertices(), point);
+                weighted(&hexahedron_shape(at.to_array()))
+            }
+        }
     }
 
     /// What the surface that a blade sweeps does: between two positions of the blade (m) it consists of two triangles,
@@ -481,7 +587,8 @@ impl Material {
                 continue;
             }
             let source = self.elements[element];
-            self.elements.extend((0..count).map(|_| source));
+            let copy = Element { parent: element as u32, ..source };
+            self.elements.extend((0..count).map(|_| copy));
             let number = |part: u32| if part == 0 { element as u32 } else { first + part - 1 };
             let all: Vec<u32> = (0..=count).map(number).collect();
             all.iter().for_each(|&e| self.elements[e as usize].portion = [0.0; 4]);
@@ -489,6 +596,10 @@ impl Material {
                 let cell = &mut self.cells[cell as usize];
                 cell.element = all[part as usize];
                 let to = &mut self.elements[cell.element as usize].portion;
+                if self.order == Order::Hexahedra {
+                    to.iter_mut().for_each(|part| *part += 0.25 * cell.volume);
+                    continue;
+                }
                 for &p in &cell.corners {
                     let weights = self.points[p as usize].weights_in(source.vertices);
                     (0..4).for_each(|i| to[i] += 0.25 * cell.volume * weights[i]);
@@ -497,45 +608,59 @@ impl Material {
         }
     }
 
+    /// Pairs of elements that hang together across a face, ascending.
+    pub fn joined_elements(&self) -> Vec<[u32; 2]> {
+        let mut faces: Vec<([u32; 3], u32)> = Vec::with_capacity(4 * self.cells.len());
+        for cell in &self.cells {
+            let open = (0..4).filter(|&i| !cell.wound[i]);
+            faces.extend(open.map(|i| (sorted(cell.face(i)), cell.element)));
+        }
+        faces.sort_unstable();
+        let both = faces.windows(2).filter(|pair| pair[0].0 == pair[1].0 && pair[0].1 != pair[1].1);
+        let mut pairs: Vec<[u32; 2]> = both.map(|pair| [pair[0].1, pair[1].1]).collect();
+        pairs.sort_unstable();
+        pairs.dedup();
+        pairs
+    }
+
     /// Gives elements that no longer hang together vertices of their own: who holds a vertex of the mesh keeps it, all others
-    /// get a ghost.
+    /// get a ghost. Elements that hang together across a face share the vertices that both have.
     fn part_nodes(&mut self) -> Vec<u32> {
-        let mut sets = DisjointSets::new(4 * self.elements.len());
-        let mut faces: Vec<([u32; 3], u32)> = Vec::new();
-        let mut holds = vec![false; 4 * self.elements.len()];
+        let size = self.order.size();
+        let place = |e: u32, i: usize| (size * e as usize + i) as u32;
+        let mut sets = DisjointSets::new(size * self.elements.len());
+        let mut holds = vec![false; size * self.elements.len()];
         let mut alive = vec![false; self.elements.len()];
         for cell in &self.cells {
             alive[cell.element as usize] = true;
             let element = &self.elements[cell.element as usize];
             for &p in cell.corners.iter().filter(|&&p| p < self.vertices) {
-                let i = element.vertices.iter().position(|&v| v == p).unwrap_or(0);
-                holds[4 * cell.element as usize + i] = true;
+                let i = (0..size).find(|&i| element.vertex(i) == p).unwrap_or(0);
+                holds[place(cell.element, i) as usize] = true;
             }
-            let open = (0..4).filter(|&i| !cell.wound[i]);
-            faces.extend(open.map(|i| (sorted(cell.face(i)), cell.element)));
+            if self.order == Order::TenNodes {
+                for i in cell.edges().iter().filter_map(|edge| self.middle_on(element, *edge)) {
+                    holds[place(cell.element, i) as usize] = true;
+                }
+            }
         }
-        faces.sort_unstable();
-        for pair in faces.windows(2) {
-            let [(face, a), (other, b)] = [pair[0], pair[1]];
-            if face != other || a == b {
-                continue;
-            }
-            let [of_a, of_b] = [a, b].map(|e| self.elements[e as usize].vertices);
-            for (i, v) in (0..).zip(of_a) {
-                if let Some(j) = of_b.iter().position(|&w| w == v) {
-                    sets.join(4 * a + i, 4 * b + j as u32);
+        for [a, b] in self.joined_elements() {
+            let [of_a, of_b] = [a, b].map(|e| &self.elements[e as usize]);
+            for i in 0..size {
+                if let Some(j) = (0..size).find(|&j| of_b.vertex(j) == of_a.vertex(i)) {
+                    sets.join(place(a, i), place(b, j));
                 }
             }
         }
         // whether a set holds its vertex, and what moves it from now on
-        let all = 0..4 * self.elements.len() as u32;
+        let all = 0..holds.len() as u32;
         let mut keeps = vec![false; holds.len()];
         all.clone().for_each(|i| keeps[sets.root(i) as usize] |= holds[i as usize]);
         let mut moved_by = vec![NONE; holds.len()];
         let mut taken = vec![false; self.vertices as usize + self.ghosts.len()];
-        let living = all.filter(|i| alive[(i / 4) as usize]);
+        let living = all.filter(|&i| alive[i as usize / size]);
         for i in living.clone() {
-            let node = self.elements[(i / 4) as usize].nodes[(i % 4) as usize];
+            let node = self.elements[i as usize / size].node(i as usize % size);
             let root = sets.root(i) as usize;
             if keeps[root] {
                 (moved_by[root], taken[node as usize]) = (node, true);
@@ -543,19 +668,30 @@ impl Material {
         }
         let mut origins = Vec::new();
         for i in living {
-            let (element, at) = ((i / 4) as usize, (i % 4) as usize);
-            let (root, node) = (sets.root(i) as usize, self.elements[element].nodes[at]);
+            let (element, at) = (i as usize / size, i as usize % size);
+            let (root, node) = (sets.root(i) as usize, self.elements[element].node(at));
             if moved_by[root] == NONE {
                 moved_by[root] = node;
                 if std::mem::replace(&mut taken[node as usize], true) {
                     moved_by[root] = self.vertices + self.ghosts.len() as u32;
-                    self.ghosts.push(self.elements[element].vertices[at]);
+                    self.ghosts.push(self.elements[element].vertex(at));
                     origins.push(node);
                 }
             }
-            self.elements[element].nodes[at] = moved_by[root];
+            self.elements[element].move_by(at, moved_by[root]);
         }
         origins
+    }
+
+    /// The vertex of a ten-node tetrahedron that lies on an edge of its material.
+    fn middle_on(&self, element: &Element, edge: [u32; 2]) -> Option<usize> {
+        let weights = edge.map(|p| self.points[p as usize].weights_in(element.vertices));
+        let mut ends = (0..4).filter(|&i| weights.iter().any(|own| own[i] != 0.0));
+        let (Some(a), Some(b), None) = (ends.next(), ends.next(), ends.next()) else { return None };
+        // by the higher vertex, so that all who have this edge agree
+        let end = if element.vertices[a] < element.vertices[b] { b } else { a };
+        let [s, t] = weights.map(|own| own[end]);
+        (s.min(t) <= 0.5 && 0.5 < s.max(t)).then(|| middle_of(a, b))
     }
 
     /// Forgets the material of elements that are gone.
@@ -563,7 +699,8 @@ impl Material {
         self.cells.retain(|cell| is_left(cell.element));
     }
 
-    /// Area of one side of all wounds, when `rest` says where the vertices of the mesh are.
+    /// Area of one side of all wounds, when `rest` says where the vertices of the mesh are. Wounds in distorted hexahedra are
+    /// taken as flat between their points.
     pub fn wound_area(&self, rest: &dyn Fn(u32) -> DVec3) -> f64 {
         let point = |p: u32| -> DVec3 {
             let Point { vertices, weights } = self.points[p as usize];

@@ -1,9 +1,13 @@
-//! Cuts: a blade goes through bodies of linear tetrahedra, at once, in their present shape.
+//! Cuts: a blade goes through bodies, at once, in their present shape.
 //!
 //! An element that the blade parts becomes several of the same shape, each with its share of the volume, that are moved by
 //! vertices of their own where they come apart ([`Material`]). Volume enters energy, force, tangent and mass linearly, so
 //! that neither of them changes at the instant of the cut, nor do kinetic energy and momentum; no element is smaller, flatter
 //! or softer than before, and no state is interpolated.
+//!
+//! What can be cut: bodies of linear tetrahedra, with axes, fibres and muscles and with clusters of volume; bodies of ten-node
+//! tetrahedra with straight sides; bodies of hexahedra with full integration. Not membranes, two kinds of elements in one
+//! body, axes in elements with Gauss points, hexahedra that are filled in part, pooled springs and models of springs.
 //!
 //! - The vertices of the mesh stay where they are and mean what they meant: constraints, loads, pulls and lists of positions
 //!   have the material that held them. The vertices that copies got are *ghosts*: nothing holds or loads them but the weight
@@ -15,33 +19,47 @@
 //! - A body at its rest shape does not gape when it is cut: what opens wounds is tension, from loads, muscles or a shape at
 //!   rest that the scene does not let it have.
 //!
+//! - Axes, fibres and muscles go with the volume, too. Where volume is kept by clusters, copies stay in the cluster of their
+//!   element as long as material joins them; a cluster that falls apart becomes several, so that the sides of a wound have
+//!   pressures of their own. In linear tetrahedra this is the one thing that changes the energy
+//!   ([`CutReport::elastic_energy`]).
+//! - What is left of an element with Gauss points has points of its own, which integrate a uniform stress exactly, and in
+//!   ten-node tetrahedra any polynomial of second degree. So elastic energy and forces change as far as strain differs within
+//!   elements and the law is not linear, and in hexahedra by the terms of higher degree. Masses, kinetic energy and momentum
+//!   do not.
+//! - A wound through distorted hexahedra is plane in their local coordinates between marks that lie on the blade.
+//!
 //! [`BodyDescription::spare`]: crate::body::BodyDescription::spare
 
+mod axes;
 pub mod blade;
+mod columns;
+mod hexahedra;
 pub mod material;
+mod quadrature;
 mod skin;
+mod ten_node;
 
 use bevy_ecs::prelude::*;
 use glam::DVec3;
 use serde::Serialize;
-use sinew_engine::columns::{can_move_rows, copy_entity, single_table};
+use sinew_engine::columns::{can_move_rows, single_table};
 use sinew_engine::compiled_here;
 use sinew_engine::connectivity::{ByKind, Connectivity, ElementKind};
-use sinew_engine::element::{
-    RestVolume, TETRAHEDRON_EDGES, TetrahedronBlocks, TetrahedronIndex, TetrahedronVertices,
-    shape_gradient_bundle,
-};
+use sinew_engine::isoparametric::MIDDLES;
 use sinew_engine::law::partition_laws;
-use sinew_engine::layout::{lowest_first, starts};
+use sinew_engine::layout::{Lumps, lowest_first, starts};
 use sinew_engine::load::Pressure;
 use sinew_engine::row::{LocalRow, MeshVertex, VertexRow};
 use sinew_engine::scalar::Scalar;
 use sinew_engine::surface::SurfacePoint;
 use sinew_engine::topology::{BodyRows, ElementTables, Topology};
-use sinew_engine::vertex::{Displacement, Mass, Position, RestPosition, Velocity};
+use sinew_engine::vertex::{Displacement, Mass, Position, RestPosition, Velocity, WeightShift};
+use sinew_identify::mass::MassLumping;
 use std::time::{Duration, Instant};
 
-use self::material::{Element, Material, Stroke};
+use self::columns::{Changed, points_of};
+use self::material::{Element, Material, Order, Stroke};
 pub use self::skin::{
     MaterialSkin, cut_material, is_cut, node_places, node_velocities, update_skin,
 };
@@ -49,21 +67,17 @@ use crate::body::description::{MassRule, SoftBody};
 use crate::body::edit_log::{Edit, before_edit, log_edit};
 use crate::body::matter::{Chosen, Items, chosen};
 use crate::body::present::{BodyResection, Resection};
-use crate::element::precompute::RestTetrahedron;
-use crate::frame::rules::{Evaluation, VolumeRule};
+use crate::frame::rules::{Evaluation, Integration};
 use crate::laws::models::Model;
 use crate::laws::{bending, pressure};
 use crate::resection::{RemovalError, prepare_removals, renumber_blocks};
 
-/// Tetrahedra.
-const KIND: ElementKind = ElementKind::Tetrahedron;
-
 /// What a cut did.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct CutReport {
-    /// Tetrahedra that it parted, by their numbers, ascending.
+    /// Elements that it parted, by their numbers, ascending.
     pub separated: Vec<u32>,
-    /// Number of every copy that came to be, and of the tetrahedron of the mesh that it is of.
+    /// Number of every copy that came to be, and of the element of the mesh that it is of.
     pub copies: Vec<[u32; 2]>,
     /// Vertices that it made.
     pub vertices: usize,
@@ -71,10 +85,12 @@ pub struct CutReport {
     pub spare: usize,
     /// Connected pieces of the body now.
     pub pieces: usize,
-    /// Least share of a tetrahedron of the body now.
+    /// Least share of an element of the body now; of hexahedra in local coordinates.
     pub least_share: f64,
     /// Area (m^2, at rest) of one side of the wound.
     pub area: f64,
+    /// Elastic energy (J) that the body has more than before because clusters of volume fell apart; 0 without.
+    pub elastic_energy: f64,
     /// Duration.
     pub time: Duration,
 }
@@ -202,20 +218,21 @@ pub fn check_cut(world: &mut World, body: usize) -> Result<(), CutError> {
     }
     let rows = &world.resource::<Topology>().bodies[body];
     let name = rows.name.clone();
-    let only_linear = rows.hexahedra().is_empty()
-        && rows.tetrahedra10().is_empty()
-        && rows.triangles().is_empty()
-        && rows.quads().is_empty();
+    let used = ElementKind::ALL.into_iter().filter(|&kind| !rows.order[kind].is_empty());
+    let (kinds, order) = (used.collect::<Vec<_>>(), order_of(rows));
     let is_spare = rows.spare > 0;
+    let rows = rows.clone();
     if world.get_resource::<ElementTables>().is_some_and(|own| *own != ElementTables::of(world)) {
         return Err(RemovalError::LayoutChanged { body: name }.into());
     }
-    let mut soft = world.query::<&SoftBody>();
-    let soft = soft.iter(world).find(|soft| soft.index == body).cloned();
+    let soft = soft_of(world, body);
     let problem = match &soft {
         None => "it has no elements",
-        Some(_) if !only_linear => {
-            "only bodies of linear tetrahedra alone can, without membranes; remove elements instead"
+        Some(_) if kinds.iter().any(|kind| !kind.is_solid()) => {
+            "membranes have no share of an area; build it without membranes, or remove elements"
+        }
+        Some(_) if kinds.len() > 1 => {
+            "tetrahedra and hexahedra in one body share no material; build a body of each, or remove elements"
         }
         Some(soft) if soft.evaluation == Evaluation::Pooled => {
             "pooled springs have no share of a volume; take evaluation = \"fused\""
@@ -223,12 +240,23 @@ pub fn check_cut(world: &mut World, body: usize) -> Result<(), CutError> {
         Some(soft) if !scales(soft.model) => {
             "its model is not proportional to a volume; take one that is, \"svk_comp\" or another"
         }
-        Some(soft) if soft.axes.is_some() => "it has axes or fibres; remove elements instead",
-        Some(soft) if soft.volume != VolumeRule::Elements => {
-            "means of volumes would join both sides of the wound; take volume = \"elements\""
+        Some(soft) if soft.axes.is_some() && order != Order::Linear => {
+            "its axes lie at the points of whole elements; take linear tetrahedra, or remove elements"
         }
         Some(soft) if soft.masses == MassRule::Equal => {
             "equal masses have no share of a volume; take masses = \"volume\""
+        }
+        Some(soft) if order == Order::Hexahedra && soft.integration == Integration::Reduced => {
+            "the modes of reduced hexahedra have no share of a volume; take integration = \"full\""
+        }
+        Some(soft) if order == Order::Hexahedra && soft.masses.lumping() != MassLumping::RowSum => {
+            "masses at corners have no share of a volume; take masses = \"volume\""
+        }
+        Some(soft) if soft.field().filled.is_some() => {
+            "hexahedra that are filled in part have no share of a volume; take tetrahedra, or remove elements"
+        }
+        Some(_) if order == Order::TenNodes && is_curved(world, &rows) => {
+            "ten-node tetrahedra with curved sides have no share of a volume; put vertices into the middles of edges"
         }
         _ if !is_spare => {
             "it has no vertices to spare; build it with `spare`, such as the number of vertices of the mesh"
@@ -238,23 +266,71 @@ pub fn check_cut(world: &mut World, body: usize) -> Result<(), CutError> {
     Err(CutError::Body { body: name, problem: problem.into() })
 }
 
-/// Whether the energy of a model is proportional to the column of volumes: quadratic springs take lengths at rest from it.
+/// How far (in edges) a vertex may lie from the middle of an edge that counts as straight.
+const STRAIGHT: f64 = 1e-6;
+
+/// Whether sides of ten-node tetrahedra are curved at rest.
+fn is_curved(world: &mut World, rows: &BodyRows) -> bool {
+    let rest = rest_of(world, rows);
+    rows.tetrahedra10().iter().any(|nodes| {
+        MIDDLES.iter().zip(&nodes[4..]).any(|(&[a, b], &middle)| {
+            let [a, b, middle] = [nodes[a], nodes[b], middle].map(|row| rest[row as usize]);
+            middle.distance(0.5 * (a + b)) > STRAIGHT * a.distance(b)
+        })
+    })
+}
+
+/// What a body is of.
+fn soft_of(world: &mut World, body: usize) -> Option<SoftBody> {
+    world.query::<&SoftBody>().iter(world).find(|soft| soft.index == body).cloned()
+}
+
+/// Whether the energy of a model is proportional to the columns of volumes: quadratic springs take lengths at rest from them.
 fn scales(model: Model) -> bool {
-    !matches!(model, Model::QuadraticSprings | Model::MassSpring | Model::Axes | Model::Own(_))
+    !matches!(model, Model::QuadraticSprings | Model::MassSpring | Model::Own(_))
+}
+
+/// What kind of elements a body has that can be cut.
+fn order_of(rows: &BodyRows) -> Order {
+    match () {
+        () if !rows.tetrahedra10().is_empty() => Order::TenNodes,
+        () if !rows.hexahedra().is_empty() => Order::Hexahedra,
+        () => Order::Linear,
+    }
+}
+
+fn kind_of(rows: &BodyRows) -> ElementKind {
+    match order_of(rows) {
+        Order::Hexahedra => ElementKind::Hexahedron,
+        Order::Linear | Order::TenNodes => ElementKind::Tetrahedron,
+    }
+}
+
+/// Elements of a body that was not cut, by vertices of the mesh.
+fn in_mesh<const N: usize>(rows: &BodyRows) -> Vec<[u32; N]> {
+    let kind = kind_of(rows);
+    let of_rows = rows.nodes[kind].each::<N>();
+    let mut all = vec![[0; N]; of_rows.len()];
+    for (nodes, &index) in of_rows.iter().zip(&rows.order[kind]) {
+        all[index as usize] = nodes.map(|v| rows.vertex_order[LocalRow(v)].0);
+    }
+    all
 }
 
 /// The material of a body as it is now.
 fn material_of(world: &World, body: usize, own: &BodyResection) -> Material {
-    let is_left = |e: u32| own.connectivity.is_present(KIND, own.element_of[KIND][e as usize]);
+    let rows = &world.resource::<Topology>().bodies[body];
+    let kind = kind_of(rows);
+    let is_left = |e: u32| own.connectivity.is_present(kind, own.element_of[kind][e as usize]);
     let mut material = match &own.material {
         Some(material) => (**material).clone(),
         None => {
-            let rows = &world.resource::<Topology>().bodies[body];
-            let mut tetrahedra = vec![[0; 4]; rows.tetrahedra().len()];
-            for (nodes, &index) in rows.tetrahedra().iter().zip(&rows.order.tetrahedra) {
-                tetrahedra[index as usize] = nodes.map(|v| rows.vertex_order[LocalRow(v)].0);
+            let vertices = rows.mesh_vertices();
+            match order_of(rows) {
+                Order::Linear => Material::new(vertices, &in_mesh(rows)),
+                Order::TenNodes => Material::of_ten_nodes(vertices, &in_mesh(rows)),
+                Order::Hexahedra => Material::of_hexahedra(vertices, &in_mesh(rows)),
             }
-            Material::new(rows.mesh_vertices(), &tetrahedra)
         }
     };
     material.keep(is_left);
@@ -286,8 +362,9 @@ fn open<S: Scalar>(
     resection: &mut Resection,
     (mut material, stroke): (Material, &Stroke),
 ) -> Result<CutReport, CutError> {
-    let own = resection.bodies[body].as_mut().expect("it was prepared");
+    let own = resection.bodies[body].as_ref().expect("it was prepared");
     let old = world.resource::<Topology>().bodies[body].clone();
+    let kind = kind_of(&old);
     let before = material.elements.clone();
     let rest = rest_of(world, &old);
     let at_rest = |vertex: u32| rest[row_of(&old, vertex) as usize];
@@ -324,8 +401,13 @@ fn open<S: Scalar>(
     };
     report.spare = left;
     check_faces(world, &old, own, &changed)?;
-    let row = |e: u32| own.rows.elements[KIND][own.element_of[KIND][e as usize] as usize];
-    if !report.separated.iter().all(|&e| can_move_rows(world, row(e))) {
+    let parted: Vec<u32> =
+        report.separated.iter().map(|&e| own.element_of[kind][e as usize]).collect();
+    let can_copy = |&e: &u32| {
+        let element = own.rows.elements[kind][e as usize];
+        own.rows.axes(kind, e).chain([element]).all(|entity| can_move_rows(world, entity))
+    };
+    if !parted.iter().all(can_copy) {
         let problem = "a component of its elements owns something and has no copy; keep such data on entities of your own";
         return Err(CutError::Body { body: name(), problem: problem.into() });
     }
@@ -333,32 +415,94 @@ fn open<S: Scalar>(
     world.insert_resource(std::mem::take(resection));
     before_edit::<S>(world);
     *resection = world.remove_resource().unwrap_or_default();
-    let own = resection.bodies[body].as_mut().expect("it was prepared");
     log_edit(world, Edit::Cut { body, stroke: stroke.clone() });
+    let parting = Parting { before, material, origins, changed, parted };
+    (report.pieces, report.elastic_energy) = divide::<S>(world, body, resection, parting);
+    Ok(report)
+}
+
+/// What becomes of the elements of a body.
+struct Parting {
+    /// They as they were.
+    before: Vec<Element>,
+    /// And as they are to be.
+    material: Material,
+    /// For every new ghost the vertex or ghost in whose place it comes.
+    origins: Vec<u32>,
+    /// Numbers of those that are others now, ascending.
+    changed: Vec<u32>,
+    /// Rows of those that were parted.
+    parted: Vec<u32>,
+}
+
+/// Divides elements and their columns. The number of pieces of the body, and the elastic energy (J) that it has more.
+fn divide<S: Scalar>(
+    world: &mut World,
+    body: usize,
+    resection: &mut Resection,
+    Parting { before, material, origins, changed, parted }: Parting,
+) -> (usize, f64) {
+    let own = resection.bodies[body].as_mut().expect("it was prepared");
+    let old = world.resource::<Topology>().bodies[body].clone();
+    let (kind, rest) = (kind_of(&old), rest_of(world, &old));
+    let soft = soft_of(world, body);
+    let losing = soft.as_ref().map(|soft| own.parting::<S>(world, soft, &parted));
     let mut new = parted_rows(&old, own, &material, &changed);
     copy_vertices::<S>(world, &new, &origins);
+    let points = points_of(&material, &changed, &|vertex| rest[row_of(&old, vertex) as usize]);
+    let element_of = new.rows_of(kind);
+    for (e, (_, lumps)) in &points {
+        new.ordered.copies.lumps.resize(material.elements.len(), Lumps::default());
+        new.ordered.copies.lumps[element_of[*e as usize] as usize] = *lumps;
+    }
     let mut connectivity = Connectivity::new(&new);
-    let known = 0..old.order.tetrahedra.len() as u32;
-    let gone = known.filter(|&e| !own.connectivity.is_present(KIND, e)).collect();
-    connectivity.remove(&ByKind { tetrahedra: gone, ..ByKind::default() });
+    let known = 0..old.order[kind].len() as u32;
+    let mut gone = ByKind::<Vec<u32>>::default();
+    gone[kind] = known.filter(|&e| !own.connectivity.is_present(kind, e)).collect();
+    connectivity.remove(&gone);
     let was = std::mem::replace(&mut own.connectivity, connectivity);
-    sum_masses::<S>(world, (&old, &was), (&new, &own.connectivity));
+    if let Some(soft) = &soft {
+        sum_masses::<S>(world, soft, (&old, &was), (&new, &own.connectivity));
+    }
     new.piece = own.connectivity.pieces();
     new.splits += u64::from(new.piece != old.piece);
     new.changes += 1;
     own.pieces = new.piece_count();
-    report.pieces = own.pieces;
-    own.element_of[KIND] = new.rows_of(KIND);
-    merge_edges(world, body, new, &own.connectivity);
-    write_elements::<S>(world, body, own, &report, &changed);
+    own.element_of[kind] = element_of;
+    merge_edges(world, body, new.clone(), &own.connectivity);
+    let elements = (&before[..], &material);
+    let rest = &rest_of(world, &new);
+    let (rows, numbers) = (&new, &changed[..]);
+    columns::write::<S>(world, Changed { rows, own, elements, numbers, points, rest });
     own.material = Some(Box::new(material));
     partition_laws::<S>(world);
     let tables = ElementTables::of(world);
     world.insert_resource(tables);
     resection.find_rows(world);
+    let own = resection.bodies[body].as_ref().expect("it was prepared");
+    let energy = match (&soft, losing) {
+        (Some(soft), Some(losing)) => -own.settle_clusters::<S>(world, soft, losing),
+        _ => 0.0,
+    };
+    let pieces = own.pieces;
     bending::refresh::<S>(world, Some(resection));
     pressure::refresh::<S>(world);
-    Ok(report)
+    (pieces, energy)
+}
+
+/// Divides a body that is whole as another one like it has been divided, which is of this material now.
+pub(crate) fn divide_alike<S: Scalar>(world: &mut World, body: usize, material: &Material) {
+    let Ok(mut resection) = prepared(world, body) else { return };
+    let own = resection.bodies[body].as_ref().expect("it was prepared");
+    let before = material_of(world, body, own).elements;
+    let is_other = |e: &usize| before.get(*e) != Some(&material.elements[*e]);
+    let changed = (0..material.elements.len()).filter(is_other).map(|e| e as u32).collect();
+    let (origins, mut material) = (material.ghosts.clone(), material.clone());
+    // here all copies fall off whole elements
+    material.elements.iter_mut().for_each(|element| element.parent = element.source);
+    let parting = Parting { before, material, origins, changed, parted: Vec::new() };
+    divide::<S>(world, body, &mut resection, parting);
+    world.insert_resource(resection);
 }
 
 /// Rest positions (m) of all rows of a body.
@@ -376,12 +520,13 @@ fn check_faces(
     own: &BodyResection,
     changed: &[u32],
 ) -> Result<(), CutError> {
-    let known = changed.iter().filter_map(|&e| own.element_of[KIND].get(e as usize));
-    let elements: Vec<[u32; 4]> = known.map(|&e| rows.tetrahedra()[e as usize]).collect();
+    let kind = kind_of(rows);
+    let known = changed.iter().filter_map(|&e| own.element_of[kind].get(e as usize));
+    let elements: Vec<&[u32]> = known.map(|&e| rows.nodes[kind].of(e)).collect();
     for pressure in world.query::<&Pressure>().iter(world) {
         let on = |face: &[VertexRow; 3]| {
             let local = face.map(|row| rows.local(row).map(|row| row.0));
-            let has = |t: &[u32; 4]| local.iter().all(|v| v.is_some_and(|v| t.contains(&v)));
+            let has = |t: &&[u32]| local.iter().all(|v| v.is_some_and(|v| t.contains(&v)));
             elements.iter().any(has)
         };
         if pressure.faces.iter().any(on) {
@@ -404,26 +549,44 @@ fn parted_rows(
 ) -> BodyRows {
     let mut new = old.clone();
     let copies = &mut new.ordered.copies;
+    copies.kind = kind_of(old);
     copies.ghosts = material.ghosts.iter().map(|&vertex| row_of(old, vertex)).collect();
     copies.portions.resize(material.elements.len(), [0.25; 4]);
-    let mut nodes = old.tetrahedra().to_vec();
+    match material.order {
+        Order::Linear => parted_nodes::<4>(&mut new, (old, own), (material, changed), lowest_first),
+        Order::TenNodes => parted_nodes::<10>(&mut new, (old, own), (material, changed), |t| t),
+        Order::Hexahedra => parted_nodes::<8>(&mut new, (old, own), (material, changed), |h| h),
+    }
+    new
+}
+
+/// The same for elements of `N` vertices, which `turn` brings into their order.
+fn parted_nodes<const N: usize>(
+    new: &mut BodyRows,
+    (old, own): (&BodyRows, &BodyResection),
+    (material, changed): (&Material, &[u32]),
+    turn: fn([u32; N]) -> [u32; N],
+) {
+    let kind = new.copies.kind;
+    let mut nodes = old.nodes[kind].each::<N>().to_vec();
     for &e in changed {
         let element = &material.elements[e as usize];
-        let rows = element.nodes.map(|node| row_of(old, node));
-        let turned = lowest_first(rows);
-        let known = own.element_of[KIND].get(e as usize);
+        let rows: [u32; N] = std::array::from_fn(|i| row_of(old, element.node(i)));
+        let turned = turn(rows);
+        let known = own.element_of[kind].get(e as usize);
         let at = known.map_or(nodes.len(), |&row| row as usize);
         if known.is_none() {
             nodes.push(turned);
-            new.ordered.order.tetrahedra.push(e);
-            copies.sources.push(element.source);
+            new.ordered.order[kind].push(e);
+            new.ordered.copies.sources.push(element.source);
         }
         nodes[at] = turned;
         let place = |row| rows.iter().position(|&own| own == row).unwrap_or(0);
-        copies.portions[at] = turned.map(|row| element.portion[place(row)]);
+        // corners come first
+        new.ordered.copies.portions[at] =
+            [0, 1, 2, 3].map(|i| element.portion[place(turned[i]).min(3)]);
     }
-    new.ordered.nodes.tetrahedra = nodes.into();
-    new
+    new.ordered.nodes[kind] = nodes.into();
 }
 
 /// Gives the last ghosts of a body the state of the vertices or ghosts in whose place they come.
@@ -453,29 +616,30 @@ fn copy_vertices<S: Scalar>(world: &mut World, rows: &BodyRows, origins: &[u32])
 /// Shares the masses out again where elements came apart. What a removal left of removed elements stays where it is.
 fn sum_masses<S: Scalar>(
     world: &mut World,
+    soft: &SoftBody,
     old: (&BodyRows, &Connectivity),
     new: (&BodyRows, &Connectivity),
 ) {
     let rest = rest_of(world, new.0);
-    let body =
-        world.resource::<Topology>().bodies.iter().position(|own| own.vertices == old.0.vertices);
-    let Some(soft) =
-        world.query::<&SoftBody>().iter(world).find(|s| Some(s.index) == body).cloned()
-    else {
-        return;
-    };
     let sums = [old, new].map(|(rows, connectivity)| {
         let left: Chosen = chosen(&rows.ordered, |kind, e| connectivity.is_present(kind, e));
         let at_rest = |row: u32| rest[row as usize];
-        soft.matter(&rows.ordered, &at_rest).masses(Items::All(rows.row_count()), &left)
+        let (matter, all) = (soft.matter(&rows.ordered, &at_rest), Items::All(rows.row_count()));
+        [matter.masses(all, &left), matter.weight_shifts(all, &left)]
     });
     let first = new.0.vertices.start as usize;
-    let mut query = world.query::<&mut Mass<S>>();
-    let Some(mut mass) = single_table(query.contiguous_iter_mut(world)) else { return };
-    for (row, (was, now)) in (first..).zip(sums[0].iter().zip(&sums[1])) {
-        let kept = mass[row].0.to_f64() - S::from_f64(*was).to_f64();
-        if was != now {
-            mass[row].0 = S::from_f64(now + kept);
+    let mut query = world.query::<(&mut Mass<S>, &mut WeightShift<S>)>();
+    let Some((mut mass, mut shift)) = single_table(query.contiguous_iter_mut(world)) else {
+        return;
+    };
+    let [was, now] = &sums;
+    for row in 0..was[0].len() {
+        let columns = [&mut mass[first + row].0, &mut shift[first + row].0];
+        for (column, (was, now)) in columns.into_iter().zip(was.iter().zip(now)) {
+            let kept = column.to_f64() - S::from_f64(was[row]).to_f64();
+            if was[row] != now[row] {
+                *column = S::from_f64(now[row] + kept);
+            }
         }
     }
 }
@@ -514,47 +678,6 @@ fn merge_edges(world: &mut World, body: usize, new: BodyRows, connectivity: &Con
     renumber_blocks(world, &block);
 }
 
-/// Writes the columns of elements that have other vertices or another share now, and spawns the copies.
-fn write_elements<S: Scalar>(
-    world: &mut World,
-    body: usize,
-    own: &BodyResection,
-    report: &CutReport,
-    changed: &[u32],
-) {
-    let rows = world.resource::<Topology>().bodies[body].clone();
-    let rest = rest_of(world, &rows);
-    for &e in changed {
-        let row = own.element_of[KIND][e as usize] as usize;
-        let entity = match own.rows.elements[KIND].get(row) {
-            Some(&entity) => entity,
-            None => {
-                // any other piece of the same element has the same columns
-                let source = rows.source(KIND, e);
-                let piece = report.separated.iter().find(|&&s| rows.source(KIND, s) == source);
-                let piece = own.element_of[KIND][*piece.unwrap_or(&source) as usize];
-                copy_entity(world, own.rows.elements[KIND][piece as usize])
-            }
-        };
-        let local = rows.tetrahedra()[row];
-        let nodes = local.map(|v| v + rows.vertices.start);
-        let topology = world.resource::<Topology>();
-        let blocks =
-            TETRAHEDRON_EDGES.map(|[a, b]| topology.block(nodes[a], nodes[b]).unwrap_or(0));
-        let shape = RestTetrahedron::new(local.map(|v| rest[v as usize].to_array()));
-        let shape = shape.expect("the body was built with it");
-        let share: f64 = rows.copies.portions[row].iter().sum();
-        let gradients = [shape.gradients[1], shape.gradients[2], shape.gradients[3]];
-        world.entity_mut(entity).insert((
-            TetrahedronVertices(nodes),
-            TetrahedronBlocks(blocks),
-            TetrahedronIndex(e),
-            shape_gradient_bundle::<S>(gradients),
-            RestVolume(S::from_f64(share * shape.volume)),
-        ));
-    }
-}
-
 /// What a body that was cut shows of its material where elements are not whole.
 pub(crate) struct CutFaces {
     /// Points that cuts made, by their numbers in the material.
@@ -570,16 +693,17 @@ pub(crate) struct CutFaces {
 /// What a body shows where its elements are not whole; `None` before it is cut.
 pub(crate) fn cut_faces(world: &World, body: usize) -> Option<CutFaces> {
     let own = world.get_resource::<Resection>()?.bodies.get(body)?.as_ref()?;
-    own.material.as_ref()?;
+    own.material.as_ref().filter(|material| material.order == Order::Linear)?;
     let material = material_of(world, body, own);
     let rows = &world.resource::<Topology>().bodies[body];
     let first = rows.row_count() as u32;
-    let row = |e: u32| own.element_of[KIND][e as usize];
+    let kind = ElementKind::Tetrahedron;
+    let row = |e: u32| own.element_of[kind][e as usize];
     let mut cells = vec![0_u32; material.elements.len()];
     material.cells.iter().for_each(|cell| cells[cell.element as usize] += 1);
     let mut divided = vec![false; cells.len()];
     for (e, cells) in (0..).zip(cells) {
-        divided[row(e) as usize] = cells > 1 || !rows.is_whole(KIND, row(e));
+        divided[row(e) as usize] = cells > 1 || !rows.is_whole(kind, row(e));
     }
     let mut points = vec![SurfacePoint::default(); material.points.len() - rows.mesh_vertices()];
     let (mut triangles, mut wounds) = (Vec::new(), 0);

@@ -10,7 +10,7 @@ use sinew_engine::vertex::Velocity;
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BinaryHeap};
 
-use super::material::{Element, Material, NONE};
+use super::material::{Element, Material, NONE, Order};
 use super::{CutError, material_of, places, prepared, rest_of, row_of};
 use crate::body::present::Resection;
 
@@ -37,7 +37,7 @@ pub struct MaterialSkin {
     pub tetrahedra: Vec<u32>,
     /// Tetrahedra of points that fill what is left of those that cuts parted, with the number of each or of its copy.
     pub cells: Vec<([u32; 4], u32)>,
-    /// Nodes of every point.
+    /// Nodes of every point; none where elements are no linear tetrahedra, whose `depth` and `cells` are empty, too.
     pub nodes: Vec<[u32; 4]>,
     /// Their weights, which add up to 1; those of no weight come last.
     pub weights: Vec<[f64; 4]>,
@@ -66,9 +66,9 @@ impl MaterialSkin {
     }
 }
 
-/// Whether a body was cut: its material is no longer that of its elements.
+/// Whether a body of linear tetrahedra was cut: its material is no longer that of its elements, and is drawn.
 pub fn is_cut(world: &World, body: usize) -> bool {
-    cut_material(world, body).is_some()
+    cut_material(world, body).is_some_and(|material| material.order == Order::Linear)
 }
 
 /// The material of a body that was cut, with that of elements that were removed since.
@@ -107,6 +107,10 @@ pub fn update_skin<S: Scalar>(
         skin.of = of;
     }
     let at = places::<S>(world, body);
+    if skin.nodes.is_empty() {
+        curved(world, body, skin, &at)?;
+        return Ok(is_new);
+    }
     skin.points = skin.mean(|node| at[node as usize]).collect();
     Ok(is_new)
 }
@@ -116,6 +120,10 @@ fn build(world: &mut World, body: usize, skin: &mut MaterialSkin) -> Result<(), 
     let own = resection.bodies[body].as_ref().expect("it was prepared");
     let material = material_of(world, body, own);
     world.insert_resource(resection);
+    if material.order != Order::Linear {
+        *skin = MaterialSkin::default();
+        return Ok(());
+    }
     let rows = world.resource::<Topology>().bodies[body].clone();
     let rest = rest_of(world, &rows);
     let rest: Vec<DVec3> =
@@ -170,6 +178,36 @@ fn build(world: &mut World, body: usize, skin: &mut MaterialSkin) -> Result<(), 
             let from = material.points[*point as usize].vertices.map(|v| skin.near[v as usize]);
             skin.depth[i] = surface.distance(skin.rest[i], from);
         }
+    }
+    Ok(())
+}
+
+/// The skin of a body whose elements are no linear tetrahedra: what moves its points is more than four nodes.
+fn curved(
+    world: &mut World,
+    body: usize,
+    skin: &mut MaterialSkin,
+    at: &[DVec3],
+) -> Result<(), CutError> {
+    let resection = prepared(world, body)?;
+    let own = resection.bodies[body].as_ref().expect("it was prepared");
+    let material = material_of(world, body, own);
+    world.insert_resource(resection);
+    let of = skin.of;
+    *skin = MaterialSkin { of, ..MaterialSkin::default() };
+    let mut known = BTreeMap::new();
+    for (face, cell, wound) in material.skin() {
+        let cell = &material.cells[cell as usize];
+        let triangle = face.map(|point| {
+            // at the end of a cut both sides have the same points
+            *known.entry((point, wound.then_some(cell.element))).or_insert_with(|| {
+                skin.points.push(material.place(cell, point, &|node| at[node as usize]));
+                skin.points.len() as u32 - 1
+            })
+        });
+        skin.triangles.push(triangle);
+        skin.wound.push(wound);
+        skin.tetrahedra.push(cell.element);
     }
     Ok(())
 }

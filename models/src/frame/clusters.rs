@@ -21,6 +21,7 @@ use bevy_ecs::prelude::*;
 use bevy_ecs::query::ContiguousQueryData;
 use bytemuck::TransparentWrapper;
 use sinew_engine::element::{TetrahedronVertices, displacement_gradient};
+use sinew_engine::isoparametric::OwnPoints;
 use sinew_engine::lanes::{Kernel, Lanes, MAX_LANES};
 use sinew_engine::law::LawInfo;
 use sinew_engine::scalar::{Scalar, mat_vec};
@@ -109,6 +110,7 @@ impl<L: TetrahedronLaw, S: Scalar> MeanLaw<S, 4> for ByClusters<L> {
     fn columns<'a>(
         displacement: &'a [Displacement<S>],
         (data, index): <Self::Data as ContiguousQueryData>::Contiguous<'a, 'a>,
+        _: &'a OwnPoints,
     ) -> Clustered<'a, S> {
         Clustered(TetrahedronColumns::new(displacement, data), index)
     }

@@ -49,7 +49,7 @@ pub fn work(request: &EvaluationRequest, [energy, force, tangent]: [usize; 3]) -
 /// their material has one minimum only as long as nothing is added to it.
 pub fn evaluate<S: Scalar, C: LawColumns<S>>(
     columns: &C,
-    Evaluation { request, workers, recovering }: Evaluation,
+    Evaluation { request, workers, recovering, .. }: Evaluation,
     work: usize,
     buffer: &mut LawBuffer<S>,
 ) {

@@ -8,7 +8,7 @@
 
 use bevy_ecs::prelude::*;
 use sinew_engine::isoparametric::{
-    Derivatives, TETRAHEDRON10_PAIRS, load_points, load_weights, rows_of,
+    Derivatives, TETRAHEDRON10_PAIRS, derivatives_of, load_points, load_weights, rows_of,
 };
 use sinew_engine::lanes::{Lanes, MAX_LANES};
 use sinew_engine::law::{Span, TangentKind};
@@ -54,6 +54,8 @@ pub(crate) struct GaussElements<
     pub blocks: &'a [[u32; P]],
     /// Derivatives of the shape functions.
     pub derivatives: Derivatives<S, V, D, Q>,
+    /// Those of elements that have points of their own.
+    pub own: &'a [Derivatives<f64, V, D, Q>],
 }
 
 impl<S: Scalar, const V: usize, const D: usize, const P: usize, const Q: usize>
@@ -63,6 +65,16 @@ impl<S: Scalar, const V: usize, const D: usize, const P: usize, const Q: usize>
     #[inline(always)]
     pub fn displacements(&self, element: usize) -> [[S; 3]; V] {
         rows_of(self.displacement, &self.nodes[element])
+    }
+
+    /// Derivatives in an element, as [`PointsRest::own`](sinew_engine::isoparametric::PointsRest::own) says.
+    #[inline(always)]
+    pub fn derivatives<'s>(
+        &'s self,
+        own: u32,
+        slot: &'s mut Option<Derivatives<S, V, D, Q>>,
+    ) -> &'s Derivatives<S, V, D, Q> {
+        derivatives_of(&self.derivatives, self.own, own, slot)
     }
 }
 
@@ -76,12 +88,17 @@ pub(crate) trait GaussLaw<S: Scalar, const V: usize, const D: usize, const P: us
     type Points<L: Lanes<Scalar = S>>;
     /// All elements.
     fn elements(&self) -> &GaussElements<'_, S, V, D, P, Q>;
-    /// The points from `first` on of an element whose vertices have the displacements `u` (m).
+    /// Which points an element has, as [`PointsRest::own`](sinew_engine::isoparametric::PointsRest::own) says.
+    #[inline(always)]
+    fn own(&self, _element: usize) -> u32 {
+        0
+    }
+    /// The points from `first` on of an element whose vertices have the displacements `u` (m), with its derivatives.
     fn points<L: Lanes<Scalar = S>>(
         &self,
         element: usize,
         u: &[[S; 3]; V],
-        first: usize,
+        at: (&Derivatives<S, V, D, Q>, usize),
     ) -> Self::Points<L>;
     /// The same for tangents.
     #[inline(always)]
@@ -89,9 +106,9 @@ pub(crate) trait GaussLaw<S: Scalar, const V: usize, const D: usize, const P: us
         &self,
         element: usize,
         u: &[[S; 3]; V],
-        first: usize,
+        at: (&Derivatives<S, V, D, Q>, usize),
     ) -> Self::Points<L> {
-        self.points(element, u, first)
+        self.points(element, u, at)
     }
     /// Energy (J).
     fn energy<L: Lanes<Scalar = S>>(&self, points: &Self::Points<L>) -> L;
@@ -127,22 +144,26 @@ where
 
     #[inline(always)]
     fn add_energy<L: Lanes<Scalar = S>>(&self, i: usize, sums: &mut [f64; MAX_LANES]) {
-        let u = self.0.elements().displacements(i);
+        let (elements, mut slot) = (self.0.elements(), None);
+        let u = elements.displacements(i);
+        let derivatives = elements.derivatives(self.0.own(i), &mut slot);
         for first in (0..Q).step_by(L::COUNT) {
-            self.0.energy(&self.0.points::<L>(i, &u, first)).accumulate(sums);
+            self.0.energy(&self.0.points::<L>(i, &u, (derivatives, first))).accumulate(sums);
         }
     }
 
     #[inline(always)]
     fn add_forces<L: Lanes<Scalar = S>>(&self, i: usize, force: &mut [[S; 4]], row: usize) {
-        let elements = self.0.elements();
+        let (elements, mut slot) = (self.0.elements(), None);
         let u = elements.displacements(i);
+        let derivatives = elements.derivatives(self.0.own(i), &mut slot);
         let mut sum = [[L::ZERO; 3]; V];
         for first in (0..Q).step_by(L::COUNT) {
-            let Some(f) = C::forces(&self.0.points::<L>(i, &u, first)) else { continue };
+            let points = self.0.points::<L>(i, &u, (derivatives, first));
+            let Some(f) = C::forces(&points) else { continue };
             for a in 0..V {
                 for j in 0..D {
-                    let d: L = load_points(&elements.derivatives.0[a][j], first);
+                    let d: L = load_points(&derivatives.0[a][j], first);
                     for x in 0..3 {
                         sum[a][x] = d.mul_add(f[j][x], sum[a][x]);
                     }
@@ -159,12 +180,13 @@ where
 
     #[inline(always)]
     fn add_tangent<L: Lanes<Scalar = S>>(&self, i: usize, to: &mut TangentSum<S>) {
-        let elements = self.0.elements();
+        let (elements, mut slot) = (self.0.elements(), None);
         let u = elements.displacements(i);
+        let derivatives = elements.derivatives(self.0.own(i), &mut slot);
         let mut inner = PointTangents::ZERO;
         let mut any = false;
         for first in (0..Q).step_by(L::COUNT) {
-            let points = self.0.tangent_points::<L>(i, &u, first);
+            let points = self.0.tangent_points::<L>(i, &u, (derivatives, first));
             if to.kind == TangentKind::Projected {
                 any |= L::any(C::is_clamped(&points));
             }
@@ -173,7 +195,7 @@ where
         to.clamped[0] += f64::from(u8::from(any));
         L::apart(Assemble {
             inner: &inner,
-            derivatives: &elements.derivatives,
+            derivatives,
             span: &mut *to.span,
             nodes: &elements.nodes[i],
             blocks: &elements.blocks[i],

@@ -34,8 +34,8 @@ use bevy_ecs::query::ContiguousQueryData;
 use bytemuck::TransparentWrapper;
 use sinew_engine::element::displacement_gradient;
 use sinew_engine::isoparametric::{
-    Derivatives, HexahedronBlocks, HexahedronVertices, PointsRest, Tetrahedron10Blocks,
-    Tetrahedron10Vertices, load_points, load_weights, point_differences,
+    Derivatives, HexahedronBlocks, HexahedronVertices, OwnPoints, PointsRest, Tetrahedron10Blocks,
+    Tetrahedron10Vertices, derivatives_of, load_points, load_weights, point_differences,
 };
 use sinew_engine::lanes::{Kernel, Lanes};
 use sinew_engine::law::{EvaluationRequest, LawBuffer, LawInfo, Span, TangentKind};
@@ -87,6 +87,8 @@ pub(crate) trait Shape<const V: usize, const P: usize, const Q: usize>: 'static 
         S: Scalar;
     /// Derivatives of the shape functions.
     fn derivatives<S: Scalar>() -> Derivatives<S, V, 3, Q>;
+    /// Those in elements that have points of their own.
+    fn own(points: &OwnPoints) -> &[Derivatives<f64, V, 3, Q>];
     /// Derivatives where a body that recovers has the points of its elements.
     fn recovery_derivatives<S: Scalar>() -> Derivatives<S, V, 3, Q> {
         Self::derivatives()
@@ -111,6 +113,9 @@ impl Shape<8, 28, 8> for Brick {
     fn derivatives<S: Scalar>() -> Derivatives<S, 8, 3, 8> {
         Derivatives::hexahedron()
     }
+    fn own(points: &OwnPoints) -> &[Derivatives<f64, 8, 3, 8>] {
+        &points.bricks
+    }
 }
 
 /// Ten-node tetrahedra.
@@ -130,6 +135,9 @@ impl Shape<10, 45, 4> for TenNodes {
     }
     fn derivatives<S: Scalar>() -> Derivatives<S, 10, 3, 4> {
         Derivatives::tetrahedron10()
+    }
+    fn own(points: &OwnPoints) -> &[Derivatives<f64, 10, 3, 4>] {
+        &points.tens
     }
     /// At the corners: folded elements can be at rest with all of their Gauss points in order. Rest gradients stay those of the
     /// points, which are the same unless edges are curved.
@@ -282,11 +290,11 @@ impl<Law: TetrahedronLaw, E, S: Scalar, const V: usize, const P: usize, const Q:
         &self,
         i: usize,
         u: &[[S; 3]; V],
-        first: usize,
+        (derivatives, first): (&Derivatives<S, V, 3, Q>, usize),
         which: usize,
     ) -> Point<L> {
         let columns = self.columns;
-        let (derivatives, rest) = (&columns.elements.derivatives, &columns.rest[i]);
+        let rest = &columns.rest[i];
         let (e, u) =
             points::<L, V, Q>(Law::FOLDS_VOLUME, derivatives, rest, columns.moduli(i), u, first);
         if !(Law::VOLUME.is_some() && self.by_mean) {
@@ -310,17 +318,26 @@ where
         &self.columns.elements
     }
     #[inline(always)]
-    fn points<L: Lanes<Scalar = S>>(&self, i: usize, u: &[[S; 3]; V], first: usize) -> Point<L> {
-        self.with_pressure(i, u, first, 0)
+    fn own(&self, i: usize) -> u32 {
+        self.columns.rest[i].own
+    }
+    #[inline(always)]
+    fn points<L: Lanes<Scalar = S>>(
+        &self,
+        i: usize,
+        u: &[[S; 3]; V],
+        at: (&Derivatives<S, V, 3, Q>, usize),
+    ) -> Point<L> {
+        self.with_pressure(i, u, at, 0)
     }
     #[inline(always)]
     fn tangent_points<L: Lanes<Scalar = S>>(
         &self,
         i: usize,
         u: &[[S; 3]; V],
-        first: usize,
+        at: (&Derivatives<S, V, 3, Q>, usize),
     ) -> Point<L> {
-        self.with_pressure(i, u, first, 1)
+        self.with_pressure(i, u, at, 1)
     }
     #[inline(always)]
     fn energy<L: Lanes<Scalar = S>>(&self, (e, u): &Point<L>) -> L {
@@ -370,7 +387,8 @@ pub(crate) fn activate<L, E, S, const V: usize, const P: usize, const Q: usize>(
         world,
         law,
         |with, u, data, buffer| {
-            evaluate::<L, E, S, V, P, Q>(with, &columns::<E, S, V, P, Q>(u, data), buffer);
+            let columns = columns::<E, S, V, P, Q>(u, data, E::own(with.points));
+            evaluate::<L, E, S, V, P, Q>(with, &columns, buffer);
         },
     );
 }
@@ -392,7 +410,8 @@ pub(crate) fn activate_by_mean<L, E, S, const V: usize, const P: usize, const Q:
         |with, u, (data, (pressure, predicted)), buffer| {
             let pressure = ClusterPressure::peel_slice(pressure);
             let pressures = [pressure, PredictedPressure::peel_slice(predicted)];
-            let columns = Columns { pressures, ..columns::<E, S, V, P, Q>(u, data) };
+            let columns = columns::<E, S, V, P, Q>(u, data, E::own(with.points));
+            let columns = Columns { pressures, ..columns };
             evaluate::<L, E, S, V, P, Q>(with, &columns, buffer);
         },
     );
@@ -402,6 +421,7 @@ pub(crate) fn activate_by_mean<L, E, S, const V: usize, const P: usize, const Q:
 fn columns<'a, E: Shape<V, P, Q>, S: Scalar, const V: usize, const P: usize, const Q: usize>(
     displacement: &'a [Displacement<S>],
     (nodes, blocks, rest, lambda, mu, compression): Slices<'a, S, E::Vertices, E::Blocks, Q>,
+    own: &'a [Derivatives<f64, V, 3, Q>],
 ) -> Columns<'a, S, V, P, Q> {
     Columns {
         elements: GaussElements {
@@ -409,6 +429,7 @@ fn columns<'a, E: Shape<V, P, Q>, S: Scalar, const V: usize, const P: usize, con
             nodes: E::Vertices::peel_slice(nodes),
             blocks: E::Blocks::peel_slice(blocks),
             derivatives: E::derivatives(),
+            own,
         },
         rest,
         moduli: [
@@ -429,7 +450,7 @@ fn evaluate<
     const P: usize,
     const Q: usize,
 >(
-    Evaluation { request, workers, recovering }: Evaluation,
+    Evaluation { request, workers, recovering, .. }: Evaluation,
     columns: &Columns<'_, S, V, P, Q>,
     buffer: &mut LawBuffer<S>,
 ) {
@@ -468,8 +489,9 @@ where
     fn columns<'a>(
         displacement: &'a [Displacement<S>],
         data: Slices<'a, S, E::Vertices, E::Blocks, Q>,
+        points: &'a OwnPoints,
     ) -> Columns<'a, S, V, P, Q> {
-        columns::<E, S, V, P, Q>(displacement, data)
+        columns::<E, S, V, P, Q>(displacement, data, E::own(points))
     }
 }
 
@@ -518,10 +540,12 @@ impl<S: Scalar, const V: usize, const P: usize, const Q: usize> Kernel<S>
         let elements = &self.columns.elements;
         for (i, to) in (self.first..).zip(self.own) {
             let (rest, u) = (&self.columns.rest[i], elements.displacements(i));
+            let mut slot = None;
+            let derivatives = elements.derivatives(rest.own, &mut slot);
             let (mut volume, mut change) = (0.0, 0.0);
             for first in (0..Q).step_by(L::COUNT) {
                 let own = load_weights::<L, Q>(&rest.volume, first);
-                let u = point_differences::<L, 4, _, _, _>(&elements.derivatives, &u, first);
+                let u = point_differences::<L, 4, _, _, _>(derivatives, &u, first);
                 let g = displacement_gradient(&rest.gradients::<L>(first), &u);
                 volume += total(own).to_f64();
                 change += total(own * self.measure.change(&g)).to_f64();
@@ -550,16 +574,18 @@ impl<S: Scalar, const V: usize, const P: usize, const Q: usize> Kernel<S>
         let elements = &self.columns.elements;
         for (i, to) in (self.first..).zip(self.own) {
             let (rest, u) = (&self.columns.rest[i], elements.displacements(i));
+            let mut slot = None;
+            let derivatives = elements.derivatives(rest.own, &mut slot);
             let mut sum = [[L::ZERO; 3]; V];
             for first in (0..Q).step_by(L::COUNT) {
                 let own = load_weights::<L, Q>(&rest.volume, first);
                 let gradients = rest.gradients::<L>(first);
-                let u = point_differences::<L, 4, _, _, _>(&elements.derivatives, &u, first);
+                let u = point_differences::<L, 4, _, _, _>(derivatives, &u, first);
                 let slope = self.measure.slope(&displacement_gradient(&gradients, &u));
                 let d = gradients.map(|d| mat_vec(&slope, d).map(|x| own * x));
                 for a in 0..V {
                     for j in 0..3 {
-                        let share: L = load_points(&elements.derivatives.0[a][j], first);
+                        let share: L = load_points(&derivatives.0[a][j], first);
                         for x in 0..3 {
                             sum[a][x] = share.mul_add(d[j][x], sum[a][x]);
                         }
@@ -610,9 +636,11 @@ impl<S: Scalar, const V: usize, const P: usize, const Q: usize> Kernel<f64>
     const WIDE: bool = false;
     #[inline(always)]
     fn run<L: Lanes<Scalar = f64>>(self) {
-        let Self { columns, derivatives, span } = self;
+        let Self { columns, derivatives: of_all, span } = self;
         for i in span.elements.clone() {
             let rest = columns.rest[i].in_f64();
+            let mut slot = None;
+            let derivatives = derivatives_of(of_all, columns.elements.own, rest.own, &mut slot);
             let moduli = columns.moduli(i).map(S::to_f64);
             let narrow = columns.elements.displacements(i);
             let mut u = [[0.0; 3]; V];

@@ -17,6 +17,7 @@ use bevy_ecs::prelude::*;
 use bevy_ecs::query::{ContiguousQueryData, ReadOnlyQueryData};
 use bytemuck::TransparentWrapper;
 use sinew_engine::columns::single_table;
+use sinew_engine::isoparametric::OwnPoints;
 use sinew_engine::law::{EvaluationRequest, LawBuffer, LawBuffers, RecoveringBodies};
 use sinew_engine::matrix::{LowRank, LowRankPattern, PredictedValues};
 use sinew_engine::ratios::measure_volume_ratios;
@@ -69,6 +70,7 @@ pub(crate) trait MeanLaw<S: Scalar, const V: usize>: 'static {
     fn columns<'a>(
         displacement: &'a [Displacement<S>],
         data: <Self::Data as ContiguousQueryData>::Contiguous<'a, 'a>,
+        points: &'a OwnPoints,
     ) -> Self::Columns<'a>;
 }
 
@@ -350,7 +352,7 @@ fn measure<L: MeanLaw<S, V>, S: Scalar, const V: usize>(
     mut means: ResMut<MeansOf<L, S, V>>,
     (request, workers): (Res<EvaluationRequest>, Res<Workers>),
     (buffers, recovering): (Res<LawBuffers<S>>, Res<RecoveringBodies>),
-    known: Res<PredictedValues>,
+    (known, points): (Res<PredictedValues>, Res<OwnPoints>),
     vertices: Query<&Displacement<S>>,
     mut elements: Query<Measured<L::Data, S>, With<L::Mark>>,
 ) {
@@ -365,13 +367,13 @@ fn measure<L: MeanLaw<S, V>, S: Scalar, const V: usize>(
     let tangent = request.tangent.is_some();
     let with = (&*workers, &*recovering, tangent.then_some(&*known));
     let buffer = buffers.get(means.0.law);
-    means.0.measure(&L::columns(u, data), bodies, with, pressures, buffer);
+    means.0.measure(&L::columns(u, data, &points), bodies, with, pressures, buffer);
 }
 
 /// Tells the largest mean change of volume of a cluster, at the end of a step.
 fn report<L: MeanLaw<S, V>, S: Scalar, const V: usize>(
     mut means: ResMut<MeansOf<L, S, V>>,
-    (workers, failure): (Res<Workers>, Res<StepFailure>),
+    (workers, failure, points): (Res<Workers>, Res<StepFailure>, Res<OwnPoints>),
     mut volumes: ResMut<VolumeReport>,
     vertices: Query<&Displacement<S>>,
     elements: Query<(L::Data, &BodyId), With<L::Mark>>,
@@ -381,6 +383,6 @@ fn report<L: MeanLaw<S, V>, S: Scalar, const V: usize>(
     if failure.0.is_some() {
         return;
     }
-    let largest = means.0.largest_change(&L::columns(u, data), bodies, &workers);
+    let largest = means.0.largest_change(&L::columns(u, data, &points), bodies, &workers);
     volumes.largest_mean_change = volumes.largest_mean_change.max(largest);
 }

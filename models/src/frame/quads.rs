@@ -79,10 +79,15 @@ impl<Law: TriangleLaw, S: Scalar> GaussLaw<S, 4, 2, 6, 4> for Columns<'_, Law, S
         &self.elements
     }
     #[inline(always)]
-    fn points<L: Lanes<Scalar = S>>(&self, i: usize, u: &[[S; 3]; 4], first: usize) -> Point<L> {
+    fn points<L: Lanes<Scalar = S>>(
+        &self,
+        i: usize,
+        u: &[[S; 3]; 4],
+        (derivatives, first): (&Derivatives<S, 4, 2, 4>, usize),
+    ) -> Point<L> {
         let [lambda, mu, compression] = self.moduli;
         let moduli = [lambda[i], mu[i], compression[i]];
-        points(&self.elements.derivatives, &self.rest[i], moduli, u, first)
+        points(derivatives, &self.rest[i], moduli, u, first)
     }
     #[inline(always)]
     fn energy<L: Lanes<Scalar = S>>(&self, (e, u): &Point<L>) -> L {
@@ -135,6 +140,7 @@ fn evaluate<L: TriangleLaw, S: Scalar>(
             nodes: QuadVertices::peel_slice(nodes),
             blocks: QuadBlocks::peel_slice(blocks),
             derivatives: Derivatives::quad(),
+            own: &[],
         },
         rest,
         moduli: [

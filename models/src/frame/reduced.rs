@@ -14,7 +14,7 @@ use bevy_ecs::query::ContiguousQueryData;
 use bytemuck::TransparentWrapper;
 use sinew_engine::element::displacement_gradient;
 use sinew_engine::isoparametric::{
-    Derivatives, HexahedronBlocks, HexahedronRest, HexahedronVertices,
+    Derivatives, HexahedronBlocks, HexahedronRest, HexahedronVertices, OwnPoints,
 };
 use sinew_engine::lanes::{Batch, Batches, Kernel, Lanes, MAX_LANES};
 use sinew_engine::law::{EvaluationRequest, LawBuffer, LawInfo, Span, TangentKind};
@@ -511,7 +511,7 @@ fn activate_by_mean<L: TetrahedronLaw, S: Scalar>(world: &mut World, law: Placed
 
 #[inline(never)]
 fn evaluate<L: TetrahedronLaw, S: Scalar>(
-    Evaluation { request, workers, recovering }: Evaluation,
+    Evaluation { request, workers, recovering, .. }: Evaluation,
     columns: &Columns<'_, S>,
     buffer: &mut LawBuffer<S>,
 ) {
@@ -519,7 +519,7 @@ fn evaluate<L: TetrahedronLaw, S: Scalar>(
     let Columns { displacement, nodes, blocks, moduli, .. } = *columns;
     let derivatives = Derivatives::hexahedron_corners();
     let at_corners = hexahedra::Columns {
-        elements: GaussElements { displacement, nodes, blocks, derivatives },
+        elements: GaussElements { displacement, nodes, blocks, derivatives, own: &[] },
         rest: columns.corners,
         moduli,
         pressures: [&[], &[]],
@@ -673,7 +673,11 @@ impl<L: TetrahedronLaw, S: Scalar> MeanLaw<S, 8> for Reduced<L> {
     type Mark = AtPoints<Reduced<ByMean<L>>, 8>;
     type Data = Data<S>;
     type Columns<'a> = Columns<'a, S>;
-    fn columns<'a>(displacement: &'a [Displacement<S>], data: Slices<'a, S>) -> Columns<'a, S> {
+    fn columns<'a>(
+        displacement: &'a [Displacement<S>],
+        data: Slices<'a, S>,
+        _: &'a OwnPoints,
+    ) -> Columns<'a, S> {
         Columns::new(displacement, data)
     }
 }

@@ -8,6 +8,7 @@ use sinew_engine::element::{
     RestVolume, ShapeGradients, TetrahedronBlocks, TetrahedronShapes, TetrahedronVertices,
     displacement_gradient,
 };
+use sinew_engine::isoparametric::NO_OWN_POINTS;
 use sinew_engine::lanes::{Kernel, Lanes, MAX_LANES, padded};
 use sinew_engine::law::{
     EvaluationRequest, LawBuffer, LawBuffers, LawInfo, RecoveringBodies, Span, TangentKind,
@@ -228,7 +229,7 @@ pub fn evaluate_columns<L: TetrahedronLaw, S: Scalar>(
     buffer: &mut LawBuffer<S>,
 ) {
     let recovering = &RecoveringBodies::default();
-    let with = Evaluation { request, workers, recovering };
+    let with = Evaluation { request, workers, recovering, points: &NO_OWN_POINTS };
     evaluate_spans::<L, S>(columns, with, |kind| kind, buffer);
 }
 
@@ -236,7 +237,7 @@ pub fn evaluate_columns<L: TetrahedronLaw, S: Scalar>(
 /// place of one that is asked for.
 pub(super) fn evaluate_spans<L: TetrahedronLaw, S: Scalar>(
     columns: &TetrahedronColumns<S>,
-    Evaluation { request, workers, recovering }: Evaluation,
+    Evaluation { request, workers, recovering, .. }: Evaluation,
     by: fn(TangentKind) -> TangentKind,
     buffer: &mut LawBuffer<S>,
 ) {

@@ -109,12 +109,13 @@ impl<'a, Law, S: Scalar> Columns<'a, Law, S> {
 }
 
 fn evaluate<L: TriangleLaw, S: Scalar>(
-    Evaluation { request, workers, .. }: Evaluation,
+    with: Evaluation,
     u: &[Displacement<S>],
     triangles: MembraneSlices<'_, S>,
     buffer: &mut LawBuffer<S>,
 ) {
     let columns = Columns::<L, S>::new(u, triangles);
+    let request = with.request;
     let request = EvaluationRequest {
         energy: L::FORCES && request.energy,
         force: L::FORCES && request.force,
@@ -122,7 +123,7 @@ fn evaluate<L: TriangleLaw, S: Scalar>(
     };
     let work = columns.blocks.len() * work(&request, [4, 5, 30]);
     // they go on while solids recover
-    let with = Evaluation { request: &request, workers, recovering: &RecoveringBodies::default() };
+    let with = Evaluation { request: &request, recovering: &RecoveringBodies::default(), ..with };
     columns::evaluate(&columns, with, work, buffer);
 }
 

@@ -160,11 +160,17 @@ impl BodyResection {
             }),
             _ => {
                 let nodes = self.connectivity.vertices(kind, e);
-                let portion = self.connectivity.ordered.copies.portions.get(e as usize);
-                region.holds(match portion.filter(|_| kind == ElementKind::Tetrahedron) {
-                    Some(portion) => state.vertices.mean(nodes, portion),
-                    None => state.vertices.barycentre(nodes),
-                })
+                let ordered = &self.connectivity.ordered;
+                let portion = ordered.copies.portions.get(e as usize);
+                let place = match ordered.lumps(kind, e).filter(|_| kind == ElementKind::Hexahedron)
+                {
+                    Some(lumps) => state.vertices.mean(nodes, &lumps.mass),
+                    None => match portion.filter(|_| kind == ElementKind::Tetrahedron) {
+                        Some(portion) => state.vertices.mean(nodes, portion),
+                        None => state.vertices.barycentre(nodes),
+                    },
+                };
+                region.holds(place)
             }
         };
         let mut chosen = Chosen::default();

@@ -160,7 +160,7 @@ impl Resection {
         let mut queries = Queries::<S>::new(world);
         let state = State::new(own, world, &soft, &mut queries);
         state.book(&chosen, &mut report);
-        let losing = own.losing(&state, world, &chosen);
+        let losing = own.losing(&state, world, &chosen[ElementKind::Tetrahedron]);
         own.clear::<S>(world, &chosen);
         let touched = own.connectivity.remove(&chosen);
         report.elastic_energy += own.settle_clusters::<S>(world, &soft, losing);

@@ -5,7 +5,9 @@ use glam::DVec3;
 use sinew_engine::columns::single_table;
 use sinew_engine::connectivity::ElementKind;
 use sinew_engine::element::{RestVolume, ShapeGradients, displacement_gradient};
-use sinew_engine::isoparametric::{Derivatives, HexahedronRest, Tetrahedron10Rest};
+use sinew_engine::isoparametric::{
+    Derivatives, HexahedronRest, OwnPoints, Tetrahedron10Rest, derivatives_of,
+};
 use sinew_engine::scalar::Scalar;
 use sinew_engine::topology::Topology;
 use sinew_engine::vertex::{Displacement, RestPosition};
@@ -65,7 +67,7 @@ impl<'a, S: Scalar> Vertices<'a, S> {
     }
 
     /// The mean with these weights: where the material of a copy is.
-    pub fn mean(&self, vertices: &[u32], weights: &[f64; 4]) -> DVec3 {
+    pub fn mean(&self, vertices: &[u32], weights: &[f64]) -> DVec3 {
         let places =
             vertices.iter().zip(weights).map(|(&v, w)| *w * (self.rest(v) + self.displacement(v)));
         places.sum::<DVec3>() / weights.iter().sum::<f64>()
@@ -119,6 +121,7 @@ pub(super) struct State<'a, S: Scalar> {
     tetrahedra: &'a QueryState<TetrahedronData<S>>,
     hexahedra: &'a QueryState<HexahedronData<S>>,
     tens: &'a QueryState<Tetrahedron10Data<S>>,
+    points: &'a OwnPoints,
 }
 
 impl<'a, S: Scalar> State<'a, S> {
@@ -130,7 +133,8 @@ impl<'a, S: Scalar> State<'a, S> {
     ) -> Self {
         let Queries { vertices, tetrahedra, hexahedra, tens } = queries;
         let vertices = Vertices::of(vertices, world, soft.index);
-        Self { own, world, soft, vertices, tetrahedra, hexahedra, tens }
+        let points = world.resource::<OwnPoints>();
+        Self { own, world, soft, vertices, tetrahedra, hexahedra, tens, points }
     }
 
     /// Does something with all points of an element, each with the stress that is its own.
@@ -173,8 +177,10 @@ impl<'a, S: Scalar> State<'a, S> {
             ElementKind::Tetrahedron if !elements.tetrahedra10().is_empty() => {
                 let (rest, moduli) = self.tens.get_manual(self.world, entity).expect(has_row);
                 let u = self.vertices.displacements(elements.tetrahedra10()[e]);
-                let (derivatives, moduli) = (Derivatives::tetrahedron10(), numbers(moduli));
-                let points = &mut hexahedra::tetrahedra(&derivatives, &rest.in_f64(), moduli, &u);
+                let (of_all, moduli, mut slot) =
+                    (Derivatives::tetrahedron10(), numbers(moduli), None);
+                let derivatives = derivatives_of(&of_all, &self.points.tens, rest.own, &mut slot);
+                let points = &mut hexahedra::tetrahedra(derivatives, &rest.in_f64(), moduli, &u);
                 at_points(points, &mut with);
             }
             ElementKind::Tetrahedron => {
@@ -185,11 +191,12 @@ impl<'a, S: Scalar> State<'a, S> {
             ElementKind::Hexahedron => {
                 let (rest, moduli) = self.hexahedra.get_manual(self.world, entity).expect(has_row);
                 let u = self.vertices.displacements(elements.hexahedra()[e]);
-                let (derivatives, moduli) = (Derivatives::hexahedron(), numbers(moduli));
+                let (of_all, moduli, mut slot) = (Derivatives::hexahedron(), numbers(moduli), None);
                 if let Some(own) = InF64::new::<S>(self.world.entity(entity), &u, moduli, mean) {
                     return with(Point::Solid(&own.point.0, &own.point.1));
                 }
-                let points = &mut hexahedra::tetrahedra(&derivatives, &rest.in_f64(), moduli, &u);
+                let derivatives = derivatives_of(&of_all, &self.points.bricks, rest.own, &mut slot);
+                let points = &mut hexahedra::tetrahedra(derivatives, &rest.in_f64(), moduli, &u);
                 at_points(points, &mut with);
             }
             ElementKind::Triangle => {

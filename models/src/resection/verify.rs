@@ -1,6 +1,8 @@
-//! Holds a body that lost elements against one that is built anew from what is left.
+//! Holds a body that was cut or lost elements against one that is built anew from what is left.
 
 use super::columns::{AtRemoval, Order, Quantity, quantities};
+use super::region::Region;
+use super::remove::{Removal, remove_elements};
 use crate::axes::columns::{
     AxisAngleStiffness, Biquadratic, FibreActive, PooledBiquadratic, PooledSheetBiquadratic,
     SheetBiquadratic, VolumeAlone,
@@ -10,6 +12,7 @@ use crate::body::description::{BodyDescription, BodyError, SoftBody};
 use crate::body::present::Resection;
 use crate::body::sheet::MembraneDescription;
 use crate::body::spawn::spawn_body;
+use crate::cutting::divide_alike;
 use crate::frame::moduli::ClusterIndex;
 use crate::frame::row::ElementRows;
 use crate::frame::rules::VolumeRule;
@@ -72,7 +75,9 @@ type Snapshot = BTreeMap<&'static str, Values>;
 
 /// Compares everything that a body holds (masses, rest shapes, moduli, pooled constants, axes) and gives at
 /// the present state (energy, forces, tangents) with a body built anew from the elements left, under the
-/// same pressures. For tests and doubts: it builds that body.
+/// same pressures. A body that was cut is compared with one of the same copies: a whole body, divided at once into the
+/// shares that its copies have. Points of parted hexahedra depend on the cuts one by one, so that those that were cut
+/// again have others there. For tests and doubts: it builds that body.
 ///
 /// # Errors
 /// When the new body cannot be built.
@@ -89,9 +94,9 @@ fn compare<S: Scalar>(world: &mut World, body: usize) -> Result<FreshDifference,
     else {
         return Ok(FreshDifference::default());
     };
-    if !rows.copies.sources.is_empty() {
-        return Err(BodyError::Cut { body: rows.name.clone() });
-    }
+    let resection = world.get_resource::<Resection>();
+    let own = resection.and_then(|all| all.bodies.get(body)?.as_ref());
+    let material = own.and_then(|own| own.material.clone());
     let (mut mesh, [index, triangles]) = what_is_left(world, body, &rows);
     let mut own = world.query::<(&TetrahedronIndex, &BodyId, &ClusterIndex)>();
     let own = own.iter(world).filter(|(_, id, _)| id.0 as usize == body);
@@ -101,19 +106,29 @@ fn compare<S: Scalar>(world: &mut World, body: usize) -> Result<FreshDifference,
         of_tetrahedra.map(|&index| cluster.get(&(index as u32)).copied()).collect();
     let clusters = clusters.filter(|_| soft.volume == VolumeRule::Clusters);
     let mut vertices = world.query::<(&RestPosition, &Displacement<S>)>();
-    let mut displacement = vec![Displacement::<S>::default(); rows.mesh_vertices()];
+    let nodes = rows.mesh_vertices() + rows.copies.ghosts.len();
+    let mut displacement = vec![Displacement::<S>::default(); nodes];
     if let Some((rest, u)) = single_table(vertices.contiguous_iter(world)) {
-        for (vertex, row) in rows.vertices_and_rows() {
-            mesh.points[vertex.index()] = rest[row.index()].0;
-            displacement[vertex.index()] = u[row.index()];
+        for (node, row) in nodes_and_rows(&rows) {
+            if let Some(point) = mesh.points.get_mut(node as usize) {
+                *point = rest[row.index()].0;
+            }
+            displacement[node as usize] = u[row.index()];
         }
     }
     let mut fresh = World::new();
     install_engine::<S>(&mut fresh, Executor::SingleThreaded);
     if !(index.is_empty() && mesh.triangles.is_empty() && mesh.quads.is_empty()) {
         let index = [&index[..], &triangles];
-        spawn_again(&mut fresh, &soft, (&mesh, clusters.as_deref()), index)?;
+        let spare = rows.spare;
+        spawn_again(&mut fresh, &soft, (&mesh, clusters.as_deref(), spare), index)?;
+        if let Some(material) = &material {
+            divide_alike::<S>(&mut fresh, 0, material);
+        }
         copy_state(world, &mut fresh, body, &displacement);
+        if material.is_some() {
+            lose_alike::<S>(world, &mut fresh, (body, &rows), &cluster);
+        }
     }
     let recovers = world.get_resource::<RecoveringBodies>().is_some_and(|r| r.contains(body));
     fresh.insert_resource(RecoveringBodies(vec![recovers]));
@@ -121,18 +136,47 @@ fn compare<S: Scalar>(world: &mut World, body: usize) -> Result<FreshDifference,
     Ok(difference(&old, &new, spread(&displacement)))
 }
 
+/// Takes from a body that was divided like another one what that has lost, and gives its tetrahedra the clusters of that.
+fn lose_alike<S: Scalar>(
+    world: &World,
+    fresh: &mut World,
+    (body, rows): (usize, &BodyRows),
+    cluster: &BTreeMap<u32, u32>,
+) {
+    let kind = rows.copies.kind;
+    let connectivity = world.get_resource::<Resection>().and_then(|r| r.connectivity(body));
+    let is_gone = |e: u32| connectivity.is_some_and(|own| !own.is_present(kind, e));
+    let gone = (0..).zip(&rows.order[kind]).filter(|(e, _)| is_gone(*e)).map(|(_, own)| *own);
+    let gone: Vec<u32> = gone.collect();
+    let region = match kind {
+        ElementKind::Hexahedron => Region::Hexahedra(gone),
+        _ => Region::Tetrahedra(gone),
+    };
+    // whatever it could not do is a difference
+    let _ = remove_elements::<S>(fresh, 0, &Removal::new(region));
+    let mut labels = fresh.query::<(&TetrahedronIndex, &mut ClusterIndex)>();
+    for (index, mut label) in labels.iter_mut(fresh) {
+        label.0 = cluster.get(&index.0).copied().unwrap_or(label.0);
+    }
+}
+
 /// The elements left, by the user's vertices, and the user's indices of the solid ones, hexahedra counted
 /// after tetrahedra, and of the triangles.
 fn what_is_left(world: &World, body: usize, rows: &BodyRows) -> (Mesh, [Vec<usize>; 2]) {
     let resection = world.get_resource::<Resection>();
     let connectivity = resection.and_then(|r| r.connectivity(body));
+    // of a body that was cut all elements
+    let is_cut = !rows.copies.portions.is_empty();
     let left = |kind: ElementKind| {
-        let is_left = move |e: &usize| connectivity.is_none_or(|c| c.is_present(kind, *e as u32));
-        (0..rows.order[kind].len()).filter(is_left)
+        let is_left = move |e: &u32| is_cut || connectivity.is_none_or(|c| c.is_present(kind, *e));
+        let count = rows.mesh_elements(kind);
+        // as they are numbered in the mesh, which is how the material knows them
+        let all = if is_cut { rows.rows_of(kind) } else { (0..count as u32).collect() };
+        all.into_iter().take(count).filter(is_left).map(|e| e as usize)
     };
     let user = |v: u32| rows.vertex_of(LocalRow(v)).0;
     let (tetrahedra, hexahedra) = (left(ElementKind::Tetrahedron), left(ElementKind::Hexahedron));
-    let first = rows.order.tetrahedra.len();
+    let first = rows.mesh_elements(ElementKind::Tetrahedron);
     let index = tetrahedra.clone().map(|t| rows.order.tetrahedra[t] as usize);
     let index =
         index.chain(hexahedra.clone().map(|h| first + rows.order.hexahedra[h] as usize)).collect();
@@ -163,7 +207,7 @@ fn what_is_left(world: &World, body: usize, rows: &BodyRows) -> (Mesh, [Vec<usiz
 fn spawn_again(
     fresh: &mut World,
     soft: &SoftBody,
-    (mesh, clusters): (&Mesh, Option<&[u32]>),
+    (mesh, clusters, spare): (&Mesh, Option<&[u32]>, usize),
     [index, triangles]: [&[usize]; 2],
 ) -> Result<Entity, BodyError> {
     let fibres: Vec<_> = soft.sheet_fibres.iter().map(|own| own.of_elements(triangles)).collect();
@@ -183,6 +227,7 @@ fn spawn_again(
         volume: soft.volume,
         integration: soft.integration,
         clusters,
+        spare,
         membrane: soft
             .membrane
             .as_ref()
@@ -228,8 +273,8 @@ fn copy_state<S: Scalar>(
     }
     let mut vertices = fresh.query::<&mut Displacement<S>>();
     if let Some(mut u) = single_table(vertices.contiguous_iter_mut(fresh)) {
-        for (u, vertex) in u.iter_mut().zip(&new.vertex_order) {
-            *u = displacement[vertex.index()];
+        for (node, row) in nodes_and_rows(&new) {
+            u[row.index()] = displacement[node as usize];
         }
     }
 }
@@ -297,9 +342,22 @@ fn largest_difference<'a>(a: &'a Values, b: &'a Values, least: f64) -> (f64, Opt
     (if size > 0.0 { largest / size } else { largest }, place)
 }
 
+/// What a row is: a vertex of the mesh, or a ghost, which are numbered after all of these.
+fn node_of(rows: &BodyRows, row: u32) -> u32 {
+    let ghost = (row - rows.vertices.start).checked_sub(rows.vertex_order.len() as u32);
+    ghost.map_or(rows.vertex(VertexRow(row)).0, |ghost| rows.mesh_vertices() as u32 + ghost)
+}
+
+/// All vertices and ghosts with their rows.
+fn nodes_and_rows(rows: &BodyRows) -> impl Iterator<Item = (u32, VertexRow)> + Clone {
+    let count = (rows.vertex_order.len() + rows.copies.ghosts.len()) as u32;
+    let all = rows.vertices.start..rows.vertices.start + count;
+    all.map(|row| (node_of(rows, row), VertexRow(row)))
+}
+
 /// The blocks of the world's tangent that belong to a body, by the user's vertices.
 fn tangent_blocks<S: Scalar>(world: &World, rows: &BodyRows) -> Values {
-    let user = |row: u32| rows.vertex(VertexRow(row)).0;
+    let user = |row: u32| node_of(rows, row);
     let (topology, tangent) = (world.resource::<Topology>(), world.resource::<Tangent<S>>());
     let block = |a: u32, b: u32, m: &[S; 9]| {
         let (a, b) = (user(a), user(b));
@@ -338,8 +396,8 @@ fn snapshot<S: Scalar>(world: &mut World, body: usize) -> Snapshot {
     all.insert("energy", Values::from([(("body", Vec::new(), 0), vec![energy])]));
     let mut vertices = world.query::<(&Mass<S>, &WeightShift<S>, &ElasticForce<S>)>();
     if let Some((mass, shift, force)) = single_table(vertices.contiguous_iter(world)) {
-        let own = rows.vertices_and_rows();
-        let own = own.map(|(vertex, row)| (row.index(), ("vertex", vec![vertex.0], 0)));
+        let own = nodes_and_rows(&rows);
+        let own = own.map(|(node, row)| (row.index(), ("vertex", vec![node], 0)));
         let masses = own.clone().map(|(row, key)| (key, vec![mass[row].0.to_f64()]));
         all.insert("mass", masses.collect());
         let shifts = own.clone().map(|(row, key)| (key, vec![shift[row].0.to_f64()]));
@@ -396,7 +454,7 @@ impl Elements<'_> {
     ) {
         let mut elements = world.query_filtered::<(EntityRef, &BodyId, &C), F>();
         for (entity, _, nodes) in elements.iter(world).filter(|(_, id, _)| **id == self.id) {
-            let nodes = nodes.vertex_rows().iter().map(|&row| self.rows.vertex(VertexRow(row)).0);
+            let nodes = nodes.vertex_rows().iter().map(|&row| node_of(self.rows, row));
             let mut nodes: Vec<u32> = nodes.collect();
             // fibres in triangles have their last vertex twice
             nodes.dedup();

@@ -213,7 +213,7 @@ fn activate<S: Scalar, const N: usize, V: AxisSite<N>>(world: &mut World, law: P
 }
 
 fn evaluate<S: Scalar, const N: usize, V: AxisSite<N>>(
-    Evaluation { request, workers, recovering }: Evaluation,
+    Evaluation { request, workers, recovering, .. }: Evaluation,
     u: &[Displacement<S>],
     (sites, blocks, axes): (&[V], &[V::Blocks], &[PrintedAxes<N>]),
     buffer: &mut LawBuffer<S>,

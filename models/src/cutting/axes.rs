@@ -1,0 +1,83 @@
+//! Axes, fibres, muscles and dampers in elements that a blade parts: the deformation of a linear tetrahedron is the same
+//! everywhere, so each piece has the axes of the whole element with its share of their stiffness.
+
+use bevy_ecs::prelude::*;
+use sinew_engine::columns::copy_entity;
+use sinew_engine::element::{
+    AxisBlocks, AxisTetrahedron, AxisVertices, ShapeGradient, shape_gradient_bundle,
+};
+use sinew_engine::row::VertexRow;
+use sinew_engine::scalar::Scalar;
+use sinew_engine::topology::BodyRows;
+
+use crate::axes::columns::*;
+use crate::axes::damper::AxialDamper;
+
+/// An element as its axes see it.
+pub(super) struct Place<'a> {
+    /// Its body.
+    pub rows: &'a BodyRows,
+    /// Its number.
+    pub element: u32,
+    /// Vertex rows.
+    pub nodes: [u32; 4],
+    /// Tangent blocks.
+    pub blocks: [u32; 6],
+    /// Shape vectors (1/m) of its last three vertices.
+    pub gradients: [[f64; 3]; 3],
+}
+
+/// Spawns axes in a copy like those of the element that it fell off, with `factor` times their stiffness.
+pub(super) fn copy<S: Scalar>(world: &mut World, axes: &[Entity], place: &Place, factor: f64) {
+    for &entity in axes {
+        let entity = copy_entity(world, entity);
+        share::<S>(world, entity, place, factor);
+    }
+}
+
+/// Gives an axis its place in an element whose vertices are others now, or stand in another order, and `factor` times its
+/// stiffness.
+pub(super) fn share<S: Scalar>(world: &mut World, axes: Entity, place: &Place, factor: f64) {
+    let mut axes = world.entity_mut(axes);
+    let Some(&AxisVertices(old)) = axes.get() else { return };
+    let vertex = |row: u32| place.rows.vertex(VertexRow(row));
+    let known = |row: u32| old.iter().position(|&own| vertex(own) == vertex(row)).unwrap_or(0);
+    let was = place.nodes.map(known);
+    axes.insert((
+        AxisVertices(place.nodes),
+        AxisBlocks(place.blocks),
+        AxisTetrahedron(place.element),
+    ));
+    if axes.contains::<ShapeGradient<S, 1, 0>>() {
+        axes.insert(shape_gradient_bundle::<S>(place.gradients));
+    }
+    if let (Some(a), Some(b), Some(c)) = (
+        axes.get::<FibreShape<S, 1>>(),
+        axes.get::<FibreShape<S, 2>>(),
+        axes.get::<FibreShape<S, 3>>(),
+    ) {
+        let shape = [-(a.0 + b.0 + c.0), a.0, b.0, c.0];
+        let [_, a, b, c] = was.map(|i| shape[i]);
+        axes.insert((FibreShape::<S, 1>(a), FibreShape::<S, 2>(b), FibreShape::<S, 3>(c)));
+    }
+    if let Some(mut damper) = axes.get_mut::<AxialDamper<4>>() {
+        (damper.shape, damper.spread) =
+            (was.map(|i| damper.shape[i]), was.map(|i| damper.spread[i]));
+        damper.viscosity *= factor;
+    }
+    if let Some(mut source) = axes.get_mut::<AxisSource>() {
+        source.weight = source.weight.map(|weight| weight * factor);
+    }
+    macro_rules! scale {
+        ($($column:ty),+) => {$(
+            if let Some(mut column) = axes.get_mut::<$column>() {
+                column.0 = S::from_f64(column.0.to_f64() * factor);
+            }
+        )+};
+    }
+    scale![
+        AxialStiffness<S, 0>, AxialStiffness<S, 1>, AxialStiffness<S, 2>,
+        AxisAngleStiffness<S, 0>, AxisAngleStiffness<S, 1>, AxisAngleStiffness<S, 2>,
+        VolumeStiffness<S>, PassiveStiffness<S>, PeakTension<S>, FibreActive<S>
+    ];
+}

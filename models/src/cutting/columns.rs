@@ -1,0 +1,210 @@
+//! Columns of elements that a cut changed, and those of copies.
+
+use bevy_ecs::prelude::*;
+use glam::DVec3;
+use sinew_engine::columns::copy_entity;
+use sinew_engine::element::{
+    RestVolume, TETRAHEDRON_EDGES, TetrahedronBlocks, TetrahedronIndex, TetrahedronVertices,
+    shape_gradient_bundle,
+};
+use sinew_engine::isoparametric::{
+    Derivatives, HEXAHEDRON_PAIRS, HexahedronBlocks, HexahedronIndex, HexahedronRest,
+    HexahedronVertices, OwnPoints, RestPoints, TETRAHEDRON10_PAIRS, Tetrahedron10Blocks,
+    Tetrahedron10Rest, Tetrahedron10Vertices,
+};
+use sinew_engine::layout::Lumps;
+use sinew_engine::scalar::Scalar;
+use sinew_engine::topology::{BodyRows, Topology};
+use std::collections::BTreeMap;
+
+use super::axes;
+use super::material::{Element, Material, Order};
+use super::{hexahedra, ten_node};
+use crate::body::present::BodyResection;
+use crate::element::precompute::RestTetrahedron;
+
+/// Points of their own of a parted element.
+pub(super) enum Points {
+    TenNodes(Box<Derivatives<f64, 10, 3, 4>>),
+    Hexahedron(Box<Derivatives<f64, 8, 3, 8>>, [f64; 8]),
+}
+
+/// Points and lumps of those of some elements that are parted, where elements are no linear tetrahedra; `rest` says where the
+/// vertices of the mesh are.
+pub(super) fn points_of(
+    material: &Material,
+    changed: &[u32],
+    rest: &dyn Fn(u32) -> DVec3,
+) -> BTreeMap<u32, (Points, Lumps)> {
+    let mut cells = BTreeMap::<u32, Vec<usize>>::new();
+    let parted = |e: &u32| material.elements[*e as usize].portion != [0.25; 4];
+    if material.order != Order::Linear {
+        cells.extend(changed.iter().filter(|e| parted(e)).map(|&e| (e, Vec::new())));
+        for (number, cell) in material.cells.iter().enumerate() {
+            if let Some(own) = cells.get_mut(&cell.element) {
+                own.push(number);
+            }
+        }
+    }
+    let points = |(e, own): (u32, Vec<usize>)| {
+        let element = &material.elements[e as usize];
+        let cells = own.into_iter().map(|number| &material.cells[number]);
+        let point = |p: u32| &material.points[p as usize];
+        if material.order == Order::TenNodes {
+            let corners = |p: u32| point(p).weights_in(element.vertices);
+            let parts: Vec<_> =
+                cells.map(|cell| (cell.corners.map(corners), cell.volume)).collect();
+            let whole = rest_tetrahedron(element.vertices.map(rest)).volume;
+            let (derivatives, lumps) = ten_node::piece(&parts, whole);
+            return (e, (Points::TenNodes(Box::new(derivatives)), lumps));
+        }
+        let vertices = element.all_vertices();
+        let local = |p: u32| hexahedra::local(&vertices, point(p));
+        let parts: Vec<_> = cells.map(|cell| cell.corners.map(local)).collect();
+        let piece = hexahedra::piece(&parts, &vertices.map(rest));
+        (e, (Points::Hexahedron(Box::new(piece.gradients), piece.volume), piece.lumps))
+    };
+    // nothing is left of elements that were removed
+    cells.into_iter().filter(|(_, own)| !own.is_empty()).map(points).collect()
+}
+
+fn rest_tetrahedron(corners: [DVec3; 4]) -> RestTetrahedron {
+    RestTetrahedron::new(corners.map(|x| x.to_array())).expect("the body was built with it")
+}
+
+/// Elements that a cut changed.
+pub(super) struct Changed<'a> {
+    /// Their body, as it is now.
+    pub rows: &'a BodyRows,
+    /// Entities as they were.
+    pub own: &'a BodyResection,
+    /// Elements as they were, and the material now.
+    pub elements: (&'a [Element], &'a Material),
+    /// Their numbers, ascending.
+    pub numbers: &'a [u32],
+    /// Points of their own.
+    pub points: BTreeMap<u32, (Points, Lumps)>,
+    /// Rest positions (m) of all rows of the body.
+    pub rest: &'a [DVec3],
+}
+
+/// Writes the columns of elements that have other vertices or another share now, and spawns the copies.
+pub(super) fn write<S: Scalar>(world: &mut World, mut changed: Changed) {
+    let Changed { rows, own, elements: (before, material), numbers, .. } = changed;
+    let kind = rows.copies.kind;
+    let mut points = world.remove_resource::<OwnPoints>().unwrap_or_default();
+    for &e in numbers {
+        let element = &material.elements[e as usize];
+        let row = own.element_of[kind][e as usize];
+        // a copy has the columns of what it fell off, which was written before
+        let parent = own.element_of[kind][element.parent as usize];
+        let known = before.get(e as usize);
+        let entity = match known {
+            Some(_) => own.rows.elements[kind][row as usize],
+            None => copy_entity(world, own.rows.elements[kind][parent as usize]),
+        };
+        let own_points = changed.points.remove(&e).map(|own| own.0);
+        match material.order {
+            Order::Linear => changed.linear::<S>(world, (e, row, parent), entity),
+            Order::TenNodes => {
+                let (nodes, blocks) = places(world, rows, row, &TETRAHEDRON10_PAIRS);
+                let mut entity = world.entity_mut(entity);
+                entity.insert((
+                    (Tetrahedron10Vertices(nodes), Tetrahedron10Blocks(blocks)),
+                    TetrahedronIndex(e),
+                ));
+                if let Some(Points::TenNodes(derivatives)) = own_points {
+                    let corners =
+                        element.vertices.map(|v| changed.rest[super::row_of(rows, v) as usize]);
+                    let shape = rest_tetrahedron(corners);
+                    let volume = element.share() * shape.volume;
+                    let [_, a, b, c] = shape.gradients;
+                    let rest = RestPoints { gradients: [[a, b, c]; 4], volume: [volume / 4.0; 4] };
+                    let mut rest: Tetrahedron10Rest<S> = rest.component();
+                    let was = entity.get::<Tetrahedron10Rest<S>>().map_or(0, |rest| rest.own);
+                    rest.own = put(&mut points.tens, known.map_or(0, |_| was), *derivatives);
+                    entity.insert((rest, RestVolume(S::from_f64(volume))));
+                }
+            }
+            Order::Hexahedra => {
+                let (nodes, blocks) = places(world, rows, row, &HEXAHEDRON_PAIRS);
+                let mut entity = world.entity_mut(entity);
+                entity.insert((
+                    (HexahedronVertices(nodes), HexahedronBlocks(blocks)),
+                    HexahedronIndex(e),
+                ));
+                if let Some(Points::Hexahedron(gradients, volume)) = own_points {
+                    // the list has gradients in place, not by local coordinates
+                    let axes = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+                    let mut rest: HexahedronRest<S> =
+                        RestPoints { gradients: [axes; 8], volume }.component();
+                    let was = entity.get::<HexahedronRest<S>>().map_or(0, |rest| rest.own);
+                    rest.own = put(&mut points.bricks, known.map_or(0, |_| was), *gradients);
+                    entity.insert((rest, RestVolume(S::from_f64(volume.iter().sum()))));
+                }
+            }
+        }
+    }
+    world.insert_resource(points);
+}
+
+/// Puts derivatives into a list, in the place that their element has there (0: none yet), and tells which it has.
+fn put<T>(list: &mut Vec<T>, own: u32, derivatives: T) -> u32 {
+    match own.checked_sub(1).and_then(|at| list.get_mut(at as usize)) {
+        Some(place) => *place = derivatives,
+        None => list.push(derivatives),
+    }
+    if own > 0 { own } else { list.len() as u32 }
+}
+
+/// Vertex rows and tangent blocks of an element.
+fn places<const N: usize, const P: usize>(
+    world: &World,
+    rows: &BodyRows,
+    row: u32,
+    pairs: &[[usize; 2]; P],
+) -> ([u32; N], [u32; P]) {
+    let local = rows.nodes[rows.copies.kind].each::<N>()[row as usize];
+    let nodes = local.map(|v| v + rows.vertices.start);
+    let topology = world.resource::<Topology>();
+    (nodes, pairs.map(|[a, b]| topology.block(nodes[a], nodes[b]).unwrap_or(0)))
+}
+
+impl Changed<'_> {
+    /// A linear tetrahedron and its axes.
+    fn linear<S: Scalar>(
+        &self,
+        world: &mut World,
+        (e, row, parent): (u32, u32, u32),
+        entity: Entity,
+    ) {
+        let (rows, (before, material)) = (self.rows, self.elements);
+        let (nodes, blocks) = places(world, rows, row, &TETRAHEDRON_EDGES);
+        let at = |row: u32| self.rest[(row - rows.vertices.start) as usize];
+        let shape = rest_tetrahedron(nodes.map(at));
+        let share: f64 = rows.copies.portions[row as usize].iter().sum();
+        let gradients = [shape.gradients[1], shape.gradients[2], shape.gradients[3]];
+        world.entity_mut(entity).insert((
+            TetrahedronVertices(nodes),
+            TetrahedronBlocks(blocks),
+            TetrahedronIndex(e),
+            shape_gradient_bundle::<S>(gradients),
+            RestVolume(S::from_f64(share * shape.volume)),
+        ));
+        let place = axes::Place { rows, element: e, nodes, blocks, gradients };
+        let kind = rows.copies.kind;
+        let element = &material.elements[e as usize];
+        match before.get(e as usize) {
+            Some(was) => {
+                for entity in self.own.rows.axes(kind, row) {
+                    axes::share::<S>(world, entity, &place, element.share() / was.share());
+                }
+            }
+            None => {
+                let whole = material.elements[element.parent as usize].share();
+                let of_parent: Vec<Entity> = self.own.rows.axes(kind, parent).collect();
+                axes::copy::<S>(world, &of_parent, &place, element.share() / whole);
+            }
+        }
+    }
+}
