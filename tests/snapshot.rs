@@ -421,6 +421,17 @@ fn cuts() {
     }
 }
 
+/// The same of elements with Gauss points, what is left of which has points of its own.
+#[test]
+fn cuts_of_elements_with_gauss_points() {
+    let bricks = box_hexahedra(DVec3::new(0.3, 0.1, 0.1), [5, 2, 2]).unwrap();
+    let ten = box_tets(DVec3::new(0.3, 0.1, 0.1), [3, 1, 1]).unwrap().with_second_order();
+    for (name, mesh) in [("cuts of hexahedra", &bricks), ("cuts of ten nodes", &ten)] {
+        let beam = BodyDescription::new("beam", mesh, soft(2e5, 0.4));
+        cuts_of(name, mesh, &BodyDescription { spare: 800, ..beam });
+    }
+}
+
 fn cuts_of(name: &str, mesh: &Mesh, beam: &BodyDescription) {
     let build = |options| {
         let mut simulation = Simulation::new(options).unwrap();

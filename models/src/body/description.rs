@@ -71,7 +71,8 @@ pub struct BodyDescription<'a> {
     /// `evaluation` mean nothing.
     pub membrane: Option<MembraneDescription<'a>>,
     /// How many more vertices [cuts](crate::cutting) may make. They have rows from the start on, so that those of others do not
-    /// change: without any the body cannot be cut. A full section of a block of n x n x n cells needs some 2 (n + 1)^2.
+    /// change: without any the body cannot be cut. A full section of a block of n x n x n cells needs some 2 (n + 1)^2,
+    /// with ten-node tetrahedra more. What bodies can be cut is told [there](crate::cutting).
     pub spare: usize,
     /// Axes of anisotropy beside the model, or with [`Model::Axes`] instead of one.
     pub axes: Option<AxesDescription<'a>>,
