@@ -6,6 +6,7 @@ use glam::DVec3;
 use sinew_contact::pair::{BodyContact, BodyContactReport};
 use sinew_contact::pull::{Pick, Pull, PullReport};
 use sinew_contact::set::ContactSet;
+use sinew_contact::thread::{Clip, Thread};
 use sinew_contact::tool::{Tool, ToolError, ToolPose, ToolReport};
 use sinew_engine::columns::single_table;
 use sinew_engine::load::Pose;
@@ -95,13 +96,15 @@ impl Simulation {
         self.world().get(self.current(tool))
     }
 
-    /// Takes a tool, a contact between bodies or a pull away; whether there was one.
+    /// Takes a tool, a contact between bodies, a pull, a thread or a clip away; whether there was one.
     pub fn remove_contact(&mut self, entity: Entity) -> bool {
         let entity = self.current(entity);
         let world = self.world_mut();
         let known = world.get::<Tool>(entity).is_some()
             || world.get::<BodyContact>(entity).is_some()
-            || world.get::<Pull>(entity).is_some();
+            || world.get::<Pull>(entity).is_some()
+            || world.get::<Thread>(entity).is_some()
+            || world.get::<Clip>(entity).is_some();
         known && world.despawn(entity)
     }
 

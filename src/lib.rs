@@ -83,6 +83,7 @@ pub mod plugin;
 pub mod replay;
 mod resection;
 pub mod snapshot;
+mod thread;
 pub mod warning;
 
 pub use plugin::SinewPlugins;
@@ -104,6 +105,7 @@ pub mod prelude {
     pub use sinew_contact::pair::BodyContact;
     pub use sinew_contact::pull::Pull;
     pub use sinew_contact::shape::Shape;
+    pub use sinew_contact::thread::{Clip, Hold, Thread};
     pub use sinew_contact::tool::{Tool, ToolPose};
     pub use sinew_engine::load::{Constraint, Curve, Load, Motion, Pose};
     pub use sinew_engine::mesh::{CheckOptions, Mesh, check};

@@ -270,6 +270,8 @@ impl Acting {
             self.tool.as_ref().map(|(t, _)| ("tool", &t.name)),
             self.contact.as_ref().map(|(c, _)| ("contact", &c.name)),
             self.pull.as_ref().map(|(p, _)| ("pull", &p.name)),
+            self.thread.as_ref().map(|(t, _)| ("thread", &t.name)),
+            self.clip.as_ref().map(|(c, _)| ("clip", &c.name)),
         ];
         let named =
             names.into_iter().flatten().map(|(kind, name)| format!("{kind} `{name}`")).next();

@@ -10,6 +10,7 @@ use glam::DVec3;
 use sinew_contact::pair::BodyContact;
 use sinew_contact::pull::Pull;
 use sinew_contact::set::ContactSet;
+use sinew_contact::thread::{Clip, Thread};
 use sinew_contact::tool::Tool;
 use sinew_engine::by_precision;
 use sinew_engine::columns::single_table;
@@ -233,7 +234,7 @@ macro_rules! named {
     )+};
 }
 
-named!(Constraint, Load, Pressure, Tool, Pull, BodyContact);
+named!(Constraint, Load, Pressure, Tool, Pull, BodyContact, Thread, Clip);
 
 /// A world with bodies, and its clock: build it, step it, read it.
 ///
@@ -791,7 +792,7 @@ impl Simulation {
         self.topology().find(name).map(BodyHandle)
     }
 
-    /// The constraint, load, pressure, tool, pull or contact of that name, of several the one that came first:
+    /// The constraint, load, pressure, tool, pull, contact, thread or clip of that name, of several the one that came first:
     /// `simulation.find::<Tool>("ball")`.
     pub fn find<T: Named>(&mut self, name: &str) -> Option<Entity> {
         let world = self.columns();

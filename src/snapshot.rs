@@ -16,6 +16,7 @@ use sinew_contact::pair::{BodyContact, BodyContactReport};
 use sinew_contact::pull::{Pull, PullReport};
 use sinew_contact::set::{ContactMemory, ContactSet};
 use sinew_contact::shape::Shape;
+use sinew_contact::thread::{Clip, Thread, ThreadReport};
 use sinew_contact::tool::{Tool, ToolReport};
 use sinew_engine::by_precision;
 use sinew_engine::columns::single_table;
@@ -222,6 +223,8 @@ pub(crate) struct Acting {
     pub edge: Option<EdgeState>,
     pub contact: Option<(BodyContact, BodyContactReport)>,
     pub pull: Option<(Pull, PullReport)>,
+    pub thread: Option<(Thread, ThreadReport)>,
+    pub clip: Option<(Clip, ThreadReport)>,
 }
 
 /// A padded vector per vertex row.
@@ -635,10 +638,13 @@ pub(crate) fn acting(world: &mut World) -> Vec<(Entity, Acting)> {
         (Option<&Tool>, Option<&ToolReport>, Option<&EdgeState>),
         (Option<&BodyContact>, Option<&BodyContactReport>),
         (Option<&Pull>, Option<&PullReport>),
+        (Option<&Thread>, Option<&Clip>, Option<&ThreadReport>),
     )>();
     let mut found: Vec<(Entity, Acting)> = query
         .iter(world)
-        .map(|(entity, order, own, (pressure, removal), (tool, report, edge), contact, pull)| {
+        .map(|(entity, order, own, (pressure, removal), tool, contact, pull, line)| {
+            let (tool, report, edge) = tool;
+            let (thread, clip, of_line) = line;
             let cuts = tool.is_some_and(|tool| tool.edge.is_some());
             let (constraint, load, faces) = own;
             let acting = Acting {
@@ -652,6 +658,8 @@ pub(crate) fn acting(world: &mut World) -> Vec<(Entity, Acting)> {
                 edge: edge.filter(|_| cuts).cloned(),
                 contact: both(contact),
                 pull: both(pull),
+                thread: both((thread, of_line)),
+                clip: both((clip, of_line)),
             };
             (entity, acting)
         })
@@ -694,7 +702,9 @@ impl Acting {
             tool: (Tool, ToolReport),
             edge: EdgeState,
             contact: (BodyContact, BodyContactReport),
-            pull: (Pull, PullReport)
+            pull: (Pull, PullReport),
+            thread: (Thread, ThreadReport),
+            clip: (Clip, ThreadReport)
         );
     }
 
@@ -708,7 +718,7 @@ impl Acting {
                 }
             )+};
         }
-        give!(constraint, load, faces, pressure, removal, tool, edge, contact, pull);
+        give!(constraint, load, faces, pressure, removal, tool, edge, contact, pull, thread, clip);
     }
 }
 

@@ -21,11 +21,11 @@ fn list<T: serde::de::DeserializeOwned>(value: &Value) -> Vec<T> {
     serde_json::from_value(value.clone()).unwrap()
 }
 
-fn points(value: &Value) -> Vec<DVec3> {
+pub(crate) fn points(value: &Value) -> Vec<DVec3> {
     list::<[f64; 3]>(value).into_iter().map(DVec3::from).collect()
 }
 
-fn strip(value: &Value) -> Vec<[DVec3; 2]> {
+pub(crate) fn strip(value: &Value) -> Vec<[DVec3; 2]> {
     list::<[[f64; 3]; 2]>(value).into_iter().map(|ends| ends.map(DVec3::from)).collect()
 }
 
@@ -63,45 +63,54 @@ fn cuttable(mesh: &Mesh, options: SimulationOptions, model: Model) -> (Simulatio
     alone(options, &BodyDescription { spare: 3 * mesh.points.len(), ..body })
 }
 
-#[test]
-fn equilibria_of_a_separate_program() {
+/// A case of a separate program; none, which is said, where there are no such files.
+pub(crate) fn reference_case(name: &str) -> Option<Value> {
     let named = std::env::var_os("SINEW_REFERENCE").map(PathBuf::from);
     let beside = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared");
     let folder = named.clone().unwrap_or(beside).join("reference_cutting");
+    let Ok(text) = std::fs::read_to_string(folder.join(format!("{name}.json"))) else {
+        use std::io::Write;
+        assert!(named.is_none(), "no {name} in {}", folder.display());
+        // straight to stderr: the harness would swallow it
+        let _ = writeln!(std::io::stderr(), "skipped: no {name} (set SINEW_REFERENCE)");
+        return None;
+    };
+    Some(serde_json::from_str(&text).unwrap())
+}
+
+/// The block of such a case before it is cut, held and loaded.
+pub(crate) fn case_block(case: &Value) -> (Simulation, BodyHandle) {
+    let nodes = points(&case["mesh"]["nodes"]);
+    let tetrahedra: Vec<[u32; 4]> = list(&case["mesh"]["tets"]);
+    let mesh = Mesh { points: nodes.clone(), tetrahedra, ..Mesh::default() };
+    let (mut simulation, body) = cuttable(&mesh, options(Precision::F64, 2), Model::StVK);
+    simulation.set_gravity(DVec3::ZERO);
+    let is_on = |text: &str| {
+        let (axis, value) = text.split_once(" = ").unwrap();
+        let (axis, value) = (["x", "y", "z"].iter().position(|a| *a == axis), value.parse::<f64>());
+        let (axis, value) = (axis.unwrap(), value.unwrap());
+        move |x: DVec3| (x[axis] - value).abs() < 1e-9
+    };
+    let held = vertices(&nodes, is_on(case["fixed"].as_str().unwrap()));
+    let held = simulation.rows(body, "held", &held).unwrap();
+    simulation.add_constraint(Constraint::hold("held", held));
+    for (side, traction) in list::<(String, [f64; 3])>(&case["loads"]) {
+        let on = is_on(&side);
+        let mut triangles = mesh.surface_triangles();
+        triangles.retain(|t| t.iter().all(|&v| on(nodes[v as usize])));
+        let on = Surface { triangles, ..Surface::default() };
+        let faces = simulation.traction_faces(body, "pull", &on, DVec3::from(traction)).unwrap();
+        simulation.add_loaded_faces("pull", faces, Curve::Constant);
+    }
+    (simulation, body)
+}
+
+#[test]
+fn equilibria_of_a_separate_program() {
     for name in ["block_plane", "block_curved", "beam_half"] {
-        let Ok(text) = std::fs::read_to_string(folder.join(format!("{name}.json"))) else {
-            use std::io::Write;
-            assert!(named.is_none(), "no {name} in {}", folder.display());
-            // straight to stderr: the harness would swallow it
-            let _ = writeln!(std::io::stderr(), "skipped: no {name} (set SINEW_REFERENCE)");
-            continue;
-        };
-        let case: Value = serde_json::from_str(&text).unwrap();
-        let nodes = points(&case["mesh"]["nodes"]);
+        let Some(case) = reference_case(name) else { continue };
         let tetrahedra: Vec<[u32; 4]> = list(&case["mesh"]["tets"]);
-        let mesh =
-            Mesh { points: nodes.clone(), tetrahedra: tetrahedra.clone(), ..Mesh::default() };
-        let (mut simulation, body) = cuttable(&mesh, options(Precision::F64, 2), Model::StVK);
-        simulation.set_gravity(DVec3::ZERO);
-        let is_on = |text: &str| {
-            let (axis, value) = text.split_once(" = ").unwrap();
-            let (axis, value) =
-                (["x", "y", "z"].iter().position(|a| *a == axis), value.parse::<f64>());
-            let (axis, value) = (axis.unwrap(), value.unwrap());
-            move |x: DVec3| (x[axis] - value).abs() < 1e-9
-        };
-        let held = vertices(&nodes, is_on(case["fixed"].as_str().unwrap()));
-        let held = simulation.rows(body, "held", &held).unwrap();
-        simulation.add_constraint(Constraint::hold("held", held));
-        for (side, traction) in list::<(String, [f64; 3])>(&case["loads"]) {
-            let on = is_on(&side);
-            let mut triangles = mesh.surface_triangles();
-            triangles.retain(|t| t.iter().all(|&v| on(nodes[v as usize])));
-            let on = Surface { triangles, ..Surface::default() };
-            let faces =
-                simulation.traction_faces(body, "pull", &on, DVec3::from(traction)).unwrap();
-            simulation.add_loaded_faces("pull", faces, Curve::Constant);
-        }
+        let (mut simulation, body) = case_block(&case);
         let report = simulation.cut(body, &strip(&case["blade"])).unwrap();
         let results = &case["results"];
         assert_eq!(report.separated, list::<u32>(&results["separated"]), "{name}");

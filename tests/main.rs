@@ -33,6 +33,7 @@ mod resting;
 mod schedule;
 mod second_order;
 mod snapshot;
+mod thread;
 mod traction;
 mod units;
 mod warnings;

@@ -1,6 +1,7 @@
 //! What contact needs to know of the surface of a body: its faces, and how stiff it is there. Whoever builds bodies
 //! says how to find that out; nothing is computed before somebody asks.
 
+use crate::row::{MeshVertex, VertexRow};
 use bevy_ecs::prelude::{Resource, World};
 use glam::DVec3;
 
@@ -37,6 +38,16 @@ pub struct BodySurface {
 /// Finds the surface of a body, by its index in [`Topology::bodies`](crate::topology::Topology::bodies).
 #[derive(Resource, Clone, Copy, Debug)]
 pub struct SurfaceReader(pub fn(&mut World, usize) -> BodySurface);
+
+/// Vertex rows of a point in tissue, and their weights.
+pub type TissuePoint = ([VertexRow; 4], [f64; 4]);
+
+/// Finds the rows that move a point of the material of a body of linear tetrahedra now: the tetrahedron of the mesh that it lies
+/// in, its vertices there and their weights. None where that element is gone.
+#[derive(Resource, Clone, Copy, Debug)]
+pub struct PointReader(
+    pub fn(&World, body: usize, element: u32, ([MeshVertex; 4], [f64; 4])) -> Option<TissuePoint>,
+);
 
 /// Closest point of a triangle to `p` as barycentric coordinates (Ericson, Real-Time Collision Detection, 2005,
 /// section 5.1.5).

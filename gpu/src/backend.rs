@@ -11,6 +11,7 @@ use glam::DVec3;
 use sinew_adapter::{AdapterRequest, AdapterSummary, Gpu, open};
 use sinew_contact::pair::BodyContact;
 use sinew_contact::pull::Pull;
+use sinew_contact::thread::{Clip, Thread};
 use sinew_contact::tool::Tool;
 use sinew_engine::law::BodiesWithoutRecovery;
 use sinew_engine::report::{StepReport, SystemTimes, VolumeReport};
@@ -185,6 +186,8 @@ pub fn check(world: &mut World, settings: &SolverSettings) -> Result<(), GpuErro
             .map(|tool| format!("contact with tool `{}`", tool.name)),
         world.query::<&BodyContact>().iter(world).next().map(|c| format!("contact `{}`", c.name)),
         world.query::<&Pull>().iter(world).next().map(|pull| format!("pull `{}`", pull.name)),
+        world.query::<&Thread>().iter(world).next().map(|own| format!("thread `{}`", own.name)),
+        world.query::<&Clip>().iter(world).next().map(|own| format!("clip `{}`", own.name)),
     ];
     if let Some(law) = touching.into_iter().flatten().next() {
         return Err(GpuError::WorldLaw { law });

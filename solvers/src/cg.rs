@@ -328,12 +328,13 @@ impl<T: Scalar> ConjugateGradients<T> {
     /// its low-rank vectors by `excess` (J^1/2); false, where it has no such vectors.
     pub fn restore<S: Scalar>(&self, excess: &[f64], way: &mut [[S; 4]]) -> bool {
         let Self { matrix, correction, .. } = self;
-        let Some(correction) =
-            correction.as_ref().filter(|_| matrix.low_rank.len() == excess.len())
-        else {
+        let known = if matrix.own_vectors > 0 { matrix.own_vectors } else { matrix.low_rank.len() };
+        let Some(correction) = correction.as_ref().filter(|_| known == excess.len()) else {
             return false;
         };
         let mut x: Vec<T> = excess.iter().map(|&x| T::from_f64(x)).collect();
+        // those of threads stay as they are
+        x.resize(matrix.low_rank.len(), T::ZERO);
         let factor = -matrix.factor.sqrt();
         let found = correction.restore(&matrix.low_rank, &mut x, way.len());
         for (to, z) in way.iter_mut().zip(found) {

@@ -421,13 +421,18 @@ impl<T: Scalar> SystemMatrix<T> {
         self.low_rank.truncate(self.own_vectors);
         let Some(contact) = contact else { return };
         let first = rows.start as u32;
+        // threads are few, whatever else couples
+        let root = self.factor.sqrt();
+        for vector in &contact.vectors {
+            let own = vector.iter().map(|(row, v)| (row - first, (root * *v).to_array()));
+            self.low_rank.push(&self.held, own);
+        }
         for (row, m) in &contact.diagonal {
             self.add_to_diagonal(row - first, m);
         }
         // with volumes of clusters they would couple all with all
         let product = 2 * (self.upper.len() - 1) + self.diagonal.len();
         let as_vectors = self.own_vectors == 0 && is_narrow(&contact.couplings, product);
-        let root = self.factor.sqrt();
         for coupling in &contact.couplings {
             let mut own = Coupling { rows: coupling.rows.map(|row| row - first), ..*coupling };
             if as_vectors {
@@ -573,6 +578,11 @@ impl<S: Scalar> ShiftedTangent<'_, S> {
             let force = coupling.whole() * own.sum::<DVec3>();
             coupling.used().for_each(|(row, weight)| add(row as usize, weight * force));
         }
+        for own in &contact.vectors {
+            let along = own.iter().map(|(row, v)| v.dot(vector(&x[*row as usize - offset])));
+            let along: f64 = along.sum();
+            own.iter().for_each(|(row, v)| add(*row as usize, along * *v));
+        }
     }
 
     /// Right-hand side of consecutive bodies times the inverse diagonal blocks: a descent direction whatever the
@@ -580,13 +590,12 @@ impl<S: Scalar> ShiftedTangent<'_, S> {
     pub fn preconditioned(&self, bodies: Range<usize>, b: &[[S; 4]], x: &mut [[S; 4]]) {
         let mut matrix = SystemMatrix::<S>::default();
         matrix.assemble(self, bodies);
-        if matrix.own_vectors == 0 {
-            let RankOnes { rows, entries, .. } = &matrix.low_rank;
-            for (row, b) in rows.iter().zip(entries) {
-                for k in 0..3 {
-                    let m = &mut matrix.diagonal[*row as usize][k];
-                    *m = add4(*m, scale4(*b, b[k]));
-                }
+        let RankOnes { start, rows, entries } = &matrix.low_rank;
+        let of_contact = start.get(matrix.own_vectors).map_or(0, |first| *first as usize);
+        for (row, b) in rows.iter().zip(entries).skip(of_contact) {
+            for k in 0..3 {
+                let m = &mut matrix.diagonal[*row as usize][k];
+                *m = add4(*m, scale4(*b, b[k]));
             }
         }
         for ((m, b), x) in matrix.diagonal.iter().zip(b).zip(x) {

@@ -5,6 +5,7 @@ use super::totals::RunTotals;
 use crate::simulation::Backend;
 use bevy_ecs::prelude::World;
 use sinew_contact::set::ContactSet;
+use sinew_contact::thread::ThreadReport;
 use sinew_engine::compression::COMPRESSED;
 use sinew_engine::precision::Precision;
 use sinew_engine::topology::Topology;
@@ -25,6 +26,12 @@ impl Run<'_> {
         self.world
             .get_resource::<SolverSettings>()
             .map_or_else(Integrator::default, |s| s.integrator)
+    }
+
+    /// Sum over threads and clips.
+    fn threads(&self, of: fn(&ThreadReport) -> u32) -> u64 {
+        let query = self.world.try_query::<&ThreadReport>();
+        query.map_or(0, |mut query| query.iter(self.world).map(|own| u64::from(of(own))).sum())
     }
 
     /// A tool and a body that it may pass through unfelt.
@@ -163,6 +170,12 @@ rules! {
         |n| "tool {} meets nothing but vertices, which are farther apart than it is thick: it may pass between them unfelt",
             run.sparse().unwrap_or_default();
         "leave out what asks for vertices (exact, points = \"vertex\"), or use a thicker tool or a finer mesh";
+    Warning "run.thread.lost" "threads": |run| run.threads(|own| own.lost);
+        |n| "{n} points of threads and clips were lost: elements that held them were removed, or an end slipped off";
+        "hold them elsewhere, or give the end a longer tail or a knot";
+    Note "run.clip.broken" "threads": |run| run.threads(|own| own.broken.into());
+        |n| "{n} clips broke";
+        "nothing to do; a larger strength holds more";
     Note "run.contact.impact" "contact": |run| run.totals.contact.impacts;
         |n| "in {n} steps a body took a step of first order because of an impact";
         "nothing to do; a smaller dt resolves impacts better";

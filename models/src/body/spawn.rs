@@ -17,7 +17,7 @@ use sinew_engine::memory;
 use sinew_engine::precision::Precision;
 use sinew_engine::row::LocalRow;
 use sinew_engine::scalar::Scalar;
-use sinew_engine::surface::SurfaceReader;
+use sinew_engine::surface::{PointReader, SurfaceReader};
 use sinew_engine::topology::{BodyRows, ElementTables, Topology};
 use sinew_engine::vertex::{
     BodyId, Displacement, ElasticForce, ExternalForce, FixedAxes, Mass, Position,
@@ -34,6 +34,7 @@ use super::surface::read_surface;
 use crate::axes::description::{AxesError, BodyAxes, validate_sheet};
 use crate::axes::spawn::spawn_axes;
 use crate::axes::systems::AxesOnly;
+use crate::cutting::held::read_point;
 use crate::element::plate::Neighbours;
 use crate::element::precompute::RestTetrahedron;
 use crate::frame::part::{
@@ -77,6 +78,7 @@ pub fn spawn_body(world: &mut World, body: &BodyDescription) -> Result<Entity, B
     match world.get_resource::<Precision>() {
         Some(&precision) => {
             world.insert_resource(SurfaceReader(read_surface));
+            world.insert_resource(PointReader(read_point));
             by_precision!(precision, spawn(world, body))
         }
         None => Err(BodyError::NoPrecision { body: body.name.to_string() }),

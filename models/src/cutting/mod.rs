@@ -34,6 +34,7 @@
 mod axes;
 pub mod blade;
 mod columns;
+pub mod held;
 mod hexahedra;
 pub mod material;
 mod quadrature;

@@ -3,14 +3,17 @@
 use crate::pair::BodyContact;
 use crate::pull::Pull;
 use crate::set::ContactSet;
+use crate::thread::{Clip, Thread};
 use crate::tool::Tool;
 use bevy_ecs::prelude::*;
 
-/// Lets a world have its [`ContactSet`] from its first tool, contact or pull on.
+/// Lets a world have its [`ContactSet`] from its first tool, contact, pull, thread or clip on.
 pub fn install(world: &mut World) {
     watch::<Tool>(world);
     watch::<BodyContact>(world);
     watch::<Pull>(world);
+    watch::<Thread>(world);
+    watch::<Clip>(world);
 }
 
 fn watch<C: Component>(world: &mut World) {

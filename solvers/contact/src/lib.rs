@@ -1,4 +1,4 @@
-//! Tools that touch bodies, contact between bodies, friction and pulls. It knows vertices and surfaces, no law and no
+//! Tools that touch bodies, contact between bodies, friction, pulls, threads and clips. It knows vertices and surfaces, no law and no
 //! integrator: integrators ask [`set::ContactSet`] for energies, forces and tangents, as often as they need.
 
 mod beside;
@@ -13,6 +13,7 @@ pub mod set;
 pub mod shape;
 mod skin;
 pub mod standing;
+pub mod thread;
 pub mod tool;
 
 pub use install::install;

@@ -22,11 +22,12 @@ use sinew_engine::row::VertexRow;
 use sinew_engine::step::StepError;
 use sinew_engine::surface::SurfaceReader;
 use sinew_engine::time::{StepClock, StepPart};
-use sinew_engine::topology::Topology;
+use sinew_engine::topology::{BodyRows, Topology};
 use sinew_engine::vertex::{FixedAxes, RestPosition};
 use std::collections::BTreeMap;
 use std::ops::Range;
 
+mod lines;
 mod near;
 mod pairs;
 mod points;
@@ -65,6 +66,8 @@ pub struct ContactBlocks {
     pub diagonal: Vec<(u32, DMat3)>,
     /// Points of several rows, ascending by their lowest: those that share rows are then near each other.
     pub couplings: Vec<Coupling>,
+    /// Vectors `v` (N/m)^(1/2) of threads and clips, which add `v v^T`: rows, ascending, and what `v` has there.
+    pub vectors: Vec<Vec<(u32, DVec3)>>,
 }
 
 /// Most vertex rows of a point between bodies: those of an element on either side, where both were cut.
@@ -182,13 +185,15 @@ pub struct ContactMemory {
     points: Vec<(PointKey, PointMemory)>,
     /// Of the pairs that were there.
     pairs: BTreeMap<Order, PairState>,
+    lines: BTreeMap<Order, lines::LineState>,
     /// Energy (J) that friction of pairs has taken.
     dissipated: BTreeMap<Order, f64>,
     /// Forces (N) at the end of the last step, and pressures (Pa), of vertex rows.
     forces: Vec<(VertexRow, DVec3)>,
     pressures: Vec<(VertexRow, f64)>,
-    /// Energy (J) stored at the end of the last step.
+    /// Energy (J) stored at the end of the last step, and that of threads and clips in it.
     stored: f64,
+    of_lines: f64,
 }
 
 impl ContactMemory {
@@ -214,6 +219,10 @@ pub struct ContactSet {
     parts: Vec<PartNow>,
     pairs: Vec<Now<BodyContact>>,
     pulls: Vec<Now<Pull>>,
+    /// Threads and clips, what is left of those that hold no more, and the rows that points were found at.
+    lines: Vec<lines::Line>,
+    left: Vec<(Entity, Order, lines::LineState)>,
+    holds: BTreeMap<Order, lines::KnownHolds>,
     points: Vec<ContactPoint>,
     /// First point of every body, and the number of all.
     first: Vec<usize>,
@@ -228,6 +237,8 @@ pub struct ContactSet {
     figures: ContactFigures,
     /// Local stiffnesses (N/m) found in this step, by tool.
     local: Vec<(usize, DMat3)>,
+    /// Energy (J) that threads and clips got since the last step: those that were laid, lost points or were taken away.
+    laid: f64,
     /// Work and dissipation in the substeps of the step: of each tool, then of each pull.
     settled: Vec<Settled>,
     /// The kept state before the first part of a step in parts, and the number of that step.
@@ -279,6 +290,8 @@ impl ContactSet {
             self.find_pair_points();
         }
         self.find_pull_points(world, x);
+        self.find_lines(world, x)?;
+        self.laid = self.line_books()[0] - self.kept.of_lines;
         self.settled = vec![Settled::default(); self.tools.len() + self.pulls.len()];
         // they are large, and mostly come in order
         self.points.sort_by_key(|point| point.key);
@@ -322,6 +335,7 @@ impl ContactSet {
                 rows.extend(faces.map(|(row, w)| (row, w * point.area * point.k, 0.0)));
             }
         }
+        rows.extend(self.line_rates());
         rows.sort_unstable_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
         let mut most = [0.0_f64; 2];
         for own in rows.chunk_by(|a, b| a.0 == b.0) {
@@ -339,12 +353,14 @@ impl ContactSet {
     /// did in it, both up to the last [`settle`](Self::settle).
     pub fn books(&self) -> [f64; 2] {
         let now: f64 = self.points.iter().zip(&self.active).map(|(p, a)| stored(p, a)).sum();
-        [now - self.kept.stored, self.settled.iter().map(|own| own.work).sum()]
+        let [of_lines, work] = self.line_books();
+        let change = now + of_lines - self.kept.stored;
+        [change, self.laid + work + self.settled.iter().map(|own| own.work).sum::<f64>()]
     }
 
     /// Whether nothing can touch or pull anything in this step.
     pub fn is_idle(&self) -> bool {
-        self.points.is_empty()
+        self.points.is_empty() && self.lines.is_empty()
     }
 
     /// Puts all tools and hands where they are when `part` of the step has passed.
@@ -352,6 +368,7 @@ impl ContactSet {
         for own in &mut self.parts {
             own.now = own.start.towards(&own.end, part);
         }
+        self.lines.iter_mut().for_each(|line| line.set_part(part));
         let parts = &self.parts;
         for point in &mut self.points {
             match &mut point.against {
@@ -416,6 +433,9 @@ impl ContactSet {
                 last[low] = last[low].max(high);
             }
         }
+        for joined in self.lines.iter().map(|line| &line.bodies) {
+            last[joined.start] = last[joined.start].max(joined.end - 1);
+        }
         let mut groups = Vec::new();
         let mut first = 0;
         while first < bodies {
@@ -439,7 +459,12 @@ impl ContactSet {
 
     /// Whether something may touch or pull one of the bodies.
     pub fn touches(&self, bodies: &Range<usize>) -> bool {
-        !self.range(bodies).is_empty()
+        !self.range(bodies).is_empty() || self.ties(bodies)
+    }
+
+    /// Whether threads or clips hold some bodies.
+    pub fn ties(&self, bodies: &Range<usize>) -> bool {
+        self.lines(bodies).next().is_some()
     }
 
     /// Whether surfaces of bodies may touch each other among some bodies.
@@ -478,7 +503,7 @@ impl ContactSet {
             }
             sum += active.energy;
         }
-        sum
+        sum + self.evaluate_lines(bodies, x.now, limits)
     }
 
     /// A bound of the way (m) that a point of one body and a face of another came together since the distances of faces
@@ -590,6 +615,9 @@ impl ContactSet {
                 f(row.index(), weight * force);
             }
         }
+        for (hook, force) in self.lines(bodies).flat_map(lines::Line::forces) {
+            hook.used().for_each(|(row, weight)| f(row.index(), weight * force));
+        }
     }
 
     /// Blocks that the contacts of some bodies add to the matrix, at the last evaluation.
@@ -609,6 +637,7 @@ impl ContactSet {
         }
         sum_by_row(&mut blocks.diagonal);
         blocks.couplings.sort_by_key(|own| own.used().map(|(row, _)| row).min());
+        blocks.vectors = self.line_vectors(bodies);
         blocks
     }
 
@@ -625,6 +654,15 @@ impl ContactSet {
             let share: f64 = used.filter(|(row, _)| inside(*row)).map(|(_, w)| w).sum();
             force += share * (active.push + active.rub);
             block += share * share * active.block;
+        }
+        for (hook, own) in self.lines(bodies).flat_map(lines::Line::forces) {
+            let inside = hook.used().filter(|(row, _)| inside(*row));
+            force += inside.map(|(_, weight)| weight).sum::<f64>() * own;
+        }
+        for vector in self.line_vectors(bodies) {
+            let inside = vector.iter().filter(|(row, _)| inside(VertexRow(*row)));
+            let sum = inside.map(|(_, v)| *v).sum::<DVec3>();
+            block += outer(sum, sum);
         }
         (force, block)
     }
@@ -744,7 +782,9 @@ impl ContactSet {
             let force = (active.push + active.rub).abs();
             force.x + force.y + force.z
         };
-        self.active[self.range(bodies)].iter().filter(|a| a.on).map(of).sum()
+        let points = self.active[self.range(bodies)].iter().filter(|a| a.on).map(of).sum::<f64>();
+        let of = |(_, force): (_, DVec3)| force.abs().element_sum();
+        points + self.lines(bodies).flat_map(lines::Line::forces).map(of).sum::<f64>()
     }
 
     /// What the forces of the contacts of some bodies do (J) along the rounding of places, at the last evaluation:
@@ -762,7 +802,8 @@ impl ContactSet {
             ROUNDINGS * force * (own.sum::<f64>() + f64::EPSILON * centre)
         };
         let touching = self.points[range.clone()].iter().zip(&self.active[range]);
-        touching.filter(|(_, active)| active.on).map(of).sum()
+        let points = touching.filter(|(_, active)| active.on).map(of).sum::<f64>();
+        points + ROUNDINGS * self.line_rounding(bodies, of_row)
     }
 
     /// Ends a substep: contacts go on from positions `x`, those of the last evaluation.
@@ -789,6 +830,7 @@ impl ContactSet {
                 own.dissipation += lost(point, active);
             }
         }
+        self.settle_lines();
         for own in &mut self.parts {
             own.start = own.now;
         }
@@ -821,7 +863,8 @@ impl ContactSet {
         self.set_part(1.0);
         self.evaluate(&bodies, x, Limits::Keep);
         let converged = converged && self.figures.unconverged == 0;
-        self.figures.missed = !converged && self.active.iter().any(|active| active.on);
+        let touching = self.active.iter().any(|active| active.on) || !self.lines.is_empty();
+        self.figures.missed = !converged && touching;
         self.kept.points.clear();
         for (point, active) in self.points.iter().zip(&self.active) {
             let kept = remember(point, active);
@@ -834,6 +877,7 @@ impl ContactSet {
         self.report_pairs(world, x, dt);
         self.report_pulls(world);
         self.keep_forces();
+        let of_lines = self.report_lines(world);
         let mut edge_depth = 0.0_f64;
         for (point, active) in self.points.iter().zip(&self.active).filter(|(_, a)| a.on) {
             if matches!(point.against, Against::Hand(_) | Against::Edge(_)) {
@@ -847,7 +891,9 @@ impl ContactSet {
             edge_depth = edge_depth.max(depth / skin.edge);
         }
         self.figures.depth_over_edge = edge_depth;
-        self.kept.stored = self.points.iter().zip(&self.active).map(|(p, a)| stored(p, a)).sum();
+        let of_points = self.points.iter().zip(&self.active).map(|(p, a)| stored(p, a));
+        self.kept.stored = of_points.sum::<f64>() + of_lines;
+        self.kept.of_lines = of_lines;
         self.figures.energy = self.kept.stored;
         self.figures
     }

@@ -358,7 +358,18 @@ impl<S: Scalar> Step<'_, S> {
             return;
         }
         let factor = body.weights.inertia + body.weights.mass_damping;
-        for piece in &body.free_pieces {
+        let mut pieces = body.free_pieces.clone();
+        if pieces.len() > 1 && contact.ties(&body.bodies) {
+            // what acts between them moves none of them all together
+            let rows = pieces.iter().flat_map(|piece| match piece {
+                FreePiece::Whole => Vec::new(),
+                FreePiece::Rows(rows) => rows.clone(),
+            });
+            let mut rows: Vec<u32> = rows.collect();
+            rows.sort_unstable();
+            pieces.push(FreePiece::Rows(rows));
+        }
+        for piece in &pieces {
             let rows: Vec<usize> = match piece {
                 FreePiece::Whole => body.rows.clone().collect(),
                 FreePiece::Rows(rows) => rows.iter().map(|&row| row as usize).collect(),

@@ -47,6 +47,7 @@ impl ContactSet {
                 }
             }
         }
+        self.add_line_forces(&mut forces);
         sum_by_row(&mut forces);
         sum_by_row(&mut pressures);
         (self.kept.forces, self.kept.pressures) = (forces, pressures);
