@@ -191,6 +191,11 @@ fn about_what_acts(built: &BuiltScene) -> Vec<String> {
         let of = if a == b { format!("`{a}` with itself") } else { format!("`{a}` and `{b}`") };
         lines.push(format!("contact `{}`: {of}, friction {}", c.name, short(c.friction)));
     }
+    for (kind, own) in [("thread", &built.strands), ("clip", &built.clips)] {
+        lines.extend(own.iter().map(|own| {
+            format!("{kind} `{}`: {}{}", own.name, own.words, window(own.from, own.until))
+        }));
+    }
     for own in &built.resections {
         let (name, body) = (&own.summary.name, &own.summary.body);
         lines.push(format!("resection `{name}`: elements of `{body}` {}", own.words()));

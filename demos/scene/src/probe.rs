@@ -3,12 +3,13 @@
 
 use crate::assemble::body::BuiltBody;
 use crate::assemble::conditions::BuiltConstraint;
-use crate::assemble::{BuiltContact, BuiltPull, BuiltTool};
+use crate::assemble::{BuiltContact, BuiltPull, BuiltThread, BuiltTool};
 use glam::DVec3;
 use sinew::engine::mesh::enclosed_volume;
 use sinew::simulation::Simulation;
 use sinew::touch::pair::BodyContactReport;
 use sinew::touch::pull::PullReport;
+use sinew::touch::thread::ThreadReport;
 use sinew::touch::tool::{PartReport, ToolReport};
 
 /// A quantity that probes can record.
@@ -45,6 +46,10 @@ pub enum Needs {
     Pull,
     /// A contact between bodies.
     Contact,
+    /// A thread.
+    Thread,
+    /// A clip.
+    Clip,
 }
 
 /// A quantity of one column, or of three.
@@ -59,7 +64,7 @@ pub enum ProbeValue {
 use ProbeValue::{Scalar, Vector};
 
 /// Everything that probes can record.
-pub static PROBES: [Probe; 38] = [
+pub static PROBES: [Probe; 44] = [
     vector("mean_displacement", "m", Needs::Body, |now, of| {
         of.mean(&now.simulation.displacements(of.body.handle))
     }),
@@ -137,6 +142,13 @@ pub static PROBES: [Probe; 38] = [
     // on the first body
     vector("contact_force", "N", Needs::Contact, |now, of| of.contact(now).force),
     scalar("contact_area", "m^2", Needs::Contact, |now, of| of.contact(now).area),
+    // the largest of its segments
+    scalar("thread_tension", "N", Needs::Thread, |now, of| of.line(of.thread, now).largest()),
+    scalar("thread_length", "m", Needs::Thread, |now, of| of.line(of.thread, now).length),
+    scalar("thread_free", "m", Needs::Thread, |now, of| of.line(of.thread, now).free.iter().sum()),
+    scalar("thread_work", "J", Needs::Thread, |now, of| of.line(of.thread, now).work),
+    scalar("clip_tension", "N", Needs::Clip, |now, of| of.line(of.clip, now).largest()),
+    scalar("clip_length", "m", Needs::Clip, |now, of| of.line(of.clip, now).length),
 ];
 
 /// A number whose column has the name of its word.
@@ -174,7 +186,7 @@ impl Probe {
 }
 
 /// An entry `[[probe]]`, checked.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct BuiltProbe {
     /// Name.
     pub name: String,
@@ -194,6 +206,10 @@ pub struct BuiltProbe {
     pub pull: Option<usize>,
     /// Index of the contact.
     pub contact: Option<usize>,
+    /// Index of the thread.
+    pub thread: Option<usize>,
+    /// Index of the clip.
+    pub clip: Option<usize>,
     /// What to record.
     pub record: Vec<&'static Probe>,
 }
@@ -226,6 +242,8 @@ pub struct ProbeSubject<'a> {
     tool: Option<&'a BuiltTool>,
     pull: Option<&'a BuiltPull>,
     contact: Option<&'a BuiltContact>,
+    thread: Option<&'a BuiltThread>,
+    clip: Option<&'a BuiltThread>,
 }
 
 /// What probes of a scene look at.
@@ -241,6 +259,10 @@ pub struct Recorded<'a> {
     pub pulls: &'a [BuiltPull],
     /// Contacts between bodies.
     pub contacts: &'a [BuiltContact],
+    /// Threads.
+    pub threads: &'a [BuiltThread],
+    /// Clips.
+    pub clips: &'a [BuiltThread],
 }
 
 impl ProbeSubject<'_> {
@@ -264,6 +286,11 @@ impl ProbeSubject<'_> {
     fn contact(&self, now: &Sampler) -> BodyContactReport {
         let known = self.contact.and_then(|c| now.simulation.body_contact_report(c.entity));
         known.copied().unwrap_or_default()
+    }
+
+    /// What a thread or clip did.
+    fn line(&self, line: Option<&BuiltThread>, now: &Sampler) -> ThreadReport {
+        line.map_or_else(ThreadReport::default, |line| line.report(now.simulation))
     }
 
     /// Mean over the vertices of the probe.
@@ -306,6 +333,8 @@ pub fn values(
             tool: probe.tool.map(|i| &parts.tools[i]),
             pull: probe.pull.map(|i| &parts.pulls[i]),
             contact: probe.contact.map(|i| &parts.contacts[i]),
+            thread: probe.thread.map(|i| &parts.threads[i]),
+            clip: probe.clip.map(|i| &parts.clips[i]),
         };
         for own in &probe.record {
             match own.evaluate {

@@ -151,6 +151,22 @@ bad! {
         => "[[cut]]\nname = \"cut\"\ntime = 0.0\nstrip = [[[0, 0, 1], [0, 0, 1]], [[1, 0, 1], [1, 0, 1]]]\n\n[[probe]]", Value { .. }, 27, ["without length", "different ends"];
     cut_before_the_start: "[[probe]]"
         => "[[cut]]\nname = \"cut\"\ntime = -1.0\nstrip = [[[0, 0, 1], [0, 0, 0]], [[1, 0, 1], [1, 0, 0]]]\n\n[[probe]]", Value { .. }, 26, ["time"];
+    thread_through_nothing: "[[probe]]"
+        => "[[thread]]\nname = \"t\"\npoints = [[0.1, 0.02, 0.02], [0.1, 0.02, 0.2]]\nstiffness = 9.0\n\n[[probe]]", Value { .. }, 26, ["no linear tetrahedron of `beam`", "inside of a body"];
+    thread_without_stiffness: "[[probe]]"
+        => "[[thread]]\nname = \"t\"\npoints = [[0.1, 0.02, 0.02], [0.1, 0.02, 0.03]]\nstiffness = 0.0\n\n[[probe]]", Value { .. }, 27, ["stiffness", "positive"];
+    thread_of_one_point: "[[probe]]"
+        => "[[thread]]\nname = \"t\"\npoints = [[0.1, 0.02, 0.02]]\nstiffness = 9.0\n\n[[probe]]", Value { .. }, 24, ["two points"];
+    thread_drawn_where_it_is_free: "[[probe]]"
+        => "[[thread]]\nname = \"t\"\npoints = [[0.1, 0.02, 0.02], [0.1, 0.02, 0.03]]\nstiffness = 9.0\ntails = [0.0, 0.1]\ndrawn = [[0.0, 0.0], [0.1, 0.01]]\n\n[[probe]]", Value { .. }, 24, ["end that is free", "no tail"];
+    thread_with_two_hands: "[[probe]]"
+        => "[[thread]]\nname = \"t\"\npoints = [[0.1, 0.02, 0.02]]\nstiffness = 9.0\nhand = [0.0, 0.0, 1.0]\npath = [[0.0, 0.0, 0.0, 1.0]]\n\n[[probe]]", Value { .. }, 28, ["`path` is given as well"];
+    clip_that_breaks_at_once: "[[probe]]"
+        => "[[clip]]\nname = \"c\"\npoints = [[0.1, 0.02, 0.02], [0.1, 0.02, 0.03]]\nstiffness = 9.0\nstrength = -1.0\n\n[[probe]]", Value { .. }, 28, ["strength is -1", "positive"];
+    clip_of_one_body_of_two: "[[probe]]"
+        => "[[clip]]\nname = \"c\"\nbodies = [\"beam\"]\npoints = [[0.1, 0.02, 0.02], [0.1, 0.02, 0.03]]\nstiffness = 9.0\n\n[[probe]]", Value { .. }, 26, ["1 bodies for 2 points"];
+    clip_of_an_unknown_body: "[[probe]]"
+        => "[[clip]]\nname = \"c\"\nbodies = [\"beam\", \"bean\"]\npoints = [[0.1, 0.02, 0.02], [0.1, 0.02, 0.03]]\nstiffness = 9.0\n\n[[probe]]", Unknown { .. }, 26, ["bean", "beam"];
     resection_of_nothing: "[[probe]]"
         => "[[resection]]\nname = \"cut\"\n\n[[probe]]", Value { .. }, 24, ["exactly one kind of resection"];
     resection_of_two_kinds: "[[probe]]"
@@ -402,6 +418,8 @@ fn the_readme_lists_exactly_the_keys_that_exist() {
         ("tool.on", format!("{tool}on = {{ zzz = 1 }}")),
         ("[[pull]]", "name = \"a\"\n[[pull]]\nname = \"b\"\nzzz = 1".into()),
         ("[[contact]]", "name = \"a\"\n[[contact]]\nname = \"b\"\nzzz = 1".into()),
+        ("[[thread]]", "name = \"a\"\n[[thread]]\nname = \"b\"\nzzz = 1".into()),
+        ("[[clip]]", "name = \"a\"\n[[clip]]\nname = \"b\"\nzzz = 1".into()),
         ("[[resection]]", format!("{resection}zzz = 1")),
         ("[[cut]]", "name = \"a\"\n[[cut]]\nname = \"b\"\nzzz = 1".into()),
         ("tool", format!("{resection}tool = {{ zzz = 1 }}")),

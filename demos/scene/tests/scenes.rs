@@ -67,7 +67,7 @@ fn run_whole(name: &str, steps: Option<u64>) -> (RunSummary, Table) {
 /// Scenes that ship.
 pub const SHIPPED: &str = "abdomen axes_block cantilever crush drag elements fibre_bar fit_bar flap fold grasp incision incompressible lattice liver liver_resection lobe \
     membrane_drum muscle_bar palpation press_flat probe_fast side_by_side slender_cylinder \
-    static_beam tower two_organs ventricle ventricle_floor";
+    static_beam suture tower two_organs ventricle ventricle_floor";
 
 #[test]
 fn every_shipped_scene_has_a_test_here() {
@@ -303,6 +303,30 @@ fn a_scalpel_opens_what_is_under_tension() {
     assert!(held[at(1.79)].x < 0.97 * held[at(0.39)].x, "{} {}", held[at(0.39)], held[at(1.79)]);
     assert!(table.column("skin.min_j (-)").iter().all(|j| *j > 0.3));
     assert!(summary.volume.inverted_max == 0);
+}
+
+#[test]
+fn stitches_close_an_incision() {
+    let (summary, table) = run_whole("suture", None);
+    let time = table.column("time_s");
+    let at = |t: f64| time.iter().position(|&x| x >= t - 1e-9).unwrap();
+    let [tension, length] =
+        ["tension (N)", "length (m)"].map(|c| table.column(&format!("second.thread_{c}")));
+    // laid over the open wound without tension, then as much shorter as was drawn, but for what the thread stretches
+    assert!(tension[at(0.22)] < 1e-3 && tension[at(0.5)] > 0.05, "{tension:?}");
+    let shorter = length[at(0.22)] - length.last().unwrap();
+    assert!((0.00115..0.0012).contains(&shorter), "{shorter}");
+    let free = table.column("second.thread_free (m)");
+    assert!((free[at(0.22)] - free.last().unwrap() - 0.0012).abs() < 1e-12);
+    // the lips are as far apart as the points were at rest, 19.84 mm along the thread
+    assert!((length.last().unwrap() / 0.019_84 - 1.0).abs() < 0.02, "{length:?}");
+    assert!(*table.column("second.thread_work (J)").last().unwrap() > 1e-5);
+    // the wound gapes less near its ends, so that as much drawn there pulls more; and they hold
+    let first = table.column("first.thread_tension (N)");
+    let (edge, middle) = (first.last().unwrap(), tension.last().unwrap());
+    assert!(edge > middle && (middle / tension[at(0.7)] - 1.0).abs() < 1e-3, "{edge} {middle}");
+    assert_eq!((summary.cuts[0].pieces, summary.volume.inverted_max), (1, 0), "{summary}");
+    says(&summary.to_string(), &["thread second", "tension up to", "cut incision"]);
 }
 
 #[test]

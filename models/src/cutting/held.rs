@@ -113,7 +113,9 @@ fn find<S: Scalar>(world: &mut World, body: usize, at: DVec3) -> Option<Material
         let [a, b, c, d] = nodes.map(|node| of_row[node.0 as usize].extend(1.0));
         let weights = DMat4::from_cols(a, b, c, d).inverse() * at.extend(1.0);
         let least = weights.min_element();
-        if !(least >= INSIDE) || best.as_ref().is_some_and(|(most, _)| least <= *most) {
+        // an element drawn flat has no coordinates
+        if least.is_nan() || least < INSIDE || best.as_ref().is_some_and(|(most, _)| least <= *most)
+        {
             continue;
         }
         let point = (nodes.map(|node| rows.vertex_of(node)), weights.to_array());

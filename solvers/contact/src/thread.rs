@@ -13,8 +13,8 @@
 //! slides are one group `G` of stiffness `1 / K_G = sum 1 / k_i` and length `sum d_i`, `g_G` being its gradient. Without
 //! friction all segments have one tension, `T = EA <L - L0> / L0`.
 //!
-//! Slides are found exactly, in one pass: [`Hold`]s from the first to the last, `s_i` as a falling, piecewise linear function of
-//! `T_i` ([`Curve`]); then back. The same pass solves the capstan inequalities themselves, from which the limits are taken.
+//! Slides are found exactly, in one pass: from the first point to the last, `s_i` as a falling, piecewise linear function of
+//! `T_i` (`Curve`); then back. The same pass solves the capstan inequalities themselves, from which the limits are taken.
 
 use bevy_ecs::prelude::*;
 use glam::DVec3;

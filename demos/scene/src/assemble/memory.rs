@@ -3,6 +3,7 @@
 use super::cuts::CutSummary;
 use super::removal::ResectionSummary;
 use super::scene::BuiltScene;
+use super::threads::BuiltThread;
 use bevy_ecs::prelude::Entity;
 use serde::{Deserialize, Serialize};
 use sinew::engine::order::Order;
@@ -25,6 +26,8 @@ struct Memory {
     cuts: Vec<Option<CutSummary>>,
     /// Pulls that act, and what the others did (J).
     pulls: Vec<(Option<Order>, f64)>,
+    /// Threads and clips that act.
+    lines: Vec<Option<Order>>,
 }
 
 impl SceneSnapshot {
@@ -53,6 +56,11 @@ impl SceneSnapshot {
 }
 
 impl BuiltScene {
+    /// Threads and clips.
+    fn lines(&self) -> impl Iterator<Item = &BuiltThread> {
+        self.strands.iter().chain(&self.clips)
+    }
+
     /// The state of the scene: what its simulation holds, and how far resections and pulls are.
     ///
     /// # Errors
@@ -64,6 +72,7 @@ impl BuiltScene {
         let pulls = self.pulls.iter();
         let memory = Memory {
             pulls: pulls.map(|pull| (pull.entity().and_then(order), pull.work())).collect(),
+            lines: self.lines().map(|line| line.entity().and_then(order)).collect(),
             resections: self.resections.iter().map(|r| (r.until(), r.summary.clone())).collect(),
             cuts: self.cuts.iter().map(|cut| cut.done.then(|| cut.summary.clone())).collect(),
         };
@@ -76,8 +85,8 @@ impl BuiltScene {
     /// As [`Simulation::restore`](sinew::simulation::Simulation::restore); nothing is changed then.
     pub fn restore(&mut self, snapshot: &SceneSnapshot) -> Result<(), SnapshotError> {
         let SceneSnapshot { simulation, memory } = snapshot;
-        if (memory.resections.len(), memory.pulls.len(), memory.cuts.len())
-            != (self.resections.len(), self.pulls.len(), self.cuts.len())
+        if (memory.resections.len(), memory.pulls.len(), memory.cuts.len(), memory.lines.len())
+            != (self.resections.len(), self.pulls.len(), self.cuts.len(), self.lines().count())
         {
             return Err(SnapshotError::Scene);
         }
@@ -93,6 +102,10 @@ impl BuiltScene {
         }
         for (own, (order, work)) in self.pulls.iter_mut().zip(&memory.pulls) {
             own.resume(order.and_then(|order| now.get(&order).copied()), *work);
+        }
+        let lines = self.strands.iter_mut().chain(&mut self.clips);
+        for (own, order) in lines.zip(&memory.lines) {
+            own.resume(order.and_then(|order| now.get(&order).copied()));
         }
         Ok(())
     }

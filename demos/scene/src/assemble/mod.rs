@@ -22,6 +22,7 @@ mod removal;
 mod resections;
 mod scene;
 mod select;
+mod threads;
 mod tools;
 mod touch;
 mod without_effect;
@@ -34,6 +35,7 @@ pub use memory::SceneSnapshot;
 pub use meshes::generate;
 pub use removal::{BuiltResection, ResectionSummary, swept};
 pub use scene::{BuildOptions, BuiltScene, RunPlan};
+pub use threads::BuiltThread;
 pub use touch::{BuiltContact, BuiltPull, BuiltTool};
 pub use without_effect::CODE as WITHOUT_EFFECT;
 
@@ -81,6 +83,8 @@ pub fn build(loaded: &LoadedScene, options: &BuildOptions) -> Result<BuiltScene,
         "tool" tools: tools::tool;
         "pull" pulls: pulls::pull;
         "contact" contacts: pulls::contact;
+        "thread" strands: threads::thread;
+        "clip" clips: threads::clip;
         "cut" cuts: cuts::cut;
         "probe" probes: probes::probe;
     }
@@ -209,6 +213,8 @@ fn check_names(loaded: &LoadedScene) -> Result<(), SceneError> {
         ("tool", names(&scene.tools, |t| &t.name)),
         ("pull", names(&scene.pulls, |p| &p.name)),
         ("contact", names(&scene.contacts, |c| &c.name)),
+        ("thread", names(&scene.strands, |t| &t.name)),
+        ("clip", names(&scene.clips, |c| &c.name)),
         ("probe", names(&scene.probes, |p| &p.name)),
     ];
     let constraints: HashSet<&str> = kinds[1].1.iter().copied().collect();

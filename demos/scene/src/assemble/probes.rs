@@ -40,6 +40,10 @@ pub(super) fn probe(
     let pull = about("pull", &entry.pull, Needs::Pull, pulls.collect())?;
     let contacts = built.contacts.iter().map(|c| c.name.as_str());
     let contact = about("contact", &entry.contact, Needs::Contact, contacts.collect())?;
+    let threads = built.strands.iter().map(|t| t.name.as_str());
+    let thread = about("thread", &entry.thread, Needs::Thread, threads.collect())?;
+    let clips = built.clips.iter().map(|c| c.name.as_str());
+    let clip = about("clip", &entry.clip, Needs::Clip, clips.collect())?;
     let body = match (constraint, &entry.body) {
         // the selection of a reaction is that of its constraint
         (Some(index), None) => constraints[index].body,
@@ -58,7 +62,8 @@ pub(super) fn probe(
         false => Vec::new(),
     };
     let name = entry.name.clone();
-    Ok(BuiltProbe { name, body, vertices, faces, constraint, tool, part, pull, contact, record })
+    let own = BuiltProbe { name, body, vertices, faces, record, ..BuiltProbe::default() };
+    Ok(BuiltProbe { constraint, tool, part, pull, contact, thread, clip, ..own })
 }
 
 /// The part of a tool that an entry is about; `None` where nothing of it is `recorded`.

@@ -11,13 +11,15 @@ use sinew::simulation::{Backend, BodyHandle};
 use sinew::touch::pair::BodyContact;
 use sinew::touch::tool::{Stiffness, friction_problem};
 
-/// Whether steps are computed where nothing can be touched: refuses tools, pulls and contacts there.
+/// Whether steps are computed where nothing can be touched: refuses tools, pulls, contacts, threads and clips there.
 pub(super) fn check(loaded: &LoadedScene, options: &BuildOptions) -> Result<(), SceneError> {
     let scene = &loaded.scene;
     let kinds = [
         ("tool", scene.tools.len()),
         ("pull", scene.pulls.len()),
         ("contact", scene.contacts.len()),
+        ("thread", scene.strands.len()),
+        ("clip", scene.clips.len()),
     ];
     let Some((kind, _)) = kinds.into_iter().find(|(_, count)| *count > 0) else { return Ok(()) };
     if options.backend.unwrap_or(scene.backend.into()) == Backend::Gpu {

@@ -4,6 +4,7 @@ use super::body::BuiltBody;
 use super::conditions::{BuiltConstraint, BuiltLoad, BuiltPressure};
 use super::cuts::BuiltCut;
 use super::removal::BuiltResection;
+use super::threads::BuiltThread;
 use super::touch::{self, BuiltContact, BuiltPull, BuiltTool};
 use crate::probe::BuiltProbe;
 use crate::scene::Mode;
@@ -59,6 +60,10 @@ pub struct BuiltScene {
     pub pulls: Vec<BuiltPull>,
     /// Contacts between bodies in the order of the file.
     pub contacts: Vec<BuiltContact>,
+    /// Threads in the order of the file.
+    pub strands: Vec<BuiltThread>,
+    /// Clips in the order of the file.
+    pub clips: Vec<BuiltThread>,
     /// Probes in the order of the file.
     pub probes: Vec<BuiltProbe>,
     /// Steps and intervals.
@@ -90,6 +95,8 @@ impl BuiltScene {
             tools: Vec::new(),
             pulls: Vec::new(),
             contacts: Vec::new(),
+            strands: Vec::new(),
+            clips: Vec::new(),
             probes: Vec::new(),
             plan,
             warnings: Vec::new(),
@@ -104,13 +111,16 @@ impl BuiltScene {
 
     /// Whether something can touch or pull a body.
     pub fn touches(&self) -> bool {
-        !(self.tools.is_empty() && self.pulls.is_empty() && self.contacts.is_empty())
+        let lines = self.strands.len() + self.clips.len();
+        lines > 0 || !(self.tools.is_empty() && self.pulls.is_empty() && self.contacts.is_empty())
     }
 
-    /// Moves the hands of pulls and opens and closes grips, for the step to come. Whoever steps the simulation of a
+    /// Moves the hands of pulls and threads, lays and takes out clips and threads, and opens and closes grips, for the step
+    /// to come. Whoever steps the simulation of a
     /// scene calls it before every step; tools and constraints move by themselves.
     pub fn drive(&mut self) {
-        touch::drive(&self.tools, &mut self.pulls, &mut self.simulation);
+        let lines = self.strands.iter_mut().chain(&mut self.clips);
+        touch::drive(&self.tools, &mut self.pulls, lines, &mut self.simulation);
     }
 
     /// Everything that the scene does before its step number `done` (counted from 1): [`BuiltScene::drive`], the part

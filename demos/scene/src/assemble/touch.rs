@@ -1,5 +1,6 @@
 //! Tools, pulls and contacts of a scene, built, and driven step by step.
 
+use super::threads::BuiltThread;
 use bevy_ecs::entity::Entity;
 use glam::DVec3;
 use sinew::engine::load::Curve;
@@ -172,8 +173,13 @@ pub struct BuiltContact {
     pub entity: Entity,
 }
 
-/// Moves what the scene moves through the step to come: hands of pulls, grips of tools.
-pub(super) fn drive(tools: &[BuiltTool], pulls: &mut [BuiltPull], simulation: &mut Simulation) {
+/// Moves what the scene moves through the step to come: hands of pulls, threads and clips, grips of tools.
+pub(super) fn drive<'a>(
+    tools: &[BuiltTool],
+    pulls: &mut [BuiltPull],
+    lines: impl Iterator<Item = &'a mut BuiltThread>,
+    simulation: &mut Simulation,
+) {
     let StepClock { time, dt, .. } = *simulation.world().resource::<StepClock>();
     // times are compared to within the rounding of the clock
     let (end, slack) = (time + dt, 1e-6 * dt);
@@ -186,4 +192,5 @@ pub(super) fn drive(tools: &[BuiltTool], pulls: &mut [BuiltPull], simulation: &m
     for pull in pulls {
         pull.drive(simulation, end, slack);
     }
+    lines.for_each(|line| line.drive(simulation, end, slack));
 }

@@ -176,6 +176,10 @@ fn of_times(idle: &mut Idle) {
     all.extend(pressures.map(|(i, own)| (with("pressure", i), None, None, own.curve.as_ref())));
     let cuts = scene.resections.iter().enumerate();
     all.extend(cuts.map(|(i, own)| (with("resection", i), own.from, own.until, None)));
+    let threads = scene.strands.iter().enumerate();
+    all.extend(threads.map(|(i, own)| (with("thread", i), own.from, own.until, None)));
+    let clips = scene.clips.iter().enumerate();
+    all.extend(clips.map(|(i, own)| (with("clip", i), own.from, own.until, None)));
     let cuts = scene.cuts.iter().enumerate();
     all.extend(cuts.map(|(i, own)| (with("cut", i), Some(own.time), None, None)));
     let found: Vec<(String, String)> = all

@@ -276,9 +276,11 @@ impl SceneRun<'_> {
         let clock = Instant::now();
         let totals = &mut self.totals;
         let touches = self.built.touches();
-        let BuiltScene { simulation, bodies, probes, constraints, tools, pulls, contacts, .. } =
-            &mut self.built;
-        let parts = Recorded { bodies, constraints, tools, pulls, contacts };
+        let own = &mut self.built;
+        let BuiltScene { simulation, bodies, probes, constraints, tools, .. } = own;
+        let (pulls, contacts, threads, clips) =
+            (&own.pulls, &own.contacts, &own.strands, &own.clips);
+        let parts = Recorded { bodies, constraints, tools, pulls, contacts, threads, clips };
         // evaluations for probes do not count as time of the steps
         let times = simulation.world().resource::<SystemTimes>().clone();
         let reactions = &mut totals.reactions;

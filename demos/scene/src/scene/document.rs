@@ -3,6 +3,7 @@
 use super::body::BodyEntry;
 use super::conditions::{ConstraintEntry, LoadEntry, PressureEntry, Selection};
 use super::resection::{CutEntry, ResectionEntry};
+use super::thread::{ClipEntry, ThreadEntry};
 use super::touch::{ContactEntry, PullEntry, ToolEntry};
 use serde::{Deserialize, Serialize};
 use sinew::engine::lanes::InstructionSet;
@@ -77,6 +78,12 @@ pub struct Scene {
     /// Bodies that may touch each other.
     #[serde(default, rename = "contact")]
     pub contacts: Vec<ContactEntry>,
+    /// Threads through tissue.
+    #[serde(default, rename = "thread")]
+    pub strands: Vec<ThreadEntry>,
+    /// Clips between points of tissue.
+    #[serde(default, rename = "clip")]
+    pub clips: Vec<ClipEntry>,
     /// Columns of the CSV file.
     #[serde(default, rename = "probe")]
     pub probes: Vec<ProbeEntry>,
@@ -175,6 +182,10 @@ pub struct ProbeEntry {
     pub pull: Option<String>,
     /// Name of a contact, likewise.
     pub contact: Option<String>,
+    /// Name of a thread, likewise.
+    pub thread: Option<String>,
+    /// Name of a clip, likewise.
+    pub clip: Option<String>,
     /// What to record: keys of [`PROBES`](crate::probe::PROBES).
     pub record: Vec<String>,
 }

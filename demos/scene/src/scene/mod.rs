@@ -10,6 +10,7 @@ mod mistakes;
 mod read;
 mod resection;
 mod shape;
+mod thread;
 mod touch;
 
 pub use body::{BodyEntry, MaterialEntry, MembraneEntry, SpringMethod};
@@ -29,4 +30,5 @@ pub use shape::{
     BalloonShape, BoxShape, CupShape, CylinderShape, DiscShape, Generate, Rotation, SHAPES,
     ShapeDocument, ShapeKey, SheetCells, SheetShape, SolidCells, SpecimenShape, SphereShape,
 };
+pub use thread::{ClipEntry, ThreadEntry};
 pub use touch::{ContactEntry, PartEntry, PullEntry, ToolEntry, ToolShape, TouchedEntry};

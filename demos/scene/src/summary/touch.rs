@@ -1,6 +1,6 @@
 //! Contact in a summary: of tools, pulls and bodies with each other.
 
-use crate::assemble::BuiltScene;
+use crate::assemble::{BuiltScene, BuiltThread};
 use crate::text::{TextBlock, line, short};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -27,6 +27,35 @@ pub struct Touched {
     pub pulls: Vec<PullSummary>,
     /// Contacts of bodies in the order of the file.
     pub contacts: Vec<PairSummary>,
+    /// Threads in the order of the file.
+    pub threads: Vec<ThreadSummary>,
+    /// Clips in the order of the file.
+    pub clips: Vec<ThreadSummary>,
+}
+
+/// A thread or clip of a run.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub struct ThreadSummary {
+    /// Name.
+    pub name: String,
+    /// What it is.
+    pub what: String,
+    /// Largest tension (N) in steps that converged, and when (s).
+    pub peak: f64,
+    /// When (s).
+    pub peak_time: f64,
+    /// Largest tension (N) at the end.
+    pub tension: f64,
+    /// Length (m) that lies between its ends at the end.
+    pub length: f64,
+    /// Work (J) of the hands at it.
+    pub work: f64,
+    /// Energy (J) that friction took.
+    pub dissipation: f64,
+    /// Points that it lost.
+    pub lost: u32,
+    /// It broke.
+    pub broken: bool,
 }
 
 /// The largest force that something felt, and the last one.
@@ -160,7 +189,18 @@ impl Touched {
             friction: contact.friction,
             ..PairSummary::default()
         });
-        Some(Self { tools: tools.collect(), pulls: pulls.collect(), contacts: contacts.collect() })
+        let line = |line: &BuiltThread| ThreadSummary {
+            name: line.name.clone(),
+            what: line.words.clone(),
+            ..ThreadSummary::default()
+        };
+        Some(Self {
+            tools: tools.collect(),
+            pulls: pulls.collect(),
+            contacts: contacts.collect(),
+            threads: built.strands.iter().map(line).collect(),
+            clips: built.clips.iter().map(line).collect(),
+        })
     }
 
     /// Adds a step.
@@ -184,6 +224,19 @@ impl Touched {
             own.work = now.work;
         }
         self.add_contacts(built, simulation, time);
+        let lines = self.threads.iter_mut().chain(&mut self.clips);
+        for (own, line) in lines.zip(built.strands.iter().chain(&built.clips)) {
+            if line.entity().is_none() {
+                continue;
+            }
+            let now = line.report(simulation);
+            (own.tension, own.length) = (now.largest(), now.length);
+            if !now.unconverged && own.tension > own.peak {
+                (own.peak, own.peak_time) = (own.tension, time);
+            }
+            (own.work, own.dissipation) = (now.work, now.dissipation);
+            (own.lost, own.broken) = (now.lost, now.broken);
+        }
     }
 
     fn add_contacts(&mut self, built: &BuiltScene, simulation: &Simulation, time: f64) {
@@ -229,6 +282,23 @@ impl Touched {
                 short(contact.area * 1e4)
             );
             block.line(format!("contact {}", contact.name), words);
+        }
+        for (kind, lines) in [("thread", &self.threads), ("clip", &self.clips)] {
+            for own in lines {
+                let (peak, when) = (short(own.peak), short(own.peak_time));
+                let (end, length) = (short(own.tension), short(own.length * 1e3));
+                let mut words = format!(
+                    "{}; tension up to {peak} N at {when} s, {end} N over {length} mm at the end",
+                    own.what
+                );
+                if own.lost > 0 {
+                    words += &format!("; {} points lost", own.lost);
+                }
+                if own.broken {
+                    words += "; broken";
+                }
+                block.line(format!("{kind} {}", own.name), words);
+            }
         }
     }
 }

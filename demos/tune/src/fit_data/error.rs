@@ -76,7 +76,7 @@ pub enum DataFitError {
     },
     /// Something touches the bodies of the scene.
     #[error(
-        "{file}: the scene has tools, pulls or contacts, which the derivatives of a fit know nothing of; use \
+        "{file}: the scene has tools, pulls, contacts, threads or clips, which the derivatives of a fit know nothing of; use \
          constraints and loads instead"
     )]
     Contact {

@@ -65,7 +65,9 @@ pub fn fit(loaded: &LoadedScene, request: &DataFitRequest) -> Result<DataFitRepo
         return Err(DataFitError::Dynamic { file: loaded.file.clone() });
     }
     let scene = &loaded.scene;
-    if !(scene.tools.is_empty() && scene.pulls.is_empty() && scene.contacts.is_empty()) {
+    if !(scene.tools.is_empty() && scene.pulls.is_empty() && scene.contacts.is_empty())
+        || !(scene.strands.is_empty() && scene.clips.is_empty())
+    {
         return Err(DataFitError::Contact { file: loaded.file.clone() });
     }
     let options = BuildOptions {
