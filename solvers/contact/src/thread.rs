@@ -325,7 +325,10 @@ impl Curve {
         let more = |t: f64| factor * t + force;
         let middle = self.tension(0.0);
         let mut corners = Vec::with_capacity(self.corners.len() + 2);
-        let above = self.corners.iter().filter(|corner| corner[1] > 0.0);
+        // below what the point holds by itself nothing comes through it from behind
+        let least = self.slide(force);
+        corners.extend((least > 0.0).then_some([0.0, least]));
+        let above = self.corners.iter().filter(|[t, s]| *t > force && *s > 0.0);
         corners.extend(above.map(|&[t, s]| [less(t), s]));
         corners.push([less(middle), 0.0]);
         corners.push([more(middle), 0.0]);
