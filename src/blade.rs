@@ -115,9 +115,17 @@ fn look<S: Scalar>(world: &mut World) -> Result<(), StepError> {
             blade::end_stroke(world, body);
             continue;
         }
-        if let Err(error) = check_cut(world, body) {
+        let linear = !world.resource::<Topology>().bodies[body].tetrahedra().is_empty();
+        let known = check_cut(world, body).map_err(|error| error.to_string());
+        let known = known.and_then(|()| {
+            linear.then_some(()).ok_or_else(|| {
+                let name = &world.resource::<Topology>().bodies[body].name;
+                format!("body `{name}` has no linear tetrahedra; use `Simulation::cut`")
+            })
+        });
+        if let Err(why) = known {
             for &i in &near {
-                meets_uncut(world, body, &all[i], &error.to_string())?;
+                meets_uncut(world, body, &all[i], &why)?;
             }
             continue;
         }

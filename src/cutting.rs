@@ -1,9 +1,13 @@
 //! Cuts of bodies of a [`Simulation`].
 
 use crate::simulation::{Backend, BodyHandle, Simulation};
+use bevy_ecs::prelude::*;
 use glam::DVec3;
+use sinew_contact::pair::BodyContact;
+use sinew_contact::tool::Tool;
 use sinew_engine::by_precision;
 use sinew_engine::row::VertexRow;
+use sinew_engine::topology::Topology;
 use sinew_models::cutting::{
     CutError, CutReport, MaterialSkin, check_cut, cut_body, is_cut, node_places, node_velocities,
     update_skin,
@@ -60,6 +64,18 @@ impl Simulation {
         {
             let problem = "backend = \"gpu\" has no cuts; use backend = \"cpu\"".into();
             return Err(CutError::Body { body: rows.name.clone(), problem });
+        }
+        let world = self.world_mut();
+        let rows = world.resource::<Topology>().bodies.get(body.0);
+        if let Some(name) = rows.filter(|rows| rows.tetrahedra().is_empty()).map(|r| r.name.clone())
+        {
+            let tools = world.query_filtered::<(), With<Tool>>().iter(world).next().is_some();
+            let mut contacts = world.query::<&BodyContact>();
+            if tools || contacts.iter(world).any(|contact| contact.bodies.contains(&body.0)) {
+                let problem = "wounds of elements that are no linear tetrahedra have no contact yet; take tools and its \
+                               contacts away, or remove elements";
+                return Err(CutError::Body { body: name, problem: problem.into() });
+            }
         }
         check_cut(self.world_mut(), body.0)
     }

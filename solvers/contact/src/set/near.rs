@@ -114,6 +114,22 @@ impl ContactSet {
         if versions.iter().enumerate().all(known) {
             return Ok(());
         }
+        let touched = |body: usize| {
+            let pair = self.pairs.iter().find(|pair| pair.of.bodies.contains(&body));
+            pair.map(|pair| &pair.of.name).or(self.tools.first().map(|tool| &tool.name))
+        };
+        let other = |own: &BodyRows| !own.copies.sources.is_empty() && own.tetrahedra().is_empty();
+        let cut = topology.bodies.iter().enumerate().find(|(_, own)| other(own));
+        if let Some((body, own)) = cut
+            && let Some(name) = touched(body)
+        {
+            let problem = format!(
+                "body `{}` was cut, and wounds of elements that are no linear tetrahedra have no contact: take tools and \
+                 its contacts away, or remove elements in place of cuts",
+                own.name
+            );
+            return Err(StepError::InvalidContact { name: name.clone(), problem });
+        }
         // new faces may be nearer than those that went
         self.kept.pairs.values_mut().for_each(|state| state.clear = 0.0);
         let mut rest = world.query::<&RestPosition>();
