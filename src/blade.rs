@@ -274,7 +274,10 @@ fn hold(own: &mut Blade, body: usize, view: &BladeView) {
             Some(_) => point.holds = beside(own, body, view, point.cut_to),
             None => {}
         }
+        // what goes back through a wound that has closed behind it takes hold of nothing
+        let goes_back = (then - now).dot(own.into) < 0.0;
         if point.holds.is_none()
+            && !goes_back
             && let Some(entry) = entry(view, now, then)
         {
             point.holds = beside(own, body, view, entry);

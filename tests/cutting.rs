@@ -399,8 +399,7 @@ fn lips_bear_what_presses_them_together() {
                 [-0.01, 0.07].map(|y| [DVec3::new(-0.01, y, 0.031), DVec3::new(0.07, y, 0.031)]);
             assert_eq!(simulation.cut(body, &strip).unwrap().pieces, 2);
         }
-        let integrator = Integrator::Newton;
-        let damped = SolverSettings { integrator, mass_damping: 30.0, ..SolverSettings::default() };
+        let damped = SolverSettings { mass_damping: 30.0, ..SolverSettings::default() };
         simulation.set_solver(damped);
         let mut forces = Vec::new();
         for (way, steps) in [(-0.001, 60), (0.002, 60)] {
@@ -419,7 +418,8 @@ fn lips_bear_what_presses_them_together() {
     let through = press(true, false);
     let ratio = lips[0][0] / whole[0][0];
     assert!(ratio > 0.97 && ratio < 1.0, "{ratio}");
-    assert!((lips[0][0] + lips[0][1]).abs() < 2e-3 * lips[0][1], "{lips:?}");
+    // steps find contact between bodies to a hundredth of the sum of its forces, which here is four times this one
+    assert!((lips[0][0] + lips[0][1]).abs() < 0.04 * lips[0][1], "{lips:?}");
     assert!(through[0][0].abs() < 0.5 * whole[0][0].abs(), "{through:?}");
     assert_eq!(lips[1], [0.0; 2], "{lips:?}");
 }

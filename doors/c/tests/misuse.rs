@@ -12,6 +12,7 @@ macro_rules! calls {
 }
 
 #[test]
+#[allow(clippy::too_many_lines, reason = "a table of all functions")]
 fn null_is_an_argument_everywhere() {
     let slab = Slab::new(1);
     let (sim, body) = (slab.sim, slab.body);

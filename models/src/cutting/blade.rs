@@ -211,7 +211,7 @@ fn bounds([a, b, c, d]: [DVec3; 4]) -> [DVec3; 2] {
 fn shares([a, b, c, d]: [DVec3; 4], x: DVec3) -> Option<[f64; 4]> {
     let edges = glam::DMat3::from_cols(b - a, c - a, d - a);
     let own = edges.inverse() * (x - a);
-    own.is_finite().then(|| [1.0 - own.x - own.y - own.z, own.x, own.y, own.z])
+    own.is_finite().then_some([1.0 - own.x - own.y - own.z, own.x, own.y, own.z])
 }
 
 /// Cuts a body by what parts of edges crossed since the last look, while the body moved, too. `None` where nothing fell apart. No

@@ -65,9 +65,9 @@ pub fn fit(loaded: &LoadedScene, request: &DataFitRequest) -> Result<DataFitRepo
         return Err(DataFitError::Dynamic { file: loaded.file.clone() });
     }
     let scene = &loaded.scene;
-    if !(scene.tools.is_empty() && scene.pulls.is_empty() && scene.contacts.is_empty())
-        || !(scene.strands.is_empty() && scene.clips.is_empty())
-    {
+    let touched = !(scene.tools.is_empty() && scene.pulls.is_empty() && scene.contacts.is_empty());
+    let tied = !(scene.strands.is_empty() && scene.clips.is_empty());
+    if touched || tied {
         return Err(DataFitError::Contact { file: loaded.file.clone() });
     }
     let options = BuildOptions {
