@@ -699,7 +699,7 @@ impl Acting {
             faces: LoadedFaces,
             pressure: Pressure,
             removal: RemovalRequest,
-            tool: (Tool, ToolReport),
+            tool: (Tool, ToolReport, EdgeState),
             edge: EdgeState,
             contact: (BodyContact, BodyContactReport),
             pull: (Pull, PullReport),

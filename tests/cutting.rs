@@ -454,11 +454,7 @@ fn the_skin_follows_cut_motion_and_removal() {
             wounds += 1;
             assert!((at - p).dot(blade).abs() < 1e-3 * size / 6.0, "{at}");
             let depth = skin.depth[v];
-            // never too small; triangles are looked for round the nearest vertices alone
-            assert!(
-                depth >= on_faces - 1e-15 && depth <= 1.02 * on_faces + 1e-15,
-                "{depth} {on_faces}"
-            );
+            assert!((depth - on_faces).abs() < 1e-15, "{depth} {on_faces}");
         } else {
             assert!(skin.depth[v] == 0.0 && on_faces < 1e-15);
         }

@@ -7,10 +7,9 @@ use sinew_engine::scalar::Scalar;
 use sinew_engine::surface::closest_point;
 use sinew_engine::topology::Topology;
 use sinew_engine::vertex::Velocity;
-use std::cmp::Reverse;
-use std::collections::{BTreeMap, BinaryHeap};
+use std::collections::BTreeMap;
 
-use super::material::{Element, Material, NONE, Order};
+use super::material::{Element, Material, Order};
 use super::{CutError, material_of, places, prepared, rest_of, row_of};
 use crate::body::present::Resection;
 
@@ -26,8 +25,7 @@ pub struct MaterialSkin {
     pub points: Vec<DVec3>,
     /// Places (m) at rest: coordinates of what is drawn inside of the body.
     pub rest: Vec<DVec3>,
-    /// Depth (m, at rest) of the points of wounds below the surface of the mesh, by its triangles round the vertices nearest to
-    /// each, so that it may be a little too large; 0 at all others.
+    /// Depth (m, at rest) of the points of wounds below the surface of the mesh; 0 at all others.
     pub depth: Vec<f64>,
     /// Triangles of points, outward.
     pub triangles: Vec<[u32; 3]>,
@@ -43,8 +41,6 @@ pub struct MaterialSkin {
     pub weights: Vec<[f64; 4]>,
     /// The body and the count of its changes that it is of.
     of: Option<(usize, u64)>,
-    /// Of every vertex of the mesh the nearest one of its surface.
-    near: Vec<u32>,
 }
 
 impl MaterialSkin {
@@ -128,11 +124,7 @@ fn build(world: &mut World, body: usize, skin: &mut MaterialSkin) -> Result<(), 
     let rest = rest_of(world, &rows);
     let rest: Vec<DVec3> =
         (0..material.vertices).map(|v| rest[row_of(&rows, v) as usize]).collect();
-    let near = match skin.of {
-        Some((of, _)) if of == body => std::mem::take(&mut skin.near),
-        _ => Vec::new(),
-    };
-    *skin = MaterialSkin { near, ..MaterialSkin::default() };
+    *skin = MaterialSkin::default();
     for vertex in 0..material.vertices {
         skin.add([vertex; 4], [1.0, 0.0, 0.0, 0.0]);
     }
@@ -171,12 +163,8 @@ fn build(world: &mut World, body: usize, skin: &mut MaterialSkin) -> Result<(), 
     skin.depth = vec![0.0; origins.len()];
     if skin.wound.contains(&true) {
         let surface = Surface::new(&material, &rest);
-        if skin.near.is_empty() {
-            skin.near = surface.nearest(&material);
-        }
-        for (i, (point, _)) in origins.iter().enumerate().filter(|(_, (_, wound))| *wound) {
-            let from = material.points[*point as usize].vertices.map(|v| skin.near[v as usize]);
-            skin.depth[i] = surface.distance(skin.rest[i], from);
+        for (i, _) in origins.iter().enumerate().filter(|(_, (_, wound))| *wound) {
+            skin.depth[i] = surface.distance(skin.rest[i]);
         }
     }
     Ok(())
@@ -222,16 +210,11 @@ fn moved_by(material: &Material, element: &Element, point: u32) -> ([u32; 4], [f
     (nodes, point.weights)
 }
 
-/// The surface of the whole mesh at rest.
-struct Surface<'a> {
-    rest: &'a [DVec3],
-    triangles: Vec<[u32; 3]>,
-    /// Of every vertex the triangles round it.
-    round: Vec<Vec<u32>>,
-}
+/// The surface of the whole mesh at rest: corners (m) of its triangles, each with a ball round it.
+struct Surface(Vec<([DVec3; 3], DVec3, f64)>);
 
-impl<'a> Surface<'a> {
-    fn new(material: &Material, rest: &'a [DVec3]) -> Self {
+impl Surface {
+    fn new(material: &Material, rest: &[DVec3]) -> Self {
         let mut faces: Vec<[u32; 3]> = elements(material)
             .flat_map(|[a, b, c, d]| [[b, c, d], [a, d, c], [a, b, d], [a, c, b]])
             .map(|mut face| {
@@ -241,52 +224,26 @@ impl<'a> Surface<'a> {
             .collect();
         faces.sort_unstable();
         let outside = faces.chunk_by(|a, b| a == b).filter(|same| same.len() == 1);
-        let triangles: Vec<[u32; 3]> = outside.map(|same| same[0]).collect();
-        let mut round = vec![Vec::new(); rest.len()];
-        for (number, triangle) in (0..).zip(&triangles) {
-            triangle.iter().for_each(|&v| round[v as usize].push(number));
-        }
-        Self { rest, triangles, round }
+        let triangles = outside.map(|same| {
+            let corners = same[0].map(|v| rest[v as usize]);
+            let centre = (corners[0] + corners[1] + corners[2]) / 3.0;
+            let radius = corners.iter().map(|x| x.distance(centre)).fold(0.0, f64::max);
+            (corners, centre, radius)
+        });
+        Self(triangles.collect())
     }
 
-    /// Distance (m) to the triangles round some vertices.
-    fn distance<const N: usize>(&self, from: DVec3, vertices: [u32; N]) -> f64 {
-        let known = vertices.iter().filter_map(|&v| self.round.get(v as usize));
-        let distance = |&t: &u32| {
-            let corners = self.triangles[t as usize].map(|v| self.rest[v as usize]);
-            let shares = closest_point(from, corners);
-            let closest: DVec3 = corners.iter().zip(shares).map(|(x, share)| *x * share).sum();
-            from.distance(closest)
-        };
-        known.flatten().map(distance).min_by(f64::total_cmp).unwrap_or(0.0)
-    }
-
-    /// Of every vertex the one of the surface whose triangles are nearest, as far as its neighbours know: it spreads along
-    /// edges, nearest first.
-    fn nearest(&self, material: &Material) -> Vec<u32> {
-        let mut beside = vec![Vec::new(); self.rest.len()];
-        for corners in elements(material) {
-            for v in corners {
-                beside[v as usize].extend(corners.iter().copied().filter(|w| *w != v));
+    /// Distance (m) of a place.
+    fn distance(&self, from: DVec3) -> f64 {
+        let mut least = f64::INFINITY;
+        for (corners, centre, radius) in &self.0 {
+            if from.distance(*centre) - radius < least {
+                let shares = closest_point(from, *corners);
+                let closest: DVec3 = corners.iter().zip(shares).map(|(x, share)| *x * share).sum();
+                least = least.min(from.distance(closest));
             }
         }
-        let mut near = vec![NONE; self.rest.len()];
-        // numbers that are not negative are in the order of their bits
-        let mut next = BinaryHeap::new();
-        let outside = (0..).zip(&self.round).filter(|(_, round)| !round.is_empty());
-        next.extend(outside.map(|(v, _): (u32, _)| Reverse((0u64, v, v))));
-        while let Some(Reverse((_, vertex, from))) = next.pop() {
-            if near[vertex as usize] != NONE {
-                continue;
-            }
-            let from = if self.round[vertex as usize].is_empty() { from } else { vertex };
-            near[vertex as usize] = from;
-            for &other in beside[vertex as usize].iter().filter(|&&w| near[w as usize] == NONE) {
-                let distance = self.distance(self.rest[other as usize], [from]);
-                next.push(Reverse((distance.to_bits(), other, from)));
-            }
-        }
-        near
+        least
     }
 }
 
