@@ -2,7 +2,7 @@
 
 use bevy_ecs::prelude::*;
 use glam::DVec3;
-use sinew_contact::edge::{Edge, EdgeState, Hold, MOST_SEGMENTS, YIELD};
+use sinew_contact::edge::{Edge, EdgeHold, EdgeState, MOST_SEGMENTS, YIELD};
 use sinew_contact::pull::hit;
 use sinew_contact::tool::{Tool, ToolPose, ToolReport};
 use sinew_engine::order::Order;
@@ -347,12 +347,12 @@ fn entry(view: &BladeView, from: DVec3, to: DVec3) -> Option<DVec3> {
 }
 
 /// What is held at a place: tissue on either side of the blade, of a wound both lips.
-fn beside(own: &Blade, body: usize, view: &BladeView, at: DVec3) -> Option<[Hold; 2]> {
+fn beside(own: &Blade, body: usize, view: &BladeView, at: DVec3) -> Option<[EdgeHold; 2]> {
     let side = |sign: f64| {
         let mut hints = BESIDE.iter().map(|way| at + sign * way * view.edge * own.across);
         hints.find_map(|hint| view.locate(at, hint))
     };
-    let hold = |(rows, weights)| Hold { body, rows, weights };
+    let hold = |(rows, weights)| EdgeHold { body, rows, weights };
     let (left, right) = (side(-1.0), side(1.0));
     let (left, right) = (left.or(right)?, right.or(left)?);
     Some([hold(left), hold(right)])

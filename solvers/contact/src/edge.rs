@@ -64,7 +64,7 @@ impl Edge {
 
 /// A point of tissue that a point of an edge holds; two of them, one on either side of the blade, are held by each.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Hold {
+pub struct EdgeHold {
     /// Index of the body.
     pub body: usize,
     /// Rows of the element.
@@ -77,7 +77,7 @@ pub struct Hold {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct EdgePoint {
     /// What it holds on either side.
-    pub holds: Option<[Hold; 2]>,
+    pub holds: Option<[EdgeHold; 2]>,
     /// Length (m) of the edge in the tissue for which it stands.
     pub width: f64,
     /// Limit `R` (N/m) in this step.
