@@ -116,7 +116,8 @@ fn cutting_takes_its_toughness() {
     let back = simulation.tool_report(blade).unwrap();
     let state = simulation.world().get::<EdgeState>(blade).unwrap();
     assert_eq!(back.force, DVec3::ZERO, "{state:?}");
-    assert_eq!(back.cut.area, report.area);
+    // what the last step forward cut is booked by the next one
+    assert!((0.0..0.02).contains(&(back.cut.area / report.area - 1.0)), "{back:?} {report:?}");
 }
 
 /// A blade without force goes through a block that is stretched: nothing but what is stored there is left to move it.

@@ -277,7 +277,7 @@ fn a_lobe_is_cut_off_and_lifted() {
     says(&summary.to_string(), &["cut blade", "tetrahedra parted"]);
 }
 
-/// Skin that is stretched by a tenth opens where a scalpel went; the hand feels the toughness times the length of the edge in the tissue.
+/// Skin that is stretched by a tenth opens where a scalpel went; the hand feels toughness times depth.
 #[test]
 fn a_scalpel_opens_what_is_under_tension() {
     let (summary, table) = run_whole("incision", None);
@@ -286,21 +286,25 @@ fn a_scalpel_opens_what_is_under_tension() {
     let force = table.vector("scalpel.tool_force", "N");
     let mut steady: Vec<f64> = force[at(0.8)..at(1.3)].iter().map(|f| -f.y).collect();
     steady.sort_by(f64::total_cmp);
-    // 200 J/m^2 by 6 mm less what stretching takes off the height
+    // 100 J/m^2 by 6 mm less the 0.6 mm that stretching takes off the height; what bulges before the blade adds a little
     let median = steady[steady.len() / 2];
-    assert!((0.93..1.02).contains(&(median / 1.2)), "{median}");
+    assert!((0.96..1.06).contains(&(median / 0.54)), "{median}");
     let [area, fracture] = ["tool_cut_area (m^2)", "tool_fracture (J)"]
         .map(|name| table.column(&format!("scalpel.{name}")));
     let (area, fracture) = (*area.last().unwrap(), *fracture.last().unwrap());
-    assert!((fracture / (200.0 * area) - 1.0).abs() < 1e-9 && area > 0.8 * 0.039 * 0.006, "{area}");
+    assert!(
+        (fracture / (100.0 * area) - 1.0).abs() < 1e-9 && area > 0.8 * 0.039 * 0.0054,
+        "{area}"
+    );
     let work = *table.column("scalpel.tool_work (J)").last().unwrap();
     assert!(work > fracture, "{work} {fracture}");
     let lips =
         ["left_lip", "right_lip"].map(|lip| table.vector(&format!("{lip}.mean_displacement"), "m"));
     let gap = |t: f64| lips[1][at(t)].x - lips[0][at(t)].x;
-    assert!(gap(1.79) - gap(0.39) > 5e-4, "{} {}", gap(0.39), gap(1.79));
+    // 6 mm on either side of it tissue goes back by a part of that
+    assert!(gap(1.79) - gap(0.39) > 3e-4, "{} {}", gap(0.39), gap(1.79));
     let held = table.vector("right.reaction", "N");
-    assert!(held[at(1.79)].x < 0.97 * held[at(0.39)].x, "{} {}", held[at(0.39)], held[at(1.79)]);
+    assert!(held[at(1.79)].x < 0.99 * held[at(0.39)].x, "{} {}", held[at(0.39)], held[at(1.79)]);
     assert!(table.column("skin.min_j (-)").iter().all(|j| *j > 0.3));
     assert!(summary.volume.inverted_max == 0);
 }
