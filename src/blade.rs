@@ -286,10 +286,14 @@ fn hold(own: &mut Blade, body: usize, view: &BladeView) {
         if point.holds.is_none() {
             point.cut_to = now;
         }
-        // the force acts against what of the slip to come goes the way that the blade cuts
-        let slip = then - point.cut_to;
-        let slip = slip - slip.dot(own.across) * own.across;
-        let cosine = slip.normalize_or_zero().dot(own.into).max(0.0);
+        // the force acts against what of the slip goes the way that the blade cuts, now or soon: tissue that was pushed ahead presses on a
+        // blade that goes back until it no longer follows
+        let cosine = [now, then].map(|at| {
+            let slip = at - point.cut_to;
+            let slip = slip - slip.dot(own.across) * own.across;
+            slip.normalize_or_zero().dot(own.into)
+        });
+        let cosine = cosine[0].max(cosine[1]).max(0.0);
         point.limit = if point.holds.is_some() { own.edge.toughness * cosine } else { 0.0 };
         own.state.points[number] = point;
     }
