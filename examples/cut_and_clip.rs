@@ -34,8 +34,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         simulation.step()?;
         most = most.max(simulation.tool_report(scalpel).map_or(0.0, |own| own.force.length()));
     }
-    let cut = simulation.tool_report(scalpel).ok_or("no scalpel")?.cut;
-    println!("cut: {:.2} cm^2 against up to {most:.2} N", cut.area * 1e4);
+    let cut = simulation.tool_report(scalpel).ok_or("no scalpel")?.cut_area;
+    println!("cut: {:.2} cm^2 against up to {most:.2} N", cut * 1e4);
 
     // lift what was cut off
     for step in 0..=60 {

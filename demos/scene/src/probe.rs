@@ -118,9 +118,9 @@ pub static PROBES: [Probe; 44] = [
     scalar("tool_work", "J", Needs::Tool, |now, of| of.tool(now).work),
     scalar("tool_dissipation", "J", Needs::Tool, |now, of| of.tool(now).dissipation),
     // what its edge has cut
-    scalar("tool_cut_area", "m^2", Needs::Tool, |now, of| of.tool(now).cut.area),
-    scalar("tool_fracture", "J", Needs::Tool, |now, of| of.tool(now).cut.fracture),
-    scalar("tool_separated", "-", Needs::Tool, |now, of| of.tool(now).cut.separated.into()),
+    scalar("tool_cut_area", "m^2", Needs::Tool, |now, of| of.tool(now).cut_area),
+    scalar("tool_fracture", "J", Needs::Tool, |now, of| of.tool(now).fracture),
+    scalar("tool_separated", "-", Needs::Tool, |now, of| of.tool(now).separated.into()),
     scalar("tool_area", "m^2", Needs::Tool, |now, of| of.tool(now).area),
     scalar("tool_depth", "m", Needs::Tool, |now, of| of.tool(now).depth),
     scalar("tool_pressure", "Pa", Needs::Tool, |now, of| of.tool(now).pressure),

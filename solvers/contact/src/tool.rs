@@ -1,6 +1,6 @@
 //! Tools: rigid shapes that press, drag and grasp bodies, their motion, and what they report.
 
-use crate::edge::{Edge, EdgeReport, EdgeState};
+use crate::edge::{Edge, EdgeState};
 use crate::shape::Shape;
 use bevy_ecs::prelude::*;
 use glam::{DMat3, DQuat, DVec3};
@@ -568,8 +568,14 @@ pub struct ToolReport {
     pub local_stiffness: Option<DMat3>,
     /// Whether the step that these forces are of did not converge: they are not to be relied on.
     pub unconverged: bool,
-    /// What its edge has cut since it came.
-    pub cut: EdgeReport,
+    /// Area (m^2, in the shapes of the steps) that its edge swept through tissue against its toughness since it came.
+    pub cut_area: f64,
+    /// Energy (J) that this took.
+    pub fracture: f64,
+    /// Elements that its edge parted since it came.
+    pub separated: u32,
+    /// Vertices that this made.
+    pub cut_vertices: u32,
     /// Forces on each part, in their order; empty for a tool of one part.
     pub parts: Vec<PartReport>,
 }

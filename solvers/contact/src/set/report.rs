@@ -102,7 +102,9 @@ impl ContactSet {
                     tool.placed = false;
                 }
                 if let Some(state) = entity.get::<EdgeState>() {
-                    report.cut = state.report;
+                    let own = state.report;
+                    (report.cut_area, report.fracture) = (own.area, own.fracture);
+                    (report.separated, report.cut_vertices) = (own.separated, own.vertices);
                 }
                 entity.insert(report);
             }
