@@ -414,6 +414,15 @@ namespace Sinew
         public Vec3 LocalStiffnessX, LocalStiffnessY, LocalStiffnessZ;
         /// <summary>Whether the step that these forces are of did not converge: they are not to be relied on.</summary>
         public uint Unconverged;
+        /// <summary>Area (m^2, in the shapes of the steps) that its edge swept through tissue against its toughness
+        /// since it came.</summary>
+        public double CutArea;
+        /// <summary>Energy (J) that this took.</summary>
+        public double Fracture;
+        /// <summary>Elements that its edge parted since it came.</summary>
+        public uint Separated;
+        /// <summary>Vertices that this made.</summary>
+        public uint CutVertices;
     }
 
     /// <summary>Forces on one part of a tool, such as one of two jaws.</summary>

@@ -599,6 +599,14 @@ typedef struct sinew_tool_report {
   double local_stiffness[9];
   // Whether the step that these forces are of did not converge: they are not to be relied on.
   uint32_t unconverged;
+  // Area (m^2, in the shapes of the steps) that its edge swept through tissue against its toughness since it came.
+  double cut_area;
+  // Energy (J) that this took.
+  double fracture;
+  // Elements that its edge parted since it came.
+  uint32_t separated;
+  // Vertices that this made.
+  uint32_t cut_vertices;
 } sinew_tool_report;
 
 // Forces on one part of a tool, such as one of two jaws.

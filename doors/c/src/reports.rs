@@ -65,6 +65,14 @@ pub struct sinew_tool_report {
     pub local_stiffness: [f64; 9],
     /// Whether the step that these forces are of did not converge: they are not to be relied on.
     pub unconverged: u32,
+    /// Area (m^2, in the shapes of the steps) that its edge swept through tissue against its toughness since it came.
+    pub cut_area: f64,
+    /// Energy (J) that this took.
+    pub fracture: f64,
+    /// Elements that its edge parted since it came.
+    pub separated: u32,
+    /// Vertices that this made.
+    pub cut_vertices: u32,
 }
 
 impl From<&ToolReport> for sinew_tool_report {
@@ -96,6 +104,10 @@ impl From<&ToolReport> for sinew_tool_report {
             other_points: r.other_points.unwrap_or_default().to_array(),
             local_stiffness: r.local_stiffness.unwrap_or(DMat3::ZERO).to_cols_array(),
             unconverged: r.unconverged.into(),
+            cut_area: r.cut_area,
+            fracture: r.fracture,
+            separated: r.separated,
+            cut_vertices: r.cut_vertices,
         }
     }
 }

@@ -113,6 +113,18 @@ class ToolReport:
     unconverged: bool
     """Whether the step that these forces are of did not converge: they are not to be relied on."""
 
+    cut_area: float
+    """Area (m^2, in the shapes of the steps) that its edge swept through tissue against its toughness since it came."""
+
+    fracture: float
+    """Energy (J) that this took."""
+
+    separated: int
+    """Elements that its edge parted since it came."""
+
+    cut_vertices: int
+    """Vertices that this made."""
+
     parts: tuple[PartReport, ...]
     """Forces on each part, in their order; empty for a tool of one part."""
 
@@ -477,10 +489,10 @@ class Cut:
     """What a cut did."""
 
     separated: list[int]
-    """Tetrahedra that it parted, by their numbers, ascending."""
+    """Elements that it parted, by their numbers, ascending."""
 
     copies: list[list[int]]
-    """Number of every copy that came to be, and of the tetrahedron of the mesh that it is of."""
+    """Number of every copy that came to be, and of the element of the mesh that it is of."""
 
     vertices: int
     """Vertices that it made."""
@@ -492,7 +504,10 @@ class Cut:
     """Connected pieces of the body now."""
 
     least_share: float
-    """Least share of a tetrahedron of the body now."""
+    """Least share of an element of the body now; of hexahedra in local coordinates."""
 
     area: float
     """Area (m^2, at rest) of one side of the wound."""
+
+    elastic_energy: float
+    """Elastic energy (J) that the body has more than before because clusters of volume fell apart; 0 without."""
