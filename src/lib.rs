@@ -50,7 +50,7 @@
 //!
 //! A step runs the sets of [`StepSystems`](engine::schedule::StepSystems) in order:
 //!
-//! 1. `Edit` removes the elements that were asked for.
+//! 1. `Edit` removes the elements that were asked for, and opens what blades went through.
 //! 2. `Prepare` turns constraints and loads into what vertices bear at the end of the step.
 //! 3. `Integrate` is the integrator. It asks the laws for energy, forces and tangent as often as it needs them.
 //! 4. `Constrain` is empty: systems of yours that correct the new state.

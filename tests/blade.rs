@@ -79,6 +79,27 @@ fn the_number_of_moves_decides_nothing() {
     }
 }
 
+/// A blade that left the tissue and enters it elsewhere begins a new stroke, on the material as the last one left it.
+#[test]
+fn a_second_stroke_is_decided_anew() {
+    let (mut simulation, body, blade) = scene(4, 0.0, Precision::F64);
+    simulation.step().unwrap();
+    let planes = [0.031, 0.047];
+    for way in [DVec3::Y * 0.04, DVec3::Y * -0.045, DVec3::X * 0.016, DVec3::Y * 0.045] {
+        draw(&mut simulation, blade, way, 20, &mut |_| ());
+    }
+    simulation.step().unwrap();
+    let skin = simulation.skin(body).unwrap();
+    let mut found = [0; 2];
+    for triangle in skin.triangles.iter().zip(&skin.wound).filter(|(_, w)| **w).map(|(t, _)| t) {
+        for x in triangle.map(|v| skin.rest[v as usize].x) {
+            let on = planes.iter().position(|plane| (x - plane).abs() < 1e-6);
+            found[on.unwrap_or_else(|| panic!("a wound at {x} m"))] += 1;
+        }
+    }
+    assert!(found.iter().all(|count| *count > 50), "{found:?}");
+}
+
 /// Work of the hand is what the toughness takes and what the tissue stores, and a little for what jumps open.
 #[test]
 fn cutting_takes_its_toughness() {

@@ -46,8 +46,8 @@ pub struct EdgeMove {
 /// The material of a body, looked at.
 #[derive(Clone, Debug, Default)]
 pub struct BladeView {
-    /// Of what changes of the body it was made.
-    changes: Option<u64>,
+    /// Of what changes of the body it was made, and whether a stroke was going on that had opened something.
+    of: Option<(u64, bool)>,
     material: Material,
     uncut: Uncut,
     /// A cell that has each point that no vertex is, of the uncut material.
@@ -72,9 +72,9 @@ pub struct BladeViews(BTreeMap<usize, BladeView>);
 /// # Errors
 /// When it cannot be cut.
 pub fn view<S: Scalar>(world: &mut World, body: usize) -> Result<BladeView, CutError> {
-    let changes = world.resource::<Topology>().bodies.get(body).map(|rows| rows.changes);
+    let of = version(world, body);
     let mut views = world.remove_resource::<BladeViews>().unwrap_or_default();
-    let known = views.0.remove(&body).filter(|view| view.changes == changes);
+    let known = views.0.remove(&body).filter(|view| view.of == of);
     world.insert_resource(views);
     let mut view = match known {
         Some(view) => view,
@@ -82,6 +82,14 @@ pub fn view<S: Scalar>(world: &mut World, body: usize) -> Result<BladeView, CutE
     };
     view.places = places::<S>(world, body);
     Ok(view)
+}
+
+/// What a view must be of. A stroke that begins decides on the material as it is then, not on that of the one before.
+fn version(world: &World, body: usize) -> Option<(u64, bool)> {
+    let changes = world.resource::<Topology>().bodies.get(body)?.changes;
+    let memory = world.get_resource::<StrokeMemory>();
+    let progress = memory.and_then(|memory| memory.bodies.get(&body)?.progress.as_ref());
+    Some((changes, progress.is_some_and(Progress::has_opened)))
 }
 
 /// Keeps a view for the next look.
@@ -120,16 +128,11 @@ impl BladeView {
         let material = material_of(world, body, own);
         world.insert_resource(resection);
         let rows = &world.resource::<Topology>().bodies[body];
-        let changes = Some(rows.changes);
         let nodes = 0..(rows.mesh_vertices() + material.ghosts.len()) as u32;
         let (first, rows) = (rows.vertices.start, nodes.map(|node| row_of(rows, node)).collect());
-        let goes_on = world
-            .get_resource::<StrokeMemory>()
-            .and_then(|memory| memory.bodies.get(&body)?.progress.as_ref());
-        let uncut = match (&material.uncut, goes_on) {
-            (Some(uncut), Some(progress)) if progress.has_opened() && uncut.fits(progress) => {
-                (**uncut).clone()
-            }
+        let of = version(world, body);
+        let uncut = match (&material.uncut, of) {
+            (Some(uncut), Some((_, true))) => (**uncut).clone(),
             _ => Uncut::new(&material),
         };
         let mut holders = vec![0; (uncut.points - material.vertices) as usize];
@@ -140,7 +143,7 @@ impl BladeView {
         }
         let (edge, places) = (0.0, Vec::new());
         let focus = Vec::new();
-        let mut view = Self { changes, material, uncut, holders, edge, places, first, rows, focus };
+        let mut view = Self { of, material, uncut, holders, edge, places, first, rows, focus };
         let rest = rest_of(world, &world.resource::<Topology>().bodies[body].clone());
         view.edge = view.mean_edge(&|vertex| rest[view.rows[vertex as usize] as usize]);
         Ok(view)

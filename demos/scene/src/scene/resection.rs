@@ -38,7 +38,7 @@ pub struct ResectionEntry {
     pub until: Option<f64>,
 }
 
-/// A cut through a body, at once, in its present shape; dynamic scenes without tools and contacts.
+/// A cut through a body, at once, in its present shape; dynamic scenes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CutEntry {
