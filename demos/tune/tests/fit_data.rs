@@ -460,7 +460,7 @@ fn bad_data_and_parameters_are_named() {
     let mut touched = scene.clone();
     touched.scene.tools.push(Default::default());
     let found = fit_texts(&touched, &[good], &["young"]).unwrap_err().to_string();
-    assert!(found.contains("tools, pulls or contacts"), "{found}");
+    assert!(found.contains("tools, pulls, contacts, threads or clips"), "{found}");
     let mut dynamic = scene.clone();
     dynamic.scene.mode = sinew_scene::scene::Mode::Dynamic;
     let found = fit_texts(&dynamic, &[good], &["young"]).unwrap_err().to_string();

@@ -302,8 +302,10 @@ type Waiting = (Without<SinewBodyIndex>, Without<SinewBodyError>);
 
 /// Builds bodies whose meshes are there.
 fn build_bodies(world: &mut World, waiting: &mut QueryState<(Entity, &SinewBody), Waiting>) {
-    let waiting: Vec<_> =
+    let mut waiting: Vec<_> =
         waiting.iter(world).map(|(entity, body)| (entity, body.clone())).collect();
+    // a query goes through archetypes in an order that other components may change
+    waiting.sort_unstable_by_key(|(entity, _)| entity.index_u32());
     for (entity, body) in waiting {
         let name = name(world, entity);
         let result = match find_mesh(world, &name, &body.mesh) {
