@@ -56,7 +56,7 @@ fn hard_cases_print_a_table_and_write_a_page() {
     let value: serde_json::Value = serde_json::from_slice(&json.stdout).unwrap();
     assert_eq!(value["schema"], "sinew-stability/3");
     assert_eq!(value["rows"][0]["status"], "pass");
-    check(&["bench", "stability", "--group", "14"], 1, "", "1 to 13");
+    check(&["bench", "stability", "--group", "15"], 1, "", "1 to 14");
     check(&["bench", "stability", "--integrator", "quasi-static"], 1, "", "equilibria");
     check(&["stability"], 2, "", "Usage");
 }

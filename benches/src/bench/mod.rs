@@ -6,6 +6,7 @@ pub mod arrays;
 pub mod bar;
 pub mod cases;
 pub mod contact;
+pub mod cutting;
 pub mod elements;
 pub mod flops;
 #[cfg(feature = "gpu")]
@@ -44,6 +45,8 @@ pub enum BenchPart {
     Peers,
     /// Frame times while elements are removed.
     Resection,
+    /// Steps in which a blade cuts beside those without it.
+    Cutting,
     /// Steps with contact beside those without.
     Contact,
     /// Graphics processor beside processor.
@@ -66,6 +69,7 @@ impl BenchPart {
             Self::Scenes => "scenes",
             Self::Peers => "peers",
             Self::Resection => "resection",
+            Self::Cutting => "cutting",
             Self::Contact => "contact",
             #[cfg(feature = "gpu")]
             Self::Gpu => "gpu",
@@ -139,6 +143,11 @@ pub fn run(
             BenchPart::Resection => {
                 let frames = if quick { 100 } else { 500 };
                 report.tables.extend(resection::run(&sizes([1, 2]), frames, 2, &mut tell)?);
+            }
+            BenchPart::Cutting => {
+                let found = cutting::run(&sizes([1, 2]), &threads, &mut tell)?;
+                report.tables.push(found.0);
+                aims = found.1;
             }
             BenchPart::Contact => {
                 let (repeats, kinds) = (if brief { 2 } else { 5 }, &options.cases);

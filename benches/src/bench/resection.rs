@@ -25,7 +25,8 @@ pub struct FrameTimes {
 }
 
 impl FrameTimes {
-    fn of(mut ms: Vec<f64>) -> Self {
+    /// That of some times, one at least.
+    pub(super) fn of(mut ms: Vec<f64>) -> Self {
         ms.sort_by(f64::total_cmp);
         let [min, median, p95, p99, max] = [0.0, 0.5, 0.95, 0.99, 1.0].map(|q| quantile(&ms, q));
         let late = ms.iter().filter(|&&t| t > FRAME * 1e3).count() as f64 / ms.len() as f64;

@@ -26,6 +26,8 @@ pub enum BenchCommand {
     Peers(BenchArguments),
     /// Frame times while one tetrahedron a frame is removed, on two threads; not part of `all`.
     Resection(BenchArguments),
+    /// Steps in which a blade cuts beside steps without it, in turns; not part of `all`.
+    Cutting(BenchArguments),
     /// Steps with contact beside those without, in turns: a tool far away, slow and fast, two bodies, a liver that is
     /// palpated; not part of `all`.
     Contact(BenchArguments),
@@ -33,7 +35,7 @@ pub enum BenchCommand {
     /// not part of `all`. The environment variable SINEW_ADAPTER names an adapter.
     #[cfg(feature = "gpu")]
     Gpu(BenchArguments),
-    /// Everything but `resection`, `contact`, `gpu` and `stability`, one report.
+    /// Everything but `resection`, `cutting`, `contact`, `gpu` and `stability`, one report.
     All(BenchArguments),
     /// Run the hard cases and print the pass table; fails when a case misses that must pass.
     Stability(StabilityArguments),
@@ -73,6 +75,7 @@ fn measured(command: &BenchCommand) -> Option<(Vec<BenchPart>, &'static str, &Be
         BenchCommand::Scenes(a) => (BenchPart::Scenes, a),
         BenchCommand::Peers(a) => (BenchPart::Peers, a),
         BenchCommand::Resection(a) => (BenchPart::Resection, a),
+        BenchCommand::Cutting(a) => (BenchPart::Cutting, a),
         BenchCommand::Contact(a) => (BenchPart::Contact, a),
         #[cfg(feature = "gpu")]
         BenchCommand::Gpu(a) => (BenchPart::Gpu, a),

@@ -1,4 +1,4 @@
-//! The hard cases: what an engine for soft bodies must survive, in thirteen groups, each case with its
+//! The hard cases: what an engine for soft bodies must survive, in fourteen groups, each case with its
 //! pass criteria. What is known to miss one on some machine or with some setting is listed with its reason
 //! ([`KNOWN_MISSES`]): it may miss, and it may pass.
 //!
@@ -9,6 +9,7 @@ mod axes;
 mod cantilever;
 mod collapse;
 mod contact;
+mod cutting;
 mod friction;
 mod input;
 mod membranes;
@@ -31,7 +32,7 @@ pub use rows::{
 use clap::builder::{EnumValueParser, TypedValueParser};
 use overload::MORE_ENERGY;
 use rayon::prelude::*;
-use runner::{CaseSetting, HardCase, OtherCells, Scope};
+use runner::{CaseSetting, HardCase, OtherColumns, Scope};
 use serde::Serialize;
 use sinew::engine::lanes::{InstructionSet, InstructionSetError};
 use sinew::engine::mesh::MeshError;
@@ -111,7 +112,7 @@ pub struct SuiteOptions {
     /// Without recovery from inversion.
     #[arg(long)]
     pub no_recovery: bool,
-    /// Only this group, 1 to 13; may be given several times.
+    /// Only this group, 1 to 14; may be given several times.
     #[arg(long = "group", value_name = "N")]
     pub groups: Vec<u8>,
     /// Only cases whose names contain this; may be given several times.
@@ -207,7 +208,7 @@ pub enum SuiteError {
     #[error(transparent)]
     Mesh(#[from] MeshError),
     /// There is no such group.
-    #[error("there is no group {0}: choose one of 1 to 13")]
+    #[error("there is no group {0}: choose one of 1 to 14")]
     Group(u8),
     /// Nothing is left to run.
     #[error(
@@ -302,6 +303,7 @@ fn all_cases() -> Result<Vec<HardCase>, MeshError> {
         input::cases,
         overload::cases,
         contact::cases,
+        cutting::cases,
     ] {
         cases.extend(build()?.0);
     }
@@ -326,7 +328,7 @@ pub fn run(
     tell: impl Fn(usize, usize) + Sync,
 ) -> Result<Suite, SuiteError> {
     let start = Instant::now();
-    if let Some(&group) = options.groups.iter().find(|g| !(1..=13).contains(*g)) {
+    if let Some(&group) = options.groups.iter().find(|g| !(1..=14).contains(*g)) {
         return Err(SuiteError::Group(group));
     }
     if options.integrators.iter().any(|i| !i.facts().dynamic) {
@@ -435,7 +437,7 @@ impl Job<'_> {
         }
     }
 
-    /// Runs the case; none, where it cannot be cut into the cells of the column.
+    /// Runs the case; none, where it is not for the cells or the energy of the column.
     fn run(&self, precision: Precision) -> Option<HardCaseRow> {
         let start = Instant::now();
         let setting = self.setting(precision, 1);
@@ -458,7 +460,7 @@ impl Job<'_> {
                 }
                 (row.figures, row.checks) = (figures, checks);
             }
-            Err(problem) if problem.is::<OtherCells>() => return None,
+            Err(problem) if problem.is::<OtherColumns>() => return None,
             Err(problem) => row.note = problem.to_string(),
         }
         row.seconds = start.elapsed().as_secs_f64();

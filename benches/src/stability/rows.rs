@@ -106,7 +106,7 @@ impl PassColumn {
 /// A subgroup of cases: a row of the pass table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct CasePart {
-    /// Number of its group, 1 to 13.
+    /// Number of its group, 1 to 14.
     pub group: u8,
     /// What its cases have in common.
     pub name: &'static str,

@@ -178,6 +178,10 @@ fn silent(name: &str, chosen: impl Fn(&str) -> bool) -> Vec<String> {
         {
             return format!("{way}.path");
         }
+        // a small turn of a plane may choose the same vertices
+        if let Some((space, _)) = path.split_once("half_space.") {
+            return format!("{space}half_space");
+        }
         // a blade begins and ends beside the body, wherever that is
         if let Some((blade, _)) = path.split_once(".strip") {
             return format!("{blade}.strip");
