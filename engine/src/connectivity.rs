@@ -143,8 +143,16 @@ pub struct Touched {
 impl Connectivity {
     /// Of a whole body.
     pub fn new(body: &BodyRows) -> Self {
+        Self::of(body, Cells::new(body.row_count(), &body.nodes))
+    }
+
+    /// Of a whole body that differs from the one of this in some elements of a kind, by their rows, and in new ones after all others.
+    pub fn after(&self, body: &BodyRows, kind: ElementKind, changed: &[u32]) -> Self {
+        Self::of(body, self.cells.after(kind, &body.nodes[kind], changed))
+    }
+
+    fn of(body: &BodyRows, cells: Cells) -> Self {
         let n = body.row_count();
-        let cells = Cells::new(n, &body.nodes);
         let edges = cells.edges.len();
         let round_vertex = ByKind::of(|kind| Incidence::new(n, &body.nodes[kind]));
         let round_edge = ByKind::of(|kind| Incidence::new(edges, &cells.edges_of[kind]));

@@ -174,6 +174,23 @@ impl PerElement {
         self.iter().flat_map(move |own| local.iter().map(move |places| places.map(|i| own[i])))
     }
 
+    /// The same after what it tells the numbers of got others, and some elements others altogether; those beyond the end are new.
+    pub(crate) fn renumbered(
+        &self,
+        number: &[u32],
+        changed: &[u32],
+        of: impl Fn(u32, usize) -> u32,
+    ) -> Self {
+        let width = self.width;
+        let mut numbers: Vec<u32> = self.numbers.iter().map(|&own| number[own as usize]).collect();
+        let count = changed.iter().map(|&e| e as usize + 1).max().unwrap_or(0);
+        numbers.resize((width * count).max(numbers.len()), 0);
+        for &e in changed {
+            (0..width).for_each(|i| numbers[e as usize * width + i] = of(e, i));
+        }
+        Self { width, numbers }
+    }
+
     /// `width` numbers for each element, one after another.
     pub(crate) fn filled(width: usize, numbers: impl Iterator<Item = u32>) -> Self {
         Self { width, numbers: numbers.collect() }

@@ -268,9 +268,8 @@ impl Cells {
 
     /// The same with pairs of vertex rows, the lower first, beside those of elements.
     fn coupled(vertex_count: usize, nodes: &ByKind<PerElement>, more: Vec<[u32; 2]>) -> Self {
-        let mut edges: Vec<[u32; 2]> = all_pairs(nodes).map(|[a, b]| sorted2(a, b)).collect();
-        edges.sort_unstable();
-        edges.dedup();
+        let mut edges =
+            ascending(vertex_count, all_pairs(nodes).map(|[a, b]| sorted2(a, b)).collect());
         let mut more = more;
         more.retain(|pair| edges.binary_search(pair).is_err());
         more.sort_unstable();
@@ -281,14 +280,10 @@ impl Cells {
         let couplings = (0..).zip(&edges).filter(|(_, edge)| is_more(edge)).map(|(i, _)| i);
         let couplings = couplings.collect();
         let all_triangles = |kind| nodes[kind].at(local_triangles(kind, nodes[kind].width()));
-        let mut triangles: Vec<[u32; 3]> =
-            ElementKind::ALL.into_iter().flat_map(all_triangles).map(sorted).collect();
-        triangles.sort_unstable();
-        triangles.dedup();
+        let triangles = ElementKind::ALL.into_iter().flat_map(all_triangles).map(sorted).collect();
+        let triangles = ascending(vertex_count, triangles);
         let all_faces = || nodes.hexahedra.at(&HEXAHEDRON_FACES).map(sorted);
-        let mut faces: Vec<[u32; 4]> = all_faces().collect();
-        faces.sort_unstable();
-        faces.dedup();
+        let faces = ascending(vertex_count, all_faces().collect());
 
         let edge_start = starts(vertex_count, edges.iter().map(|e| e[0]));
         let triangle_start = starts(vertex_count, triangles.iter().map(|t| t[0]));
@@ -327,6 +322,80 @@ impl Cells {
     }
 }
 
+impl Cells {
+    /// The same after some elements of a kind, by their rows, got other vertices or came to be. What no element has any more stays in
+    /// the lists.
+    pub fn after(&self, kind: ElementKind, nodes: &PerElement, changed: &[u32]) -> Self {
+        fn at<const N: usize>(nodes: &PerElement, e: u32, local: [usize; N]) -> [u32; N] {
+            sorted(local.map(|i| nodes.of(e)[i]))
+        }
+        fn all<const N: usize>(
+            nodes: &PerElement,
+            changed: &[u32],
+            local: &[[usize; N]],
+        ) -> Vec<[u32; N]> {
+            let of = |&e: &u32| local.iter().map(move |own| at(nodes, e, *own));
+            changed.iter().flat_map(of).collect()
+        }
+        let local_pairs = pairs(kind, nodes.width());
+        let triangle_corners = local_triangles(kind, nodes.width());
+        let quads: &[[usize; 4]] = match kind {
+            ElementKind::Hexahedron => &HEXAHEDRON_FACES,
+            _ => &[],
+        };
+        let (edges, edge) = with(&self.edges, all(nodes, changed, local_pairs));
+        let (triangles, triangle) = with(&self.triangles, all(nodes, changed, triangle_corners));
+        let (faces, face) = with(&self.faces, all(nodes, changed, quads));
+        fn row<const N: usize>(list: &[[u32; N]], item: [u32; N]) -> u32 {
+            list.binary_search(&item).unwrap_or(0) as u32
+        }
+        let own = |k: ElementKind| if k == kind { changed } else { &[] };
+        let edges_of = ByKind::of(|k| {
+            let of = |e, i: usize| row(&edges, at(nodes, e, local_pairs[i]));
+            self.edges_of[k].renumbered(&edge, own(k), of)
+        });
+        let triangles_of = ByKind::of(|k| {
+            let of = |e, i: usize| row(&triangles, at(nodes, e, triangle_corners[i]));
+            self.triangles_of[k].renumbered(&triangle, own(k), of)
+        });
+        let of = |e, i: usize| row(&faces, at(nodes, e, quads[i]));
+        let faces_of = self.faces_of.renumbered(&face, own(ElementKind::Hexahedron), of);
+        let opposite = |t: &[u32; 3]| TRIANGLE_EDGES.map(|[a, b]| row(&edges, sorted2(t[a], t[b])));
+        let mut triangle_edges = vec![[UNUSED; 3]; triangles.len()];
+        for (own, &place) in self.triangle_edges.iter().zip(&triangle) {
+            triangle_edges[place as usize] = own.map(|e| edge[e as usize]);
+        }
+        for (t, own) in triangles.iter().zip(&mut triangle_edges).filter(|(_, e)| e[0] == UNUSED) {
+            *own = opposite(t);
+        }
+        let couplings = self.couplings.iter().map(|&e| edge[e as usize]).collect();
+        Self {
+            edges_of,
+            triangles_of,
+            faces_of,
+            triangle_edges,
+            edges,
+            couplings,
+            triangles,
+            faces,
+        }
+    }
+}
+
+/// Some ascending items and more of them, ascending, each once, and the place of each of the former.
+fn with<const N: usize>(items: &[[u32; N]], mut more: Vec<[u32; N]>) -> (Vec<[u32; N]>, Vec<u32>) {
+    more.retain(|item| items.binary_search(item).is_err());
+    more.sort_unstable();
+    more.dedup();
+    let mut all = [items, &more].concat();
+    // two runs that are ascending, which a stable sort merges
+    all.sort();
+    let mut former = items.iter().peekable();
+    let places = (0..).zip(&all).filter_map(|(i, item)| former.next_if_eq(&item).map(|_| i));
+    let places = places.collect();
+    (all, places)
+}
+
 /// An even permutation that puts the lowest entry first and the next lowest second. Then only the
 /// edge of the last two local vertices may run against the order of rows.
 pub fn lowest_first(mut t: [u32; 4]) -> [u32; 4] {
@@ -358,6 +427,21 @@ fn sorted2(a: u32, b: u32) -> [u32; 2] {
 fn sorted<const N: usize>(mut rows: [u32; N]) -> [u32; N] {
     rows.sort_unstable();
     rows
+}
+
+/// Each of these once, ascending; their first numbers are below `count`. Those that share the first are few, so that no list of all is
+/// sorted.
+pub fn ascending<const N: usize>(count: usize, items: Vec<[u32; N]>) -> Vec<[u32; N]> {
+    let start = starts(count, items.iter().map(|item| item[0]));
+    let (mut next, mut all) = (start.clone(), vec![[0; N]; items.len()]);
+    for item in items {
+        let place = &mut next[item[0] as usize];
+        all[*place as usize] = item;
+        *place += 1;
+    }
+    start.windows(2).for_each(|own| all[own[0] as usize..own[1] as usize].sort_unstable());
+    all.dedup();
+    all
 }
 
 /// Compressed-row starts for sorted `keys` in `0..n`.

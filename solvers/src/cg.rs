@@ -360,7 +360,7 @@ impl<T: Scalar> ConjugateGradients<T> {
         self.correction = corrected.then(Correction::default);
         self.coarse = (kind == Preconditioner::Multigrid).then(|| {
             // in large bodies the work of the factor would outgrow that of an iteration
-            let size = AGGREGATE.max((0.45 * (rest.len() as f64).sqrt()) as usize);
+            let size = AGGREGATE.max((0.45 * (pattern.used as f64).sqrt()) as usize);
             (!ends.is_empty())
                 .then(|| CoarseSpace::corners(pattern, ends))
                 .flatten()
@@ -792,7 +792,7 @@ mod tests {
                 Piece { rows, reach }
             })
             .collect();
-        (Pattern { start, column, pieces }, matrix, rest)
+        (Pattern { start, column, pieces, used: rest.len() }, matrix, rest)
     }
 
     fn prepared(

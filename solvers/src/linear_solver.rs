@@ -213,9 +213,9 @@ impl<S: Scalar> LinearSolver<S> {
             self.groups[group].1.assembled = [false; 2];
         }
         let preconditioner = {
-            let BodySolver { single, full, .. } = &self.groups[group].1;
+            let BodySolver { pattern, single, full, .. } = &self.groups[group].1;
             let slow = single.is_slow() || full.is_slow();
-            resolve(options.preconditioner, system, b.len(), slow)
+            resolve(options.preconditioner, system, pattern.used, slow)
         };
         let same_type = size_of::<S>() == size_of::<f32>();
         let solve = LinearSolve {

@@ -146,6 +146,8 @@ pub struct Pattern {
     pub column: Vec<u32>,
     /// Consecutive rows, in order.
     pub pieces: Vec<Piece>,
+    /// Number of rows that have blocks; others, such as spare ones, cost next to nothing.
+    pub used: usize,
 }
 
 /// Rows per piece, about.
@@ -170,15 +172,20 @@ impl Pattern {
         let column: Vec<u32> =
             topology.edges[blocks].iter().map(|e| e[1] - rows.start as u32).collect();
         let n = rows.len();
-        let count = ((n + ROWS_PER_PIECE / 2) / ROWS_PER_PIECE).clamp(1, MAX_PIECES);
+        let mut is_used: Vec<bool> = start.windows(2).map(|own| own[0] < own[1]).collect();
+        column.iter().for_each(|&c| is_used[c as usize] = true);
+        let used = is_used.iter().filter(|used| **used).count();
+        let count = ((used + ROWS_PER_PIECE / 2) / ROWS_PER_PIECE).clamp(1, MAX_PIECES);
         // equal numbers of blocks, the diagonal counted
-        let total = n + column.len();
+        let total = used + column.len();
+        let mut passed = 0;
         let mut pieces = Vec::with_capacity(count);
         let mut first = 0;
         for piece in 1..=count {
             let target = total * piece / count;
             let mut end = first;
-            while end < n && (piece == count || end + (start[end] as usize) < target) {
+            while end < n && (piece == count || passed + (start[end] as usize) < target) {
+                passed += usize::from(is_used[end]);
                 end += 1;
             }
             if end == first {
@@ -189,7 +196,7 @@ impl Pattern {
             pieces.push(Piece { rows: first..end, reach });
             first = end;
         }
-        Self { start, column, pieces }
+        Self { start, column, pieces, used }
     }
 
     /// Number of block rows.
@@ -204,7 +211,7 @@ impl Pattern {
 
     /// Multiplications of 3x3 blocks, about, of an iteration of conjugate gradients with incomplete factors.
     pub fn work(&self) -> f64 {
-        2.0 * (self.len() + 2 * self.column.len()) as f64
+        2.0 * (self.used + 2 * self.column.len()) as f64
     }
 
     /// Off-diagonal blocks of a row.

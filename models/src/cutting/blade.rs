@@ -174,14 +174,18 @@ impl BladeView {
 
     /// Looks at what is in a box (m).
     pub fn focus(&mut self, [low, high]: [DVec3; 2]) {
-        let place = |cell: &Cell, p| self.material.place(cell, p, &|n| self.node(n, &self.places));
-        let cells = (0..).zip(&self.material.cells);
-        let cells = cells.map(|(number, cell)| (number, cell.corners.map(|p| place(cell, p))));
-        let inside = |(_, x): &(u32, [DVec3; 4])| {
-            let [least, most] = bounds(*x);
+        let inside = |x: [DVec3; 4]| {
+            let [least, most] = bounds(x);
             least.cmple(high).all() && low.cmple(most).all()
         };
-        self.focus = cells.filter(inside).collect();
+        // material lies in the element that moves it
+        let nodes = self.material.elements.iter().map(|element| element.nodes);
+        let near: Vec<bool> =
+            nodes.map(|own| inside(own.map(|node| self.node(node, &self.places)))).collect();
+        let place = |cell: &Cell, p| self.material.place(cell, p, &|n| self.node(n, &self.places));
+        let cells = (0..).zip(&self.material.cells).filter(|(_, c)| near[c.element as usize]);
+        let cells = cells.map(|(number, cell)| (number, cell.corners.map(|p| place(cell, p))));
+        self.focus = cells.filter(|(_, x)| inside(*x)).collect();
     }
 
     /// The element in focus whose material has a place (m), and the shares of its vertices there: they add up to 1 and give that place.
@@ -249,7 +253,9 @@ impl BodyStroke {
         if self.places.len() != view.places.len() {
             return Ok(None);
         }
-        let point = |p: u32| [view.place(p, &self.places), view.place(p, &view.places)];
+        let both = |p| [view.place(p, &self.places), view.place(p, &view.places)];
+        let points: Vec<[DVec3; 2]> = (0..view.uncut.points).map(both).collect();
+        let point = |p: u32| points[p as usize];
         let all = moves.iter().flat_map(|own| own.before.into_iter().chain(own.after));
         let low = all.clone().fold(DVec3::INFINITY, DVec3::min);
         let high = all.fold(DVec3::NEG_INFINITY, DVec3::max);
@@ -272,7 +278,7 @@ impl BodyStroke {
         };
         let goes_on = progress.has_opened();
         let mut separated = Vec::new();
-        let place = |p: u32| view.place(p, &view.places);
+        let place = |p: u32| point(p)[1];
         for own in moves.iter().filter(|own| own.after[0] != own.after[1]) {
             let cross = |(e, ends): &(u32, [[DVec3; 2]; 2])| Some((*e, crossing(ends, own)?));
             let crossed: Vec<(u32, f64)> = near.iter().filter_map(cross).collect();

@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 use sinew_engine::isoparametric::{hexahedron_shape, middle_of, tetrahedron10_shape};
+use sinew_engine::layout::{ascending, starts};
 use sinew_engine::sets::DisjointSets;
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -226,10 +227,13 @@ impl Progress {
 impl Uncut {
     /// Of a material.
     pub fn new(material: &Material) -> Self {
-        let mut edges: Vec<[u32; 2]> = material.cells.iter().flat_map(Cell::edges).collect();
-        edges.sort_unstable();
-        edges.dedup();
-        let number = |edge| edges.partition_point(|own| *own < edge) as u32;
+        let edges = material.cells.iter().flat_map(Cell::edges).collect();
+        let edges = ascending(material.points.len(), edges);
+        let start = starts(material.points.len(), edges.iter().map(|edge| edge[0]));
+        let number = |edge: [u32; 2]| {
+            let [from, to] = [0, 1].map(|i| start[edge[0] as usize + i] as usize);
+            (from + edges[from..to].partition_point(|own| *own < edge)) as u32
+        };
         let edges_of = material.cells.iter().map(|cell| cell.edges().map(number)).collect();
         let cells = material.cells.iter().map(|cell| cell.corners).collect();
         let elements = match material.order {
@@ -479,8 +483,14 @@ impl Material {
             self.points.push(Point::between(&a, &b, *at));
         }
         let new = |edge: &[u32; 2]| stroke.marks.binary_search_by_key(edge, |m| m.edge).ok();
-        let mut cells = Vec::with_capacity(self.cells.len());
+        let mut is_end = vec![false; first as usize];
+        stroke.marks.iter().flat_map(|mark| mark.edge).for_each(|p| is_end[p as usize] = true);
+        let mut cells = Vec::with_capacity(self.cells.len() + 8 * stroke.separated.len());
         for cell in &self.cells {
+            if cell.corners.iter().filter(|p| is_end[**p as usize]).count() < 2 {
+                cells.push(*cell);
+                continue;
+            }
             let mut cuts: Vec<([u32; 2], usize)> =
                 cell.edges().iter().filter_map(|edge| Some((*edge, new(edge)?))).collect();
             // in the order of all edges, so that neighbours agree
@@ -500,9 +510,11 @@ impl Material {
         }
         self.cut.extend(stroke.marks.iter().map(|mark| mark.edge));
         self.cut.sort_unstable();
+        let mut falls_apart = vec![false; uncut.cells.len()];
+        stroke.separated.iter().for_each(|&cell| falls_apart[cell as usize] = true);
         let mut parts: Vec<(u32, usize)> = (0..cells.len())
             .map(|at| (cells[at].began, at))
-            .filter(|(began, _)| stroke.separated.binary_search(began).is_ok())
+            .filter(|(began, _)| falls_apart[*began as usize])
             .collect();
         parts.sort_unstable();
         for own in parts.chunk_by(|a, b| a.0 == b.0) {
@@ -517,8 +529,9 @@ impl Material {
         self.cells = cells;
         self.part_points(uncut.points);
         self.uncut = Some(uncut);
-        self.part_elements();
-        self.part_nodes()
+        let own = parts.iter().map(|&(_, at)| self.cells[at].element).collect();
+        let touched = self.part_elements(own);
+        self.part_nodes(&touched)
     }
 
     /// Gives the points of the stroke, from `first` on, an own number for each side on which the cells round them hang together.
@@ -572,13 +585,17 @@ impl Material {
         sets.count()
     }
 
-    /// Makes a copy of every element for each further piece of its material, and sums the portions of all that changed.
-    fn part_elements(&mut self) {
-        let mut own: Vec<Vec<u32>> = vec![Vec::new(); self.elements.len()];
-        for (number, cell) in (0..).zip(&self.cells) {
-            own[cell.element as usize].push(number);
+    /// Makes a copy of every element among some for each further piece of its material, and sums the portions of all that changed. These
+    /// elements and their copies.
+    fn part_elements(&mut self, among: BTreeSet<u32>) -> Vec<u32> {
+        let mut own: BTreeMap<u32, Vec<u32>> = among.into_iter().map(|e| (e, Vec::new())).collect();
+        let mut is_among = vec![false; self.elements.len()];
+        own.keys().for_each(|&e| is_among[e as usize] = true);
+        for (number, cell) in (0..).zip(&self.cells).filter(|(_, c)| is_among[c.element as usize]) {
+            own.entry(cell.element).or_default().push(number);
         }
-        for (element, cells) in own.iter().enumerate().filter(|(_, cells)| cells.len() > 1) {
+        let copies = self.elements.len() as u32;
+        for (&element, cells) in own.iter().filter(|(_, cells)| cells.len() > 1) {
             let place = |number: u32, _: &[u32; 3]| Some(cells.partition_point(|c| *c < number));
             let part = self.joined(cells, |number, face| place(number, face).map(|i| i as u32));
             let first = self.elements.len() as u32;
@@ -586,6 +603,7 @@ impl Material {
             if count == 0 {
                 continue;
             }
+            let element = element as usize;
             let source = self.elements[element];
             let copy = Element { parent: element as u32, ..source };
             self.elements.extend((0..count).map(|_| copy));
@@ -606,12 +624,13 @@ impl Material {
                 }
             }
         }
+        own.into_keys().chain(copies..self.elements.len() as u32).collect()
     }
 
-    /// Pairs of elements that hang together across a face, ascending.
-    pub fn joined_elements(&self) -> Vec<[u32; 2]> {
-        let mut faces: Vec<([u32; 3], u32)> = Vec::with_capacity(4 * self.cells.len());
-        for cell in &self.cells {
+    /// Pairs of elements among some that hang together across a face, ascending.
+    pub fn joined_elements(&self, is_among: impl Fn(u32) -> bool) -> Vec<[u32; 2]> {
+        let mut faces: Vec<([u32; 3], u32)> = Vec::new();
+        for cell in self.cells.iter().filter(|cell| is_among(cell.element)) {
             let open = (0..4).filter(|&i| !cell.wound[i]);
             faces.extend(open.map(|i| (sorted(cell.face(i)), cell.element)));
         }
@@ -624,14 +643,22 @@ impl Material {
     }
 
     /// Gives elements that no longer hang together vertices of their own: who holds a vertex of the mesh keeps it, all others
-    /// get a ghost. Elements that hang together across a face share the vertices that both have.
-    fn part_nodes(&mut self) -> Vec<u32> {
+    /// get a ghost. Elements that hang together across a face share the vertices that both have. Only vertices of `touched` elements are
+    /// looked at: round all others nothing changed.
+    fn part_nodes(&mut self, touched: &[u32]) -> Vec<u32> {
         let size = self.order.size();
+        let mut is_near = vec![false; self.vertices as usize];
+        for element in touched.iter().map(|&e| &self.elements[e as usize]) {
+            (0..size).for_each(|i| is_near[element.vertex(i) as usize] = true);
+        }
+        let near = |element: &Element, i| is_near[element.vertex(i) as usize];
+        let is_among: Vec<bool> =
+            self.elements.iter().map(|own| (0..size).any(|i| near(own, i))).collect();
         let place = |e: u32, i: usize| (size * e as usize + i) as u32;
         let mut sets = DisjointSets::new(size * self.elements.len());
         let mut holds = vec![false; size * self.elements.len()];
         let mut alive = vec![false; self.elements.len()];
-        for cell in &self.cells {
+        for cell in self.cells.iter().filter(|cell| is_among[cell.element as usize]) {
             alive[cell.element as usize] = true;
             let element = &self.elements[cell.element as usize];
             for &p in cell.corners.iter().filter(|&&p| p < self.vertices) {
@@ -644,9 +671,9 @@ impl Material {
                 }
             }
         }
-        for [a, b] in self.joined_elements() {
+        for [a, b] in self.joined_elements(|e| is_among[e as usize]) {
             let [of_a, of_b] = [a, b].map(|e| &self.elements[e as usize]);
-            for i in 0..size {
+            for i in (0..size).filter(|&i| near(of_a, i)) {
                 if let Some(j) = (0..size).find(|&j| of_b.vertex(j) == of_a.vertex(i)) {
                     sets.join(place(a, i), place(b, j));
                 }
@@ -658,8 +685,12 @@ impl Material {
         all.clone().for_each(|i| keeps[sets.root(i) as usize] |= holds[i as usize]);
         let mut moved_by = vec![NONE; holds.len()];
         let mut taken = vec![false; self.vertices as usize + self.ghosts.len()];
-        let living = all.filter(|&i| alive[i as usize / size]);
-        for i in living.clone() {
+        let is_looked_at = |i: &u32| {
+            let element = *i as usize / size;
+            alive[element] && near(&self.elements[element], *i as usize % size)
+        };
+        let living: Vec<u32> = all.filter(is_looked_at).collect();
+        for &i in &living {
             let node = self.elements[i as usize / size].node(i as usize % size);
             let root = sets.root(i) as usize;
             if keeps[root] {
@@ -716,8 +747,21 @@ impl Material {
 
     /// Faces of the material that bound it, outward: the cell behind each, and whether it was laid open by a cut.
     pub fn skin(&self) -> Vec<([u32; 3], u32, bool)> {
-        let mut faces: Vec<([u32; 3], u32, usize)> = Vec::with_capacity(4 * self.cells.len());
+        self.skin_of(|_| true)
+    }
+
+    /// The same of cells that `chosen` picks.
+    pub fn skin_of(&self, chosen: impl Fn(&Cell) -> bool) -> Vec<([u32; 3], u32, bool)> {
+        let mut is_near = vec![false; self.points.len()];
+        for cell in self.cells.iter().filter(|cell| chosen(cell)) {
+            cell.corners.iter().for_each(|&p| is_near[p as usize] = true);
+        }
+        let mut faces: Vec<([u32; 3], u32, usize)> = Vec::new();
         for (number, cell) in (0..).zip(&self.cells) {
+            // others have no face in common with one of them
+            if cell.corners.iter().filter(|p| is_near[**p as usize]).count() < 3 {
+                continue;
+            }
             faces.extend((0..4).map(|i| (sorted(cell.face(i)), number, i)));
         }
         faces.sort_unstable();
@@ -729,6 +773,7 @@ impl Material {
                 round
                     .iter()
                     .filter(|f| round.len() == 1 || is_wound(f))
+                    .filter(|(_, cell, _)| chosen(&self.cells[*cell as usize]))
                     .map(|&(_, cell, i)| (cell, i)),
             );
         }

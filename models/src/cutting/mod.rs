@@ -57,6 +57,7 @@ use sinew_engine::surface::SurfacePoint;
 use sinew_engine::topology::{BodyRows, ElementTables, Topology};
 use sinew_engine::vertex::{Displacement, Mass, Position, RestPosition, Velocity, WeightShift};
 use sinew_identify::mass::MassLumping;
+use std::collections::BTreeSet;
 use std::time::{Duration, Instant};
 
 use self::columns::{Changed, points_of};
@@ -66,7 +67,7 @@ pub use self::skin::{
 };
 use crate::body::description::{MassRule, SoftBody};
 use crate::body::edit_log::{Edit, before_edit, log_edit};
-use crate::body::matter::{Chosen, Items, chosen};
+use crate::body::matter::{Chosen, Items};
 use crate::body::present::{BodyResection, Resection};
 use crate::frame::rules::{Evaluation, Integration};
 use crate::laws::models::Model;
@@ -456,14 +457,15 @@ fn divide<S: Scalar>(
         new.ordered.copies.lumps.resize(material.elements.len(), Lumps::default());
         new.ordered.copies.lumps[element_of[*e as usize] as usize] = *lumps;
     }
-    let mut connectivity = Connectivity::new(&new);
+    let rows: Vec<u32> = changed.iter().map(|&e| element_of[e as usize]).collect();
+    let mut connectivity = own.connectivity.after(&new, kind, &rows);
     let known = 0..old.order[kind].len() as u32;
     let mut gone = ByKind::<Vec<u32>>::default();
     gone[kind] = known.filter(|&e| !own.connectivity.is_present(kind, e)).collect();
     connectivity.remove(&gone);
     let was = std::mem::replace(&mut own.connectivity, connectivity);
     if let Some(soft) = &soft {
-        sum_masses::<S>(world, soft, (&old, &was), (&new, &own.connectivity));
+        sum_masses::<S>(world, soft, (&old, &was), (&new, &own.connectivity), &rows);
     }
     new.piece = own.connectivity.pieces();
     new.splits += u64::from(new.piece != old.piece);
@@ -614,19 +616,34 @@ fn copy_vertices<S: Scalar>(world: &mut World, rows: &BodyRows, origins: &[u32])
     }
 }
 
-/// Shares the masses out again where elements came apart. What a removal left of removed elements stays where it is.
+/// Shares the masses out again where elements, by their rows, came apart. What a removal left of removed elements stays where it is.
 fn sum_masses<S: Scalar>(
     world: &mut World,
     soft: &SoftBody,
     old: (&BodyRows, &Connectivity),
     new: (&BodyRows, &Connectivity),
+    changed: &[u32],
 ) {
     let rest = rest_of(world, new.0);
+    let kind = kind_of(new.0);
+    let mut vertices = BTreeSet::new();
+    for &e in changed {
+        // copies are of the new ones alone
+        if (e as usize) < old.0.order[kind].len() {
+            vertices.extend(old.0.nodes[kind].of(e));
+        }
+        vertices.extend(new.0.nodes[kind].of(e));
+    }
+    let vertices: Vec<u32> = vertices.into_iter().collect();
     let sums = [old, new].map(|(rows, connectivity)| {
-        let left: Chosen = chosen(&rows.ordered, |kind, e| connectivity.is_present(kind, e));
+        let round = vertices.iter().flat_map(|&v| connectivity.round_vertex[kind].of(v));
+        let round = round.copied().filter(|&e| connectivity.is_present(kind, e));
+        let round: BTreeSet<u32> = round.collect();
+        let mut left = Chosen::default();
+        left[kind] = round.into_iter().collect();
         let at_rest = |row: u32| rest[row as usize];
-        let (matter, all) = (soft.matter(&rows.ordered, &at_rest), Items::All(rows.row_count()));
-        [matter.masses(all, &left), matter.weight_shifts(all, &left)]
+        let (matter, own) = (soft.matter(&rows.ordered, &at_rest), Items::Only(&vertices));
+        [matter.masses(own, &left), matter.weight_shifts(own, &left)]
     });
     let first = new.0.vertices.start as usize;
     let mut query = world.query::<(&mut Mass<S>, &mut WeightShift<S>)>();
@@ -634,12 +651,13 @@ fn sum_masses<S: Scalar>(
         return;
     };
     let [was, now] = &sums;
-    for row in 0..was[0].len() {
-        let columns = [&mut mass[first + row].0, &mut shift[first + row].0];
+    for (at, &row) in vertices.iter().enumerate() {
+        let row = first + row as usize;
+        let columns = [&mut mass[row].0, &mut shift[row].0];
         for (column, (was, now)) in columns.into_iter().zip(was.iter().zip(now)) {
-            let kept = column.to_f64() - S::from_f64(was[row]).to_f64();
-            if was[row] != now[row] {
-                *column = S::from_f64(now[row] + kept);
+            let kept = column.to_f64() - S::from_f64(was[at]).to_f64();
+            if was[at] != now[at] {
+                *column = S::from_f64(now[at] + kept);
             }
         }
     }
@@ -654,17 +672,20 @@ fn merge_edges(world: &mut World, body: usize, new: BodyRows, connectivity: &Con
     let used: Vec<[u32; 2]> = used.map(|(_, edge)| edge.map(|v| v + own.start)).collect();
     let before = std::mem::take(&mut topology.edges);
     let mut edges: Vec<[u32; 2]> = before.iter().chain(&used).copied().collect();
-    edges.sort_unstable();
+    // two runs that are ascending, which a stable sort merges
+    edges.sort();
     edges.dedup();
     let mut unused = vec![false; edges.len()];
     let mut block = Vec::with_capacity(before.len());
-    for (at, edge) in before.iter().enumerate() {
-        let place = edges.partition_point(|own| own < edge);
-        unused[place] = !topology.uses_edge(at);
-        block.push(place as u32);
-    }
-    for (edge, unused) in edges.iter().zip(&mut unused).filter(|(edge, _)| own.contains(&edge[0])) {
-        *unused = used.binary_search(edge).is_err();
+    let (mut olds, mut news) = ((0..).zip(&before).peekable(), used.iter().peekable());
+    for (place, edge) in edges.iter().enumerate() {
+        let old = olds.next_if(|(_, own)| *own == edge);
+        let is_used = news.next_if_eq(&edge).is_some();
+        unused[place] = match own.contains(&edge[0]) {
+            true => !is_used,
+            false => old.is_some_and(|(at, _)| !topology.uses_edge(at)),
+        };
+        block.extend(old.map(|_| place as u32));
     }
     topology.bodies[body] = new;
     for rows in &mut topology.bodies {
@@ -708,13 +729,10 @@ pub(crate) fn cut_faces(world: &World, body: usize) -> Option<CutFaces> {
     }
     let mut points = vec![SurfacePoint::default(); material.points.len() - rows.mesh_vertices()];
     let (mut triangles, mut wounds) = (Vec::new(), 0);
-    let mut skin = material.skin();
+    let mut skin = material.skin_of(|cell| divided[row(cell.element) as usize]);
     skin.sort_by_key(|(_, _, wound)| !wound);
     for (face, cell, wound) in skin {
         let element = &material.elements[material.cells[cell as usize].element as usize];
-        if !divided[row(material.cells[cell as usize].element) as usize] {
-            continue;
-        }
         wounds += usize::from(wound);
         let nodes = element.nodes.map(|node| row_of(rows, node));
         triangles.push(face.map(|point| match point.checked_sub(material.vertices) {

@@ -158,7 +158,7 @@ impl BodyResection {
     /// its end, so that only what is left between them tells.
     fn beside(&self) -> Option<Vec<Vec<u32>>> {
         let mut beside = vec![Vec::new(); self.element_of[KIND].len()];
-        for pair in self.material.as_ref()?.joined_elements() {
+        for pair in self.material.as_ref()?.joined_elements(|_| true) {
             let [a, b] = pair.map(|e| self.element_of[KIND][e as usize]);
             beside[a as usize].push(b);
             beside[b as usize].push(a);

@@ -14,6 +14,7 @@ use crate::system::{Pattern, SystemMatrix, mul4, padded, scale4, sub4};
 use envelope::{Columns, Envelope, FactoriseEnvelope, MODES, Profile, SolveEnvelope};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
+use sinew_engine::layout::UNUSED;
 use sinew_engine::scalar::{Row, Scalar};
 use sinew_engine::simd::{VectorKernel, vectorised};
 use sinew_engine::vertex::FixedAxes;
@@ -345,7 +346,9 @@ impl Aggregates {
         let mut order: Vec<u32> = (0..n as u32).collect();
         order.sort_by_key(|&row| (piece[row as usize], row));
         for rows in order.chunk_by_mut(|a, b| piece[*a as usize] == piece[*b as usize]) {
-            let count = ((rows.len() + size / 2) / size).max(1);
+            // nothing acts on spare rows
+            let spare = piece[rows[0] as usize] == UNUSED;
+            let count = if spare { 1 } else { ((rows.len() + size / 2) / size).max(1) };
             bisect(rest, rows, count, &mut groups);
         }
         // along the body

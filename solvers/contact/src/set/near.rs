@@ -104,6 +104,11 @@ impl ContactSet {
             topology.bodies.iter().map(|body| (topology.revision + 1, body.changes)).collect();
         let live: Vec<Order> = self.tools.iter().map(|now| now.id).collect();
         self.own_skins.retain(|(tool, _), _| live.contains(tool));
+        if self.pairs.is_empty() && self.tools.iter().all(|now| now.parts.is_empty()) {
+            // pulls, threads and edges have no surface to meet
+            self.skins.resize_with(versions.len(), KnownSkin::default);
+            return Ok(());
+        }
         let own = |now: &&ToolNow| now.tool.faces.is_some();
         let known = |(body, version): (usize, &(u64, u64))| {
             let of_tool = |now: &ToolNow| self.own_skins.get(&(now.id, body));
