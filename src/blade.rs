@@ -44,6 +44,8 @@ struct Blade {
     entity: Entity,
     name: String,
     edge: Edge,
+    /// Opening (rad) of its jaws at first.
+    first: f64,
     into: DVec3,
     across: DVec3,
     now: ToolPose,
@@ -56,7 +58,7 @@ struct Blade {
 impl Blade {
     fn at(&self, pose: &ToolPose, number: usize) -> DVec3 {
         let segments = self.state.points.len() as u32 - 1;
-        pose.position + pose.rotation * self.edge.point(number as u32, segments)
+        self.edge.place(self.edge.point(number as u32, segments), pose, self.first)
     }
 
     /// Box (m) round all that it was at and will be at.
@@ -94,9 +96,9 @@ fn blades(world: &mut World) -> Vec<Blade> {
             false => (here, state.clone()),
         };
         let [into, across] = [into, across].map(|v| here.rotation * v);
-        let (name, now) = (tool.name.clone(), here);
+        let (name, now, first) = (tool.name.clone(), here, tool.start.opening);
         let before = state.points.iter().map(|point| point.cut_to).collect();
-        Some(Blade { entity, name, edge, into, across, now, then, state, before })
+        Some(Blade { entity, name, edge, first, into, across, now, then, state, before })
     };
     found.into_iter().filter_map(of).collect()
 }
@@ -152,7 +154,7 @@ fn meets_uncut(world: &mut World, body: usize, own: &Blade, why: &str) -> Result
         let mut corners = triangles.map(|triangle| triangle.map(place));
         corners.any(|own| hit(a, b - a, own).is_some_and(|(part, _)| part <= 1.0))
     };
-    let segments = own.edge.ends.map(|x| own.then.position + own.then.rotation * x);
+    let segments = own.edge.ends.map(|x| own.edge.place(x, &own.then, own.first));
     match crosses(segments) {
         false => Ok(()),
         true => Err(StepError::InvalidContact {

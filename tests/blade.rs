@@ -25,7 +25,12 @@ fn scene(cells: usize, toughness: f64, precision: Precision) -> (Simulation, Bod
     let body = simulation.add_body(&BodyDescription { spare, ..description }).unwrap();
     let floor = simulation.group_rows(body, &mesh, "z0").unwrap();
     simulation.add_constraint(Constraint::hold("floor", floor));
-    let edge = Edge { ends: [DVec3::Z * 0.02, DVec3::Z * -0.02], into: DVec3::Y, toughness };
+    let edge = Edge {
+        ends: [DVec3::Z * 0.02, DVec3::Z * -0.02],
+        into: DVec3::Y,
+        toughness,
+        travel: DVec3::ZERO,
+    };
     let start = DVec3::new(0.031, -0.005, 0.055);
     let blade = simulation.add_tool(Tool::blade("scalpel", edge, start)).unwrap();
     (simulation, body, blade)
@@ -198,7 +203,12 @@ fn a_blade_says_what_it_cannot_cut() {
         alone(options(Precision::F64, 1), &BodyDescription::new("block", &mesh, soft(1e4, 0.3)));
     let floor = simulation.group_rows(body, &mesh, "z0").unwrap();
     simulation.add_constraint(Constraint::hold("floor", floor));
-    let edge = Edge { ends: [DVec3::Z * 0.02, DVec3::Z * -0.02], into: DVec3::Y, toughness: 0.0 };
+    let edge = Edge {
+        ends: [DVec3::Z * 0.02, DVec3::Z * -0.02],
+        into: DVec3::Y,
+        toughness: 0.0,
+        travel: DVec3::ZERO,
+    };
     let blade = simulation
         .add_tool(Tool::blade("scalpel", edge, DVec3::new(0.031, -0.005, 0.055)))
         .unwrap();

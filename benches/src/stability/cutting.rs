@@ -142,7 +142,12 @@ fn drawn<'a>(
     }
     run.seconds(dt, 0.5)?;
     run.open_books();
-    let edge = Edge { ends: [DVec3::Z * 0.02, DVec3::Z * -0.02], into: DVec3::Y, toughness: 0.0 };
+    let edge = Edge {
+        ends: [DVec3::Z * 0.02, DVec3::Z * -0.02],
+        into: DVec3::Y,
+        toughness: 0.0,
+        travel: DVec3::ZERO,
+    };
     let start = DVec3::new(0.031, -0.005, 0.055);
     let knife = run.simulation.add_tool(Tool::blade("scalpel", edge, start))?;
     // beside the block when it is there, so that it meets no one at its first look

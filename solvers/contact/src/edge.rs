@@ -12,6 +12,8 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use sinew_engine::row::VertexRow;
 
+use crate::tool::ToolPose;
+
 /// Elastic slip at the limit over the mean edge of the tissue.
 pub const YIELD: f64 = 0.05;
 /// Most segments of an edge.
@@ -26,13 +28,16 @@ pub struct Edge {
     pub into: DVec3,
     /// Toughness `G` (J/m^2) of the tissue: energy that a unit of cut area takes. 0 for a blade that meets no force.
     pub toughness: f64,
+    /// Way (m, in the frame of the tool) that it makes while jaws close from their first opening to none: that of the place where the
+    /// blades of scissors cross, from the hinge to their tips. Zero for a blade.
+    pub travel: DVec3,
 }
 
 impl Edge {
     /// The edge at `y = -length/2 .. length/2` of the frame of the tool that cuts along the x axis.
     pub fn new(length: f64, toughness: f64) -> Self {
         let end = DVec3::Y * (length / 2.0);
-        Self { ends: [-end, end], into: DVec3::X, toughness }
+        Self { ends: [-end, end], into: DVec3::X, toughness, travel: DVec3::ZERO }
     }
 
     /// The error in it, if there is one.
@@ -54,6 +59,17 @@ impl Edge {
         let into = self.into.try_normalize()?;
         let into = (into - into.dot(along) * along).try_normalize()?;
         into.is_finite().then(|| [into, along.cross(into)])
+    }
+
+    /// How its points move by the opening of jaws (m/rad, in the frame of the tool), which was `first` (rad) at first.
+    pub(crate) fn per_opening(&self, first: f64) -> DVec3 {
+        if self.travel == DVec3::ZERO { DVec3::ZERO } else { -self.travel / first }
+    }
+
+    /// Place (m) of a point of it, `local` (m, in the frame of the tool) where jaws are as open as at `first` (rad).
+    pub fn place(&self, local: DVec3, pose: &ToolPose, first: f64) -> DVec3 {
+        let local = local + (pose.opening - first) * self.per_opening(first);
+        pose.position + pose.rotation * local
     }
 
     /// A point of it (m, in the frame of the tool): of `segments` equal parts the end of that many.

@@ -390,9 +390,11 @@ impl ContactSet {
                     }
                 }
                 Against::Edge(edge) => {
-                    let ToolNow { start, end, .. } = &self.tools[edge.tool];
-                    let pose = start.towards(end, part);
-                    point.carried = pose.position + pose.rotation * edge.local;
+                    let ToolNow { tool, start, end, .. } = &self.tools[edge.tool];
+                    let (pose, first) = (start.towards(end, part), tool.start.opening);
+                    if let Some(own) = &tool.edge {
+                        point.carried = own.place(edge.local, &pose, first);
+                    }
                     if part == 0.0 {
                         edge.from = point.carried;
                     }
@@ -672,7 +674,8 @@ impl ContactSet {
     pub fn impact(&self, bodies: &Range<usize>) -> f64 {
         let range = self.range(bodies);
         let depth = |(point, active): (&ContactPoint, &Active)| {
-            let new = point.memory.pressure <= 0.0 && active.pressure > 0.0;
+            let is_surface = !matches!(point.against, Against::Hand(_) | Against::Edge(_));
+            let new = is_surface && point.memory.pressure <= 0.0 && active.pressure > 0.0;
             let edge = self.skins.get(point.key.body as usize).map_or(1.0, |known| known.skin.edge);
             if new { -active.gap / edge } else { 0.0 }
         };

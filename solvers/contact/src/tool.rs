@@ -411,6 +411,13 @@ impl Tool {
         if let Some(problem) = self.edge.as_ref().and_then(Edge::problem) {
             return Some(problem);
         }
+        let travels = self.edge.is_some_and(|edge| edge.travel != DVec3::ZERO);
+        if travels && !(self.start.opening > 0.0 && self.edge.is_some_and(|e| e.travel.is_finite()))
+        {
+            return Some(
+                "an edge that travels while jaws close needs an opening above 0 at first, and a way that is finite".into(),
+            );
+        }
         for (i, part) in self.parts.iter().enumerate() {
             let of = |problem: String| {
                 if self.parts.len() == 1 { problem } else { format!("part {i}: {problem}") }
@@ -527,6 +534,8 @@ pub struct ToolReport {
     pub force: DVec3,
     /// Torque (N m) on the tool about its origin.
     pub torque: DVec3,
+    /// Torque (N m) about the hinge with which tissue holds its jaws open: the energy per angle (rad) that closing them takes.
+    pub closing: f64,
     /// The part of the force that pressure makes (N).
     pub normal: DVec3,
     /// The part of the force that friction makes (N).

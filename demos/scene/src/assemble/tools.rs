@@ -133,7 +133,8 @@ fn edge(key: &Key, entry: &ToolEntry, built: &mut BuiltScene) -> Result<Option<E
     let ends = key.at("ends");
     let ends = [ends.finite(own.ends[0])?, ends.finite(own.ends[1])?];
     let into = key.at("into").finite(own.into)?;
-    let edge = Edge { ends, into, toughness: own.toughness };
+    let travel = key.at("travel").finite(own.travel.unwrap_or_default())?;
+    let edge = Edge { ends, into, toughness: own.toughness, travel };
     match edge.problem() {
         Some(problem) => {
             Err(key.value(problem, "correct it (see `[[tool]]` in demos/scenes/README.md)"))

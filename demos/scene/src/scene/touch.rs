@@ -153,6 +153,9 @@ pub struct EdgeEntry {
     pub into: [f64; 3],
     /// Energy (J/m^2) that a unit of cut area takes; 0 for a blade that meets no force.
     pub toughness: f64,
+    /// Way (m, in the frame of the tool) that it makes while the jaws close from their first opening to none; for scissors.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub travel: Option<[f64; 3]>,
 }
 
 /// A body, or some of its faces; at most one key beside `body`.

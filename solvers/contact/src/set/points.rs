@@ -224,7 +224,7 @@ impl ContactSet {
             for (number, own) in state.points.iter().enumerate() {
                 let width = 0.5 * own.width;
                 let local = edge.point(number as u32, segments);
-                let from = now.start.position + now.start.rotation * local;
+                let from = edge.place(local, &now.start, now.tool.start.opening);
                 for (side, hold) in (0..).zip(own.holds.iter().flatten()) {
                     let key = PointKey {
                         body: hold.body as u32,

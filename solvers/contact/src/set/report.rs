@@ -146,6 +146,9 @@ impl ContactSet {
             {
                 report.force += force;
                 report.torque += (point.carried - now.end.position).cross(force);
+                let first = now.tool.start.opening;
+                let way = now.tool.edge.map_or(DVec3::ZERO, |edge| edge.per_opening(first));
+                report.closing += force.dot(now.end.rotation * way);
                 report.work -= force.dot(point.carried - edge.from);
                 report.energy += stored(point, active);
                 report.dissipation += lost(point, active);
@@ -163,6 +166,12 @@ impl ContactSet {
             report.friction -= active.rub;
             let torque = (active.at - now.end.position).cross(force);
             report.torque += torque;
+            let own = &now.tool.parts[part - now.parts.start];
+            if own.jaw != 0.0 {
+                let hinge = now.end.position + now.end.rotation * now.tool.hinge.point;
+                let axis = now.end.rotation * now.tool.hinge.axis.normalize();
+                report.closing += own.jaw * axis.cross(active.at - hinge).dot(force);
+            }
             if let Some(own) = report.parts.get_mut(part - now.parts.start) {
                 own.force += force;
                 own.torque += torque;
