@@ -18,6 +18,10 @@ use sinew_models::resection::Requests;
 /// How far (edges) beside the plane of a blade the two sides of a wound are looked for, one after the other. A copy with less material than
 /// the first would be torn by half of the force.
 const BESIDE: [f64; 4] = [0.2, 0.1, 0.02, 0.4];
+/// Part of the volume of a whole element that is enough to be held, and what of that on the other side is too little: the force would turn it
+/// inside out.
+const MUCH: f64 = 0.3;
+const LITTLE: f64 = 0.2;
 /// How far (edges) beside the plane of a blade its edge counts as in tissue.
 const INSIDE: f64 = 0.02;
 /// Distance (edges) from what it holds at which an edge has left it.
@@ -352,14 +356,26 @@ fn entry(view: &BladeView, from: DVec3, to: DVec3) -> Option<DVec3> {
     Some(at(high))
 }
 
-/// What is held at a place: tissue on either side of the blade, of a wound both lips.
+/// What is held at a place: tissue on either side of the blade, of a wound both lips. Of the copies beside it the first one with much
+/// material, else that with most; a side that has next to nothing leaves all to the other one.
 fn beside(own: &Blade, body: usize, view: &BladeView, at: DVec3) -> Option<[EdgeHold; 2]> {
     let side = |sign: f64| {
-        let mut hints = BESIDE.iter().map(|way| at + sign * way * view.edge * own.across);
-        hints.find_map(|hint| view.locate(at, hint))
+        let mut best: Option<(EdgeHold, f64)> = None;
+        for way in BESIDE {
+            let hint = at + sign * way * view.edge * own.across;
+            let Some((rows, weights, share)) = view.locate(at, hint) else { continue };
+            if best.is_none_or(|(_, most)| share > most) {
+                best = Some((EdgeHold { body, rows, weights }, share));
+            }
+            if share >= MUCH {
+                break;
+            }
+        }
+        best
     };
-    let hold = |(rows, weights)| EdgeHold { body, rows, weights };
-    let (left, right) = (side(-1.0), side(1.0));
-    let (left, right) = (left.or(right)?, right.or(left)?);
-    Some([hold(left), hold(right)])
+    let both = [side(-1.0), side(1.0)];
+    let most = both.iter().flatten().map(|(_, share)| *share).fold(0.0, f64::max);
+    let strong = both.map(|own| own.filter(|(_, share)| *share >= LITTLE * most));
+    let [left, right] = strong.map(|own| own.map(|(hold, _)| hold));
+    Some([left.or(right)?, right.or(left)?])
 }

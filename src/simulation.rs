@@ -654,8 +654,8 @@ impl Simulation {
         })
     }
 
-    /// Kinetic energy of a body (J).
-    fn kinetic_energy(&mut self, body: BodyHandle) -> f64 {
+    /// Kinetic energy (J) of a body, what cuts made of it included.
+    pub fn kinetic_energy(&mut self, body: BodyHandle) -> f64 {
         by_precision!(self.precision, kinetic_energy(self.columns(), body))
     }
 

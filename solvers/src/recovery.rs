@@ -230,21 +230,18 @@ impl RecoveryUnending {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Recovery {
     bodies: Vec<BodyState>,
-    revision: u64,
 }
 
 impl Recovery {
     /// How the bodies move, as far as it holds.
     pub fn memory(&self, topology: &Topology) -> Option<Vec<BodyState>> {
-        let holds =
-            self.revision == topology.revision && self.bodies.len() == topology.bodies.len();
-        holds.then(|| self.bodies.clone())
+        (self.bodies.len() == topology.bodies.len()).then(|| self.bodies.clone())
     }
 
     /// Takes up how they moved.
     pub fn recall(&mut self, topology: &Topology, bodies: Option<&Vec<BodyState>>) {
         let bodies = bodies.cloned().unwrap_or_else(|| vec![BodyState::Own; topology.bodies.len()]);
-        *self = Self { bodies, revision: topology.revision };
+        *self = Self { bodies };
     }
 
     /// Decides for the state in `node` which bodies recover, and tells the laws; which bodies changed
@@ -261,11 +258,9 @@ impl Recovery {
         rest: &[DVec3],
         report: &mut StepReport,
     ) -> Result<Vec<bool>, StepError> {
-        let revision = world.resource::<Topology>().revision;
+        // bodies come after all others, and go on recovering where cuts and removals change them
         let count = world.resource::<Topology>().bodies.len();
-        if self.revision != revision || self.bodies.len() != count {
-            *self = Self { bodies: vec![BodyState::Own; count], revision };
-        }
+        self.bodies.resize(count, BodyState::Own);
         let old = RecoveringBodies(self.bodies.iter().map(|body| body.recovers()).collect());
         if !on {
             self.bodies.fill(BodyState::Own);

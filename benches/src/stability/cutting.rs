@@ -6,6 +6,7 @@ use super::touch_rig::{STEP, ToolHand};
 use sinew::models::body::present::MassPolicy;
 use sinew::models::cutting::CutError;
 use sinew::models::resection::Removal;
+use std::collections::BTreeSet;
 
 const SWINGING: CasePart = CasePart {
     group: 14,
@@ -92,13 +93,14 @@ fn swinging(setting: &CaseSetting, mesh: &Mesh, removes: bool, dt: f64) -> CaseO
     run.open_books();
     let scale = run.mass() * GRAVITY.length() * BAR.x;
     let mut random = CaseRandom(0x2468_ace0_1357_9bdf);
-    let mut change = 0.0_f64;
+    let (mut change, mut gone) = (0.0_f64, BTreeSet::new());
     for _ in 0..10 {
         run.steps(10)?;
         change = change.max(run.cut(&blade(&mut random, BAR))?);
         if removes {
             let count = run.elements() as f64;
-            let some: Vec<u32> = (0..10).map(|_| (random.number() * count) as u32).collect();
+            let some = (0..10).map(|_| (random.number() * count) as u32);
+            let some: Vec<u32> = some.filter(|e| gone.insert(*e)).collect();
             let removal = Removal { region: run.region(&some), mass: MassPolicy::Recompute };
             run.remove(&removal)?;
         }

@@ -64,7 +64,7 @@ pub enum ProbeValue {
 use ProbeValue::{Scalar, Vector};
 
 /// Everything that probes can record.
-pub static PROBES: [Probe; 44] = [
+pub static PROBES: [Probe; 45] = [
     vector("mean_displacement", "m", Needs::Body, |now, of| {
         of.mean(&now.simulation.displacements(of.body.handle))
     }),
@@ -117,6 +117,7 @@ pub static PROBES: [Probe; 44] = [
     }),
     scalar("tool_work", "J", Needs::Tool, |now, of| of.tool(now).work),
     scalar("tool_dissipation", "J", Needs::Tool, |now, of| of.tool(now).dissipation),
+    scalar("tool_closing", "N m", Needs::Tool, |now, of| of.tool(now).closing),
     // what its edge has cut
     scalar("tool_cut_area", "m^2", Needs::Tool, |now, of| of.tool(now).cut_area),
     scalar("tool_fracture", "J", Needs::Tool, |now, of| of.tool(now).fracture),

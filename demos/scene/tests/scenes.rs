@@ -66,7 +66,7 @@ fn run_whole(name: &str, steps: Option<u64>) -> (RunSummary, Table) {
 
 /// Scenes that ship.
 pub const SHIPPED: &str = "abdomen axes_block cantilever crush drag elements fibre_bar fit_bar flap fold grasp incision incompressible lattice liver liver_resection lobe \
-    membrane_drum muscle_bar palpation press_flat probe_fast side_by_side slender_cylinder \
+    membrane_drum muscle_bar palpation press_flat probe_fast scissors side_by_side slender_cylinder \
     static_beam suture tower two_organs ventricle ventricle_floor";
 
 #[test]
@@ -306,6 +306,36 @@ fn a_scalpel_opens_what_is_under_tension() {
     let held = table.vector("right.reaction", "N");
     assert!(held[at(1.79)].x < 0.998 * held[at(0.39)].x, "{} {}", held[at(0.39)], held[at(1.79)]);
     assert!(table.column("skin.min_J (-)").iter().all(|j| *j > 0.3));
+    assert!(summary.volume.inverted_max == 0);
+}
+
+/// Two bites of scissors: closing takes toughness times thickness times the way of the edge by the angle, and opening nothing.
+#[test]
+fn scissors_cut_a_sheet_in_two_bites() {
+    let (summary, table) = run_whole("scissors", None);
+    let time = table.column("time_s");
+    let at = |t: f64| time.iter().position(|&x| x >= t - 1e-9).unwrap();
+    let [closing, area, fracture, work] =
+        ["tool_closing (N m)", "tool_cut_area (m^2)", "tool_fracture (J)", "tool_work (J)"]
+            .map(|name| table.column(&format!("scissors.{name}")));
+    // 30 J/m^2 by 3 mm by the way of the edge per angle
+    let full = 30.0 * 0.003 * 0.043 / 40_f64.to_radians();
+    let mut steady = closing[at(0.65)..at(0.78)].to_vec();
+    steady.sort_by(f64::total_cmp);
+    let median = steady[steady.len() / 2] / full;
+    assert!((0.85..1.1).contains(&median), "{median}");
+    // the bites end 20 and 36 mm deep; what is before the edge is dented
+    for (t, depth) in [(0.9, 0.020), (1.8, 0.036)] {
+        let share = area[at(t)] / (0.003 * depth);
+        assert!((0.75..1.02).contains(&share), "{share} at {t} s");
+    }
+    assert!(area[at(1.25)] < 1.1 * area[at(0.9)], "it cuts while it goes on through the slit");
+    let (area, fracture) = (area.last().unwrap(), fracture.last().unwrap());
+    assert!((fracture / (30.0 * area) - 1.0).abs() < 1e-9);
+    assert!(work.last().unwrap() > fracture);
+    let held = table.vector("right.reaction", "N");
+    assert!(held.last().unwrap().x < 0.7 * held[at(0.39)].x, "{:?}", held[at(0.39)]);
+    assert!(table.column("sheet.min_J (-)").iter().all(|j| *j > 0.2));
     assert!(summary.volume.inverted_max == 0);
 }
 

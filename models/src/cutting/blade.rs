@@ -188,9 +188,9 @@ impl BladeView {
         self.focus = cells.filter(|(_, x)| inside(*x)).collect();
     }
 
-    /// The element in focus whose material has a place (m), and the shares of its vertices there: they add up to 1 and give that place.
-    /// `hint` is a place beside it that tells the side of a wound.
-    pub fn locate(&self, at: DVec3, hint: DVec3) -> Option<([VertexRow; 4], [f64; 4])> {
+    /// The element in focus whose material has a place (m), the shares of its vertices there, which add up to 1 and give that place, and
+    /// its part of the volume of the whole element. `hint` is a place beside it that tells the side of a wound.
+    pub fn locate(&self, at: DVec3, hint: DVec3) -> Option<([VertexRow; 4], [f64; 4], f64)> {
         let (found, _) = self.focus.iter().find(|(_, x)| {
             let [low, high] = bounds(*x);
             hint.cmpge(low).all()
@@ -198,9 +198,11 @@ impl BladeView {
                 && shares(*x, hint).is_some_and(|own| own.iter().all(|share| *share >= -1e-9))
         })?;
         let cell = &self.material.cells[*found as usize];
-        let nodes = self.material.elements[cell.element as usize].nodes;
+        let element = &self.material.elements[cell.element as usize];
+        let nodes = element.nodes;
         let rows = nodes.map(|node| VertexRow(self.first + self.rows[node as usize]));
-        Some((rows, shares(nodes.map(|node| self.node(node, &self.places)), at)?))
+        let own = shares(nodes.map(|node| self.node(node, &self.places)), at)?;
+        Some((rows, own, element.share()))
     }
 
     /// Place (m) of a mean of rows of the body.

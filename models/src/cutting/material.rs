@@ -12,6 +12,9 @@ use super::hexahedra;
 const EDGES: [[usize; 2]; 6] = [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]];
 /// How near (in edges) to its end an edge may be cut: a point of the wound never lies on a vertex.
 const MARGIN: f64 = 1e-3;
+/// Part of the volume of a whole element below which a copy has its mass shared out evenly to its vertices: next to nothing of it, which
+/// would let a chip that hangs on one heavy vertex turn about that with no inertia that `f32` could tell from none.
+const CHIP: f64 = 1e-9;
 /// No number.
 pub(super) const NONE: u32 = u32::MAX;
 
@@ -621,6 +624,12 @@ impl Material {
                 for &p in &cell.corners {
                     let weights = self.points[p as usize].weights_in(source.vertices);
                     (0..4).for_each(|i| to[i] += 0.25 * cell.volume * weights[i]);
+                }
+            }
+            for own in all.iter().map(|&e| &mut self.elements[e as usize]) {
+                let share = own.share();
+                if share < CHIP {
+                    own.portion = [0.25 * share; 4];
                 }
             }
         }
