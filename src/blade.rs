@@ -27,9 +27,14 @@ const INSIDE: f64 = 0.02;
 /// Distance (edges) from what it holds at which an edge has left it.
 const LEFT: f64 = 3.0;
 
+/// The system that cuts with edges.
+#[derive(SystemSet, Clone, Debug, PartialEq, Eq, Hash)]
+pub(crate) struct Blades;
+
 /// Lets tools with an edge cut, from the first of them on.
 pub(crate) fn install_blades<S: Scalar>(world: &mut World) {
-    let cut = cut_with_edges::<S>.in_set(StepSystems::Edit).after(Requests).run_if(any_edge);
+    let cut = cut_with_edges::<S>.in_set(StepSystems::Edit).in_set(Blades);
+    let cut = cut.after(Requests).run_if(any_edge);
     world.resource_mut::<Schedules>().entry(StepSchedule).add_systems(cut);
 }
 

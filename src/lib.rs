@@ -83,6 +83,7 @@ pub mod plugin;
 pub mod replay;
 mod resection;
 pub mod snapshot;
+mod tear;
 mod thread;
 pub mod warning;
 
@@ -113,6 +114,7 @@ pub mod prelude {
     pub use sinew_engine::row::{MeshVertex, VertexRow};
     pub use sinew_engine::step::StepClock;
     pub use sinew_models::body::{BodyDescription, Model, spawn_body};
+    pub use sinew_models::cutting::tear::{Tear, TearReport};
     pub use sinew_models::material::{YoungPoisson, preset};
     pub use sinew_solvers::settings::{Integrator, SolverSettings};
 }

@@ -1,6 +1,7 @@
 //! Sinew inside a Bevy app.
 
 use crate::blade::install_blades;
+use crate::tear::install_tears;
 use crate::warning::totals;
 use bevy_app::{App, FixedPostUpdate, Plugin, PluginGroup, PluginGroupBuilder};
 use bevy_ecs::intern::Interned;
@@ -127,6 +128,7 @@ impl Plugin for EnginePlugin {
         let world = app.world_mut();
         by_precision!(self.precision, install_engine(world, self.executor));
         by_precision!(self.precision, install_blades(world));
+        by_precision!(self.precision, install_tears(world));
         match Workers::new(self.threads) {
             Ok(workers) => world.insert_resource(workers),
             Err(error) => world.insert_resource(SetupError(Some(Arc::new(error)))),

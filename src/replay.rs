@@ -275,7 +275,10 @@ impl Acting {
         ];
         let named =
             names.into_iter().flatten().map(|(kind, name)| format!("{kind} `{name}`")).next();
-        named.unwrap_or_else(|| format!("entity {}", self.order.0))
+        named.unwrap_or_else(|| match &self.tear {
+            Some((tear, _)) => format!("the tear of body {}", tear.body),
+            None => format!("entity {}", self.order.0),
+        })
     }
 
     /// The new target, if nothing else is new.

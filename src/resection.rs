@@ -11,6 +11,7 @@ use sinew_engine::load::{Constraint, Load, Pressure};
 use sinew_engine::row::{LocalRow, VertexRow};
 use sinew_models::body::BodyError;
 use sinew_models::body::present::Resection;
+use sinew_models::cutting::tear::Tear;
 use sinew_models::resection::{
     FreshDifference, Region, Removal, RemovalError, RemovalReport, compare_with_fresh,
     prepare_removals, remove_elements,
@@ -118,6 +119,9 @@ impl Simulation {
         }
         for (entity, contact) in world.query::<(Entity, &BodyContact)>().iter(world) {
             gone.extend(contact.bodies.contains(&body.0).then_some(entity));
+        }
+        for (entity, tear) in world.query::<(Entity, &Tear)>().iter(world) {
+            gone.extend((tear.body == body.0).then_some(entity));
         }
         for entity in gone {
             world.despawn(entity);

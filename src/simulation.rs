@@ -4,6 +4,7 @@ use crate::blade::install_blades;
 use crate::plugin::threads_beside_host;
 use crate::replay::Recorder;
 use crate::snapshot::{self, History};
+use crate::tear::install_tears;
 use crate::warning::{keep_findings, spawn_checked_body, totals};
 use bevy_ecs::prelude::*;
 use glam::DVec3;
@@ -329,6 +330,7 @@ impl Simulation {
         let mut world = World::new();
         by_precision!(precision, install_engine(&mut world, executor));
         by_precision!(precision, install_blades(&mut world));
+        by_precision!(precision, install_tears(&mut world));
         world.insert_resource(workers);
         world.insert_resource(Backend::Cpu);
         Ok(Self {

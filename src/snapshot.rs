@@ -38,6 +38,7 @@ use sinew_engine::workers::Workers;
 use sinew_models::axes::muscle::{self, ActivationWork, Activations, Muscles};
 use sinew_models::body::edit_log::{Edit, scene_hash};
 use sinew_models::cutting::blade::{BladeViews, StrokeMemory};
+use sinew_models::cutting::tear::{Tear, TearReport};
 use sinew_models::edits::{EditError, EditState};
 use sinew_models::laws::pressure::activate as activate_pressure;
 use sinew_models::resection::RemovalRequest;
@@ -50,7 +51,7 @@ use std::sync::Arc;
 const MAGIC: &[u8; 8] = b"SinewSnp";
 /// Number of the format. It is raised whenever something that is stored changes, which a stored snapshot in the tests
 /// notices; other numbers are refused by name.
-const FORMAT: u32 = 8;
+const FORMAT: u32 = 9;
 
 /// A snapshot that cannot be taken, read or restored. The simulation is what it was before.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -225,6 +226,7 @@ pub(crate) struct Acting {
     pub pull: Option<(Pull, PullReport)>,
     pub thread: Option<(Thread, ThreadReport)>,
     pub clip: Option<(Clip, ThreadReport)>,
+    pub tear: Option<(Tear, TearReport)>,
 }
 
 /// A padded vector per vertex row.
@@ -639,10 +641,11 @@ pub(crate) fn acting(world: &mut World) -> Vec<(Entity, Acting)> {
         (Option<&BodyContact>, Option<&BodyContactReport>),
         (Option<&Pull>, Option<&PullReport>),
         (Option<&Thread>, Option<&Clip>, Option<&ThreadReport>),
+        (Option<&Tear>, Option<&TearReport>),
     )>();
     let mut found: Vec<(Entity, Acting)> = query
         .iter(world)
-        .map(|(entity, order, own, (pressure, removal), tool, contact, pull, line)| {
+        .map(|(entity, order, own, (pressure, removal), tool, contact, pull, line, tear)| {
             let (tool, report, edge) = tool;
             let (thread, clip, of_line) = line;
             let cuts = tool.is_some_and(|tool| tool.edge.is_some());
@@ -660,6 +663,7 @@ pub(crate) fn acting(world: &mut World) -> Vec<(Entity, Acting)> {
                 pull: both(pull),
                 thread: both((thread, of_line)),
                 clip: both((clip, of_line)),
+                tear: both(tear),
             };
             (entity, acting)
         })
@@ -704,7 +708,8 @@ impl Acting {
             contact: (BodyContact, BodyContactReport),
             pull: (Pull, PullReport),
             thread: (Thread, ThreadReport),
-            clip: (Clip, ThreadReport)
+            clip: (Clip, ThreadReport),
+            tear: (Tear, TearReport)
         );
     }
 
@@ -718,7 +723,10 @@ impl Acting {
                 }
             )+};
         }
-        give!(constraint, load, faces, pressure, removal, tool, edge, contact, pull, thread, clip);
+        give!(
+            constraint, load, faces, pressure, removal, tool, edge, contact, pull, thread, clip,
+            tear
+        );
     }
 }
 

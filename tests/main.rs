@@ -33,6 +33,7 @@ mod resting;
 mod schedule;
 mod second_order;
 mod snapshot;
+mod tear;
 mod thread;
 mod traction;
 mod units;

@@ -25,9 +25,9 @@ use sinew::touch::tool::{Hinge, Part, PathPoint, Points, ToolError, ToolMotion};
 use std::sync::{Arc, Mutex};
 
 /// A scene: how it is built, and what a program does to it before step `k`, counted from 0.
-struct Scene<'a> {
-    build: &'a dyn Fn(SimulationOptions) -> Simulation,
-    act: &'a dyn Fn(&mut Simulation, u64),
+pub(crate) struct Scene<'a> {
+    pub(crate) build: &'a dyn Fn(SimulationOptions) -> Simulation,
+    pub(crate) act: &'a dyn Fn(&mut Simulation, u64),
 }
 
 /// What must be the same after a step: the state, and all that is told of it.
@@ -60,7 +60,7 @@ fn same(found: &[(u64, String)], expected: &[(u64, String)], what: &str) {
 const TAKEN: [u64; 4] = [1, 17, 50, 99];
 const END: u64 = 150;
 
-fn exact(name: &str, options: SimulationOptions, scene: &Scene) {
+pub(crate) fn exact(name: &str, options: SimulationOptions, scene: &Scene) {
     let mut undisturbed = (scene.build)(options);
     let expected = go(scene, &mut undisturbed, END);
     let first = &expected[0].0;

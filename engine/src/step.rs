@@ -77,6 +77,12 @@ pub enum StepError {
         /// What is wrong.
         problem: String,
     },
+    /// A body that tears cannot go on.
+    #[error("{problem}; the step was not made")]
+    Tear {
+        /// What cannot tear, why, and what helps.
+        problem: String,
+    },
     /// A pressure blew a body up: nothing holds it any more.
     #[error(
         "pressure `{name}` burst body `{body}` in the step after t = {time} s: its elements would have {growth:.1e} times their rest \

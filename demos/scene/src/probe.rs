@@ -6,6 +6,7 @@ use crate::assemble::conditions::BuiltConstraint;
 use crate::assemble::{BuiltContact, BuiltPull, BuiltThread, BuiltTool};
 use glam::DVec3;
 use sinew::engine::mesh::enclosed_volume;
+use sinew::models::cutting::tear::TearReport;
 use sinew::simulation::Simulation;
 use sinew::touch::pair::BodyContactReport;
 use sinew::touch::pull::PullReport;
@@ -64,7 +65,7 @@ pub enum ProbeValue {
 use ProbeValue::{Scalar, Vector};
 
 /// Everything that probes can record.
-pub static PROBES: [Probe; 45] = [
+pub static PROBES: [Probe; 47] = [
     vector("mean_displacement", "m", Needs::Body, |now, of| {
         of.mean(&now.simulation.displacements(of.body.handle))
     }),
@@ -101,6 +102,9 @@ pub static PROBES: [Probe; 45] = [
     }),
     // of the elements that are left
     scalar("volume", "m^3", Needs::Body, |now, of| of.body.volume(now.simulation)),
+    // one side of what tore, at rest, and the mean stress at the ends of wounds
+    scalar("torn_area", "m^2", Needs::Body, |now, of| of.tear(now).area),
+    scalar("tear_stress", "Pa", Needs::Body, |now, of| of.tear(now).stress),
     // between the faces of a group and their rim: what a cavity holds
     scalar("enclosed_volume", "m^3", Needs::Faces, |now, of| {
         enclosed_volume(&of.body.deformed(now.simulation), &of.probe.faces).abs()
@@ -287,6 +291,11 @@ impl ProbeSubject<'_> {
     fn contact(&self, now: &Sampler) -> BodyContactReport {
         let known = self.contact.and_then(|c| now.simulation.body_contact_report(c.entity));
         known.copied().unwrap_or_default()
+    }
+
+    /// What tore of its body.
+    fn tear(&self, now: &Sampler) -> TearReport {
+        now.simulation.tear_report(self.body.handle).unwrap_or_default()
     }
 
     /// What a thread or clip did.

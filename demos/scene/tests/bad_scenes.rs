@@ -399,6 +399,7 @@ fn the_readme_lists_exactly_the_keys_that_exist() {
         ("membrane", format!("{body}membrane = {{ zzz = 1 }}")),
         ("[[pressure]]", format!("{pressure}zzz = 1")),
         ("on", format!("{pressure}on = {{ zzz = 1 }}")),
+        ("tear", format!("{body}tear = {{ zzz = 1 }}")),
         ("rotate", format!("{body}rotate = {{ zzz = 1 }}")),
         ("material", format!("{body}material = {{ zzz = 1 }}")),
         ("select", format!("{constraint}select = {{ zzz = 1 }}")),

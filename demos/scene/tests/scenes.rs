@@ -67,7 +67,7 @@ fn run_whole(name: &str, steps: Option<u64>) -> (RunSummary, Table) {
 /// Scenes that ship.
 pub const SHIPPED: &str = "abdomen axes_block cantilever crush drag elements fibre_bar fit_bar flap fold grasp incision incompressible lattice liver liver_resection lobe \
     membrane_drum muscle_bar palpation press_flat probe_fast scissors side_by_side slender_cylinder \
-    static_beam suture tower two_organs ventricle ventricle_floor";
+    static_beam suture tear tower two_organs ventricle ventricle_floor";
 
 #[test]
 fn every_shipped_scene_has_a_test_here() {
@@ -337,6 +337,26 @@ fn scissors_cut_a_sheet_in_two_bites() {
     assert!(held.last().unwrap().x < 0.7 * held[at(0.39)].x, "{:?}", held[at(0.39)]);
     assert!(table.column("sheet.min_J (-)").iter().all(|j| *j > 0.2));
     assert!(summary.volume.inverted_max == 0);
+}
+
+/// A strip bears what its notch lets it bear, then tears across.
+#[test]
+fn a_strip_tears_from_its_notch() {
+    let (summary, table) = run_whole("tear", None);
+    let force = table.vector("right.reaction", "N");
+    let [area, stress] =
+        ["torn_area (m^2)", "tear_stress (Pa)"].map(|name| table.column(&format!("strip.{name}")));
+    let most = (0..force.len()).max_by(|a, b| force[*a].x.total_cmp(&force[*b].x)).unwrap();
+    // what tears it is what its notch comes to
+    assert!((0.95..1.1).contains(&(stress[most] / 1e4)), "{stress:?}");
+    assert!(area[most] < 0.2 * area.last().unwrap() && area.is_sorted(), "{area:?}");
+    assert!(force.last().unwrap().x.abs() < 0.02 * force[most].x, "{force:?}");
+    let torn = summary.bodies[0].tear.unwrap();
+    let across = 0.022 * 0.006;
+    assert!((torn.pieces, torn.begun) == (2, 0), "{torn:?}");
+    assert!((0.9..1.25).contains(&(torn.area / across)), "{torn:?}");
+    assert!(summary.volume.inverted_max == 0);
+    says(&summary.to_string(), &["torn", "tetrahedra parted", "2 piece(s)"]);
 }
 
 #[test]

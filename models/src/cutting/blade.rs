@@ -11,7 +11,8 @@ use sinew_engine::vertex::{Displacement, RestPosition};
 use std::collections::BTreeMap;
 
 use super::material::{BladeMove, Cell, Material, Progress, Uncut};
-use super::{CutError, CutReport, material_of, open, prepared, rest_of, row_of};
+use super::tear::TearView;
+use super::{CutError, CutReport, material_of, open_now, prepared, rest_of, row_of};
 
 /// What strokes of blades through bodies have decided, and where bodies were when blades were last looked at.
 #[derive(Resource, Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -65,7 +66,10 @@ pub struct BladeView {
 
 /// Views of bodies by their index: they follow from the bodies, and are kept since they are costly.
 #[derive(Resource, Clone, Debug, Default)]
-pub struct BladeViews(BTreeMap<usize, BladeView>);
+pub struct BladeViews {
+    blades: BTreeMap<usize, BladeView>,
+    pub(super) tears: BTreeMap<usize, TearView>,
+}
 
 /// Looks at a body that can be cut, as it is now.
 ///
@@ -74,7 +78,7 @@ pub struct BladeViews(BTreeMap<usize, BladeView>);
 pub fn view<S: Scalar>(world: &mut World, body: usize) -> Result<BladeView, CutError> {
     let of = version(world, body);
     let mut views = world.remove_resource::<BladeViews>().unwrap_or_default();
-    let known = views.0.remove(&body).filter(|view| view.of == of);
+    let known = views.blades.remove(&body).filter(|view| view.of == of);
     world.insert_resource(views);
     let mut view = match known {
         Some(view) => view,
@@ -94,7 +98,7 @@ fn version(world: &World, body: usize) -> Option<(u64, bool)> {
 
 /// Keeps a view for the next look.
 pub fn keep_view(world: &mut World, body: usize, view: BladeView) {
-    world.get_resource_or_init::<BladeViews>().0.insert(body, view);
+    world.get_resource_or_init::<BladeViews>().blades.insert(body, view);
 }
 
 /// Forgets what strokes through a body have decided: no blade is near.
@@ -104,8 +108,24 @@ pub fn end_stroke(world: &mut World, body: usize) {
     }
 }
 
+/// What a stroke of a blade through this material that goes on has decided.
+pub(super) fn going_on(world: &World, body: usize, uncut: &Uncut) -> Option<Progress> {
+    let own = world.get_resource::<StrokeMemory>()?.bodies.get(&body)?.progress.as_ref()?;
+    (own.has_opened() && uncut.fits(own)).then(|| own.clone())
+}
+
+/// Lets such a stroke go on from what else was decided since.
+pub(super) fn go_on(world: &mut World, body: usize, progress: Progress) {
+    let memory = world.get_resource_mut::<StrokeMemory>();
+    let own =
+        memory.and_then(|memory| memory.into_inner().bodies.get_mut(&body)?.progress.as_mut());
+    if let Some(own) = own.filter(|own| own.has_opened()) {
+        *own = progress;
+    }
+}
+
 /// Places (m) of all rows of a body, spare ones included.
-fn places<S: Scalar>(world: &mut World, body: usize) -> Vec<DVec3> {
+pub(super) fn places<S: Scalar>(world: &mut World, body: usize) -> Vec<DVec3> {
     let mut query = world.query::<(&RestPosition, &Displacement<S>)>();
     let rows = world.resource::<Topology>().bodies[body].vertices.clone();
     let Some((rest, u)) = single_table(query.contiguous_iter(world)) else { return Vec::new() };
@@ -145,19 +165,13 @@ impl BladeView {
         let focus = Vec::new();
         let mut view = Self { of, material, uncut, holders, edge, places, first, rows, focus };
         let rest = rest_of(world, &world.resource::<Topology>().bodies[body].clone());
-        view.edge = view.mean_edge(&|vertex| rest[view.rows[vertex as usize] as usize]);
+        let at_rest = |vertex: u32| rest[view.rows[vertex as usize] as usize];
+        view.edge = view.uncut.mean_edge(view.material.vertices, &at_rest);
         Ok(view)
     }
 
     fn node(&self, node: u32, at: &[DVec3]) -> DVec3 {
         at[self.rows[node as usize] as usize]
-    }
-
-    fn mean_edge(&self, rest: &dyn Fn(u32) -> DVec3) -> f64 {
-        let own = self.uncut.edges.iter().filter(|edge| edge[1] < self.material.vertices);
-        let lengths = own.map(|&[a, b]| rest(a).distance(rest(b)));
-        let (sum, count) = lengths.fold((0.0, 0.0), |(sum, count), own| (sum + own, count + 1.0));
-        if count > 0.0 { sum / count } else { 0.0 }
     }
 
     /// Place (m) of a point of the uncut material.
@@ -299,12 +313,7 @@ impl BodyStroke {
         let mut report = None;
         if !separated.is_empty() {
             let stroke = view.uncut.stroke(&mut progress, separated, goes_on);
-            let mut resection = prepared(world, body)?;
-            let own = resection.bodies[body].as_ref().expect("it was prepared");
-            let material = material_of(world, body, own);
-            let opened = open::<S>(world, body, &mut resection, (material, &stroke));
-            world.insert_resource(resection);
-            report = Some(opened?);
+            report = Some(open_now::<S>(world, body, &stroke)?);
         }
         self.progress = Some(progress);
         Ok(report)

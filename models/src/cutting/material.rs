@@ -313,6 +313,125 @@ impl Uncut {
         apart
     }
 
+    /// What was decided by the stroke of which a material is, but for marks that opened nothing yet. `held` is its
+    /// [`Material::held`].
+    pub fn resume(&self, material: &Material, held: &[Option<[u32; 4]>]) -> Progress {
+        let mut progress = self.begin();
+        for mark in &material.cut {
+            if let Ok(e) = self.edges.binary_search(&mark.edge) {
+                (progress.marks[e], progress.used[e]) = (Some(*mark), true);
+            }
+        }
+        let Progress { marks, whole, separated, .. } = &mut progress;
+        for (cell, _) in held.iter().enumerate().filter(|(_, own)| own.is_some_and(|g| g != [0; 4]))
+        {
+            separated[cell] = true;
+            let own = self.edges_of[cell].iter().map(|&e| e as usize);
+            own.for_each(|e| whole[e] |= marks[e].is_none());
+        }
+        progress
+    }
+
+    /// Cells at the end of a wound, ascending: marks reach them, between corners that they still hold together.
+    pub fn fronts(&self, progress: &Progress, held: &[Option<[u32; 4]>]) -> Vec<u32> {
+        let all = 0..self.cells.len() as u32;
+        let is_front = |cell: &u32| match held[*cell as usize] {
+            Some(held) => self.ends(progress, *cell, held).next().is_some(),
+            None => false,
+        };
+        all.filter(is_front).collect()
+    }
+
+    /// Local corners, the lower point first, and place of the marks that reach a cell without parting it.
+    pub fn ends<'a>(
+        &'a self,
+        progress: &'a Progress,
+        cell: u32,
+        held: [u32; 4],
+    ) -> impl Iterator<Item = ([usize; 2], f64)> + 'a {
+        let corners = self.cells[cell as usize];
+        let edges = EDGES.iter().zip(self.edges_of[cell as usize]);
+        edges.filter(move |([a, b], _)| held[*a] == held[*b]).filter_map(move |(&[a, b], e)| {
+            let mark = progress.marks[e as usize]?;
+            Some((if corners[a] < corners[b] { [a, b] } else { [b, a] }, mark.at))
+        })
+    }
+
+    /// Prolongs a wound through a cell by the plane through a place (m) across `normal`, where the corners of the cell are at `x`. Edges that
+    /// cells beside it left whole stay whole if it comes apart without them. Whether it does; else nothing is decided.
+    pub fn prolong(
+        &self,
+        progress: &mut Progress,
+        (cell, held): (u32, [u32; 4]),
+        x: [DVec3; 4],
+        [on, normal]: [DVec3; 2],
+    ) -> bool {
+        let Progress { marks, whole, separated, .. } = progress;
+        let (cell, own) = (cell as usize, &self.edges_of[cell as usize]);
+        for spares_whole in [true, false] {
+            let mut added = Vec::new();
+            for (&[a, b], &e) in EDGES.iter().zip(own) {
+                let e = e as usize;
+                let side = [a, b].map(|i| normal.dot(x[i] - on));
+                let crosses = (side[0] >= 0.0) != (side[1] >= 0.0);
+                if marks[e].is_some() || !crosses || spares_whole && whole[e] {
+                    continue;
+                }
+                let part = side[0] / (side[0] - side[1]);
+                let is_turned = self.cells[cell][a] > self.cells[cell][b];
+                let at = if is_turned { 1.0 - part } else { part };
+                let at = at.clamp(MARGIN, 1.0 - MARGIN);
+                marks[e] = Some(Mark { edge: self.edges[e], at, swept: false });
+                added.push(e);
+            }
+            if parts(held, own.map(|e| marks[e as usize].is_some())) {
+                separated[cell] = true;
+                own.iter().for_each(|&e| whole[e as usize] |= marks[e as usize].is_none());
+                return true;
+            }
+            added.into_iter().for_each(|e| marks[e] = None);
+        }
+        false
+    }
+
+    /// Lets cells come apart that marks alone part: a wound has passed them. They, ascending.
+    pub fn close(&self, progress: &mut Progress, held: &[Option<[u32; 4]>]) -> Vec<u32> {
+        let Progress { marks, whole, separated, .. } = progress;
+        let mut closed = Vec::new();
+        for (cell, own) in self.edges_of.iter().enumerate() {
+            let Some(held) =
+                held[cell].filter(|_| own.iter().any(|&e| marks[e as usize].is_some()))
+            else {
+                continue;
+            };
+            if parts(held, own.map(|e| marks[e as usize].is_some())) {
+                separated[cell] = true;
+                own.iter().for_each(|&e| whole[e as usize] |= marks[e as usize].is_none());
+                closed.push(cell as u32);
+            }
+        }
+        closed
+    }
+
+    /// Corners of a cell.
+    pub fn corners(&self, cell: u32) -> [u32; 4] {
+        self.cells[cell as usize]
+    }
+
+    /// Cells round a point, ascending.
+    pub fn round(&self, point: u32) -> impl Iterator<Item = u32> + '_ {
+        let all = (0..).zip(&self.cells);
+        all.filter(move |(_, corners)| corners.contains(&point)).map(|(cell, _)| cell)
+    }
+
+    /// Mean length (m) of the edges between vertices of a mesh of so many, when `rest` says where these are.
+    pub fn mean_edge(&self, vertices: u32, rest: &dyn Fn(u32) -> DVec3) -> f64 {
+        let own = self.edges.iter().filter(|edge| edge[1] < vertices);
+        let lengths = own.map(|&[a, b]| rest(a).distance(rest(b)));
+        let (sum, count) = lengths.fold((0.0, 0.0), |(sum, count), own| (sum + own, count + 1.0));
+        if count > 0.0 { sum / count } else { 0.0 }
+    }
+
     /// What is to be opened after some cells fell apart, ascending.
     pub fn stroke(&self, progress: &mut Progress, separated: Vec<u32>, goes_on: bool) -> Stroke {
         let edges = separated.iter().flat_map(|&cell| self.edges_of[cell as usize]);
@@ -351,8 +470,8 @@ pub struct Material {
     pub vertices: u32,
     /// What it was when the last stroke began.
     pub uncut: Option<Box<Uncut>>,
-    /// Edges of that which are cut, ascending.
-    cut: Vec<[u32; 2]>,
+    /// Marks on edges of that which are cut, by their edges.
+    cut: Vec<Mark>,
     /// Kind of its elements.
     pub order: Order,
 }
@@ -511,8 +630,8 @@ impl Material {
                 }
             }
         }
-        self.cut.extend(stroke.marks.iter().map(|mark| mark.edge));
-        self.cut.sort_unstable();
+        self.cut.extend(&stroke.marks);
+        self.cut.sort_by_key(|mark| mark.edge);
         let mut falls_apart = vec![false; uncut.cells.len()];
         stroke.separated.iter().for_each(|&cell| falls_apart[cell as usize] = true);
         let mut parts: Vec<(u32, usize)> = (0..cells.len())
@@ -522,8 +641,7 @@ impl Material {
         parts.sort_unstable();
         for own in parts.chunk_by(|a, b| a.0 == b.0) {
             let corners = uncut.cells[own[0].0 as usize];
-            let is_cut =
-                EDGES.map(|ends| self.cut.binary_search(&sorted(ends.map(|i| corners[i]))).is_ok());
+            let is_cut = EDGES.map(|ends| self.is_cut(sorted(ends.map(|i| corners[i]))));
             let group = groups(is_cut);
             let of = |part: &Cell| group[(0..4).find(|&i| part.has(corners[i])).unwrap_or(0)];
             let places: Vec<usize> = own.iter().map(|(_, at)| *at).collect();
@@ -626,7 +744,8 @@ impl Material {
                     (0..4).for_each(|i| to[i] += 0.25 * cell.volume * weights[i]);
                 }
             }
-            for own in all.iter().map(|&e| &mut self.elements[e as usize]) {
+            for &e in &all {
+                let own = &mut self.elements[e as usize];
                 let share = own.share();
                 if share < CHIP {
                     own.portion = [0.25 * share; 4];
@@ -634,6 +753,35 @@ impl Material {
             }
         }
         own.into_keys().chain(copies..self.elements.len() as u32).collect()
+    }
+
+    fn is_cut(&self, edge: [u32; 2]) -> bool {
+        self.cut.binary_search_by_key(&edge, |mark| mark.edge).is_ok()
+    }
+
+    /// Numbers of the cells that are left of each cell of the material as the last stroke began, ascending.
+    pub fn parts(&self) -> Vec<Vec<u32>> {
+        let count = self.uncut.as_ref().map_or(self.cells.len(), |uncut| uncut.cells.len());
+        let mut parts = vec![Vec::new(); count];
+        for (number, cell) in (0..).zip(&self.cells) {
+            // before a stroke cells are their own beginnings
+            let began = if self.uncut.is_some() { cell.began } else { number };
+            parts[began as usize].push(number);
+        }
+        parts
+    }
+
+    /// For every corner of each of those cells the first that its material holds together with it; none where all is gone.
+    pub fn held(&self, uncut: &Uncut, parts: &[Vec<u32>]) -> Vec<Option<[u32; 4]>> {
+        let of = |(corners, own): (&[u32; 4], &Vec<u32>)| {
+            let place = |n: u32, _: &[u32; 3]| own.binary_search(&n).ok().map(|at| at as u32);
+            let set = if own.len() > 1 { self.joined(own, place) } else { vec![0; own.len()] };
+            let at = |&p: &u32| own.iter().position(|&n| self.cells[n as usize].has(p));
+            let of_corner = corners.each_ref().map(|p| at(p).map(|at| set[at]));
+            let first = |own| of_corner.iter().position(|other| *other == own).unwrap_or(0) as u32;
+            (!own.is_empty()).then(|| of_corner.map(first))
+        };
+        uncut.cells.iter().zip(parts).map(of).collect()
     }
 
     /// Pairs of elements among some that hang together across a face, ascending.
@@ -819,6 +967,12 @@ fn groups(is_cut: [bool; 6]) -> [u32; 4] {
         sets.join(*a as u32, *b as u32);
     }
     [0, 1, 2, 3].map(|corner| sets.root(corner))
+}
+
+/// Whether corners that are held together come apart by what is cut.
+fn parts(held: [u32; 4], is_cut: [bool; 6]) -> bool {
+    let now = groups(is_cut);
+    EDGES.iter().any(|&[a, b]| held[a] == held[b] && now[a] != now[b])
 }
 
 /// Opens the faces between parts of different groups of one cell, given by their places.

@@ -39,6 +39,7 @@ mod hexahedra;
 pub mod material;
 mod quadrature;
 mod skin;
+pub mod tear;
 mod ten_node;
 
 use bevy_ecs::prelude::*;
@@ -110,6 +111,14 @@ pub enum CutError {
     /// The body cannot be cut.
     #[error("body `{body}` cannot be cut: {problem}")]
     Body {
+        /// Name of the body.
+        body: String,
+        /// Why, and what helps.
+        problem: String,
+    },
+    /// The body cannot tear.
+    #[error("body `{body}` cannot tear: {problem}")]
+    Tear {
         /// Name of the body.
         body: String,
         /// Why, and what helps.
@@ -200,6 +209,20 @@ pub(crate) fn open_again<S: Scalar>(
     };
     world.insert_resource(resection);
     result
+}
+
+/// Opens a body by what a stroke through its material as it is decided.
+fn open_now<S: Scalar>(
+    world: &mut World,
+    body: usize,
+    stroke: &Stroke,
+) -> Result<CutReport, CutError> {
+    let mut resection = prepared(world, body)?;
+    let own = resection.bodies[body].as_ref().expect("it was prepared");
+    let material = material_of(world, body, own);
+    let opened = open::<S>(world, body, &mut resection, (material, stroke));
+    world.insert_resource(resection);
+    opened
 }
 
 /// What is kept for removals from a body, taken out of the world, once it is certain that the body can be cut.

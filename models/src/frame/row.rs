@@ -84,6 +84,9 @@ pub type Activate = fn(&mut World, PlacedLaw);
 /// Energy (J) of a tetrahedron at the displacements (m) of its vertices.
 pub type TetrahedronEnergy = fn(&Element<f64>, &[[f64; 3]; 4]) -> f64;
 
+/// Forces (N) on the vertices of a tetrahedron at their displacements (m), if there are any.
+pub type TetrahedronForces = fn(&Element<f64>, &[[f64; 3]; 4]) -> Option<[[f64; 3]; 4]>;
+
 /// Energy (J) of the hourglass modes of a hexahedron.
 pub(crate) type HourglassEnergy = fn(&Stiffness<f64>, &Modes<f64>) -> f64;
 
@@ -127,6 +130,8 @@ pub struct LawRow {
     pub softens: bool,
     /// Energy of one of its tetrahedra.
     pub energy: Option<TetrahedronEnergy>,
+    /// Forces on the vertices of one of its linear tetrahedra.
+    pub element_forces: Option<TetrahedronForces>,
     /// Energy of the hourglass modes of one of its elements, where integration is reduced.
     pub(crate) hourglass: Option<HourglassEnergy>,
     /// Rows of the same law in other elements, and with its volume term by means.
@@ -187,6 +192,7 @@ impl LawRow {
             holds_pressure: true,
             softens: false,
             energy: None,
+            element_forces: None,
             hourglass: None,
             family: &[],
             measure: None,

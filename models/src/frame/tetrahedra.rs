@@ -54,6 +54,7 @@ impl LawRow {
             tangent: L::contributes,
             recovery: if L::STANDS_IN { InRecovery::StandIn } else { InRecovery::Silent },
             energy: Some(|e, u| L::energy(e, u)),
+            element_forces: Some(|e, u| L::forces(e, u)),
             holds_pressure: L::HOLDS_PRESSURE,
             softens: L::SOFTENS,
             ..Self::of_systems(info, elements, [mark::<L::Mark>; 2], activate)

@@ -86,7 +86,7 @@ type HexahedronData<S> = (&'static HexahedronRest<S>, ModuliData<S>);
 type Tetrahedron10Data<S> = (&'static Tetrahedron10Rest<S>, ModuliData<S>);
 
 /// A simplex that stands for an element or one of its Gauss points, with the displacements (m) of its vertices.
-pub(super) enum Point<'a> {
+pub(crate) enum Point<'a> {
     /// Of a solid element.
     Solid(&'a Element<f64>, &'a [[f64; 3]; 4]),
     /// Of a membrane; its moduli are so many times those of the element.
@@ -94,7 +94,7 @@ pub(super) enum Point<'a> {
 }
 
 /// Queries for the state of elements.
-pub(super) struct Queries<S: Scalar> {
+pub(crate) struct Queries<S: Scalar> {
     vertices: VertexQuery<S>,
     tetrahedra: QueryState<TetrahedronData<S>>,
     hexahedra: QueryState<HexahedronData<S>>,
@@ -113,11 +113,11 @@ impl<S: Scalar> Queries<S> {
 }
 
 /// Elements of a body that have a row.
-pub(super) struct State<'a, S: Scalar> {
+pub(crate) struct State<'a, S: Scalar> {
     own: &'a BodyResection,
     world: &'a World,
     soft: &'a SoftBody,
-    pub vertices: Vertices<'a, S>,
+    pub(super) vertices: Vertices<'a, S>,
     tetrahedra: &'a QueryState<TetrahedronData<S>>,
     hexahedra: &'a QueryState<HexahedronData<S>>,
     tens: &'a QueryState<Tetrahedron10Data<S>>,

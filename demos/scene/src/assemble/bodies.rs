@@ -7,7 +7,9 @@ use super::scene::BuiltScene;
 use super::select::group_cells;
 use super::{axes, meshes};
 use crate::error::SceneError;
-use crate::scene::{BodyEntry, CutEntry, Key, MembraneEntry, PreparedMesh, SpringMethod};
+use crate::scene::{
+    BodyEntry, CutEntry, Key, MembraneEntry, Mode, PreparedMesh, SpringMethod, TearEntry,
+};
 use crate::springs::{Matter, Springs};
 use crate::warning::{Level, Warning};
 use sinew::engine::mesh::{CheckOptions, FILLED, Filled, LatticeReport, Mesh, check};
@@ -16,7 +18,9 @@ use sinew::models::body::sheet::{
     Bending, MembraneDescription, MembraneModel, MembraneSettings, PlaneState,
 };
 use sinew::models::body::{BodyDescription, Model, VolumeRule};
+use sinew::models::cutting::tear::Tear;
 use sinew::models::material::YoungPoisson;
+use sinew::simulation::BodyHandle;
 use std::sync::Arc;
 
 /// How many cuts a scene makes through a body.
@@ -107,7 +111,11 @@ pub(super) fn body(
         masses: body.masses.or(of_file).unwrap_or_default(),
         spare: match body.spare {
             Some(given) => given as usize,
-            None => super::cuts::spare(cuts(key, &body.name), checked.mesh.points.len()),
+            None => {
+                // a tear goes its own way: more than a plane
+                let planes = cuts(key, &body.name) + if body.tear.is_some() { 2 } else { 0 };
+                super::cuts::spare(planes, checked.mesh.points.len())
+            }
         },
         membrane: membrane.as_ref().map(|m| MembraneDescription {
             fibres: &m.fibres,
@@ -124,6 +132,9 @@ pub(super) fn body(
         .simulation
         .add_checked_body(&description, &checked.report)
         .map_err(|e| mesh_key.error(e))?;
+    if let Some(entry) = body.tear {
+        tear(&key.at("tear"), entry, handle, built)?;
+    }
     let mass = built.simulation.masses(handle).iter().sum();
     Ok(BuiltBody {
         name: body.name.clone(),
@@ -144,6 +155,23 @@ pub(super) fn body(
         carried,
         lattice,
     })
+}
+
+/// Lets a body tear.
+fn tear(
+    key: &Key,
+    entry: TearEntry,
+    body: BodyHandle,
+    built: &mut BuiltScene,
+) -> Result<(), SceneError> {
+    if built.plan.mode == Mode::Static {
+        let remedy = "leave it out, or use mode = \"dynamic\"";
+        return Err(key.value("a body that tears in a static scene", remedy));
+    }
+    let TearEntry { strength, radius, max_speed } = entry;
+    let tear = Tear { body: body.0, strength, radius, max_speed };
+    built.simulation.set_tear(tear).map_err(|error| key.error(error))?;
+    Ok(())
 }
 
 /// A surface in a body that carries it.

@@ -191,6 +191,7 @@ impl RunFacts<'_> {
             lattice: body.lattice,
             carried: body.carried.as_ref().map(|own| own.points.len()),
             element_method: body.springs,
+            tear: simulation.tear_report(body.handle),
             membrane: body.membrane.as_ref().map(|m| MembraneSummary {
                 triangles: m.triangles.len(),
                 quads: m.quads.len(),

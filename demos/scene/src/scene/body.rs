@@ -66,6 +66,8 @@ pub struct BodyEntry {
     pub masses: Option<MassRule>,
     /// Vertices kept for what cuts make of the body; without, as many as a few planes across it need where the scene cuts it.
     pub spare: Option<u32>,
+    /// Under how much tension it tears. Dynamic scenes.
+    pub tear: Option<TearEntry>,
     /// Membrane on or instead of the solid.
     pub membrane: Option<MembraneEntry>,
     /// Families of fibres in the solid.
@@ -73,6 +75,18 @@ pub struct BodyEntry {
     pub fibres: Vec<FibreEntry>,
     /// Angles between them, volume and form.
     pub axes: Option<AxesEntry>,
+}
+
+/// When a body of linear tetrahedra tears.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TearEntry {
+    /// Largest principal stress (Pa) that it bears, as a mean over a ball.
+    pub strength: f64,
+    /// Radius (m) of the ball; without, 1.2 mean edges.
+    pub radius: Option<f64>,
+    /// Largest speed (m/s) of a tear; without, that of shear waves.
+    pub max_speed: Option<f64>,
 }
 
 /// All that decides what the mesh of a body is: bodies of the same have the same mesh.

@@ -13,7 +13,7 @@ mod shape;
 mod thread;
 mod touch;
 
-pub use body::{BodyEntry, MaterialEntry, MembraneEntry, SpringMethod};
+pub use body::{BodyEntry, MaterialEntry, MembraneEntry, SpringMethod, TearEntry};
 pub use conditions::{
     BoxRegion, ConstraintEntry, CurveEntry, CylinderRegion, FacesEntry, HalfSpaceRegion, LoadEntry,
     MotionEntry, PatchRegion, PressureEntry, RotationAbout, Selection, Sine, SphereRegion,

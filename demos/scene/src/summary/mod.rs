@@ -19,6 +19,7 @@ use sinew::models::axes::description::{AxesDescription, AxisFamily, FibreForm};
 use sinew::models::body::lumped::SpringRule;
 use sinew::models::body::sheet::MembraneModel;
 use sinew::models::body::{Evaluation, Integration, Model, VolumeRule};
+use sinew::models::cutting::tear::TearReport;
 use sinew::models::material::YoungPoisson;
 use sinew::solvers::settings::SolverSettings;
 use std::collections::BTreeMap;
@@ -253,6 +254,9 @@ pub struct BodySummary {
     pub carried: Option<usize>,
     /// Where constants of lumped springs come from, where the scene says so.
     pub element_method: Option<SpringRule>,
+    /// What tore, where it may.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub tear: Option<TearReport>,
     /// Membrane.
     pub membrane: Option<MembraneSummary>,
     /// Axes.

@@ -509,6 +509,18 @@ impl BodySummary {
         if let Some(points) = self.carried {
             line!(block, "", "carries a surface of {points} points");
         }
+        if let Some(tear) = &self.tear {
+            line!(
+                block,
+                "  torn",
+                "{} cm^2, {} tears that began at the surface: {} tetrahedra parted, {} vertices more, {} piece(s)",
+                short(tear.area * 1e4),
+                tear.begun,
+                tear.separated,
+                tear.vertices,
+                tear.pieces.max(1)
+            );
+        }
         if let Some(axes) = &self.axes {
             axes.describe(block);
         }

@@ -1,0 +1,474 @@
+//! Tears: a body comes apart by itself where the tension in it is above its strength.
+//!
+//! What is compared with the strength is the largest principal value of the Cauchy stress, averaged over a ball by the volume of the material
+//! in it: the stress of a single element at the end of a wound grows without bound as elements get smaller, the mean over a ball of
+//! given radius does not. The ball is that of the shape at rest, the stress and the plane that it tears along are those of the present shape.
+//!
+//! - At the end of a wound, by a cut or a tear, the cells there come apart by the plane through the line to which the wound has come, as near as
+//!   may be to perpendicular to that stress. Where there is no wound, a tear begins at the vertex of the surface whose stress
+//!   is the largest, farther than the radius from the end of any wound; only while no wound goes on.
+//! - A step tears one layer of elements at most, and on the average no faster than `max_speed`.
+//! - What comes apart is decided as for [blades](super::blade), by marks on edges, and opened by the same code: mass, momentum and energy are
+//!   the same before and after. What the tear sets free goes into motion, and nothing holds its sides together: the law is brittle.
+//! - Of several cuts the last one tears on; where an earlier one ends a new tear may begin.
+//! - After each step the decision depends on the state and the edits alone, so that snapshots and replays need nothing more.
+
+use bevy_ecs::prelude::*;
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+use sinew_engine::compiled_here;
+use sinew_engine::connectivity::ElementKind;
+use sinew_engine::element::{displacement_gradient, volume_change};
+use sinew_engine::order::Order as Created;
+use sinew_engine::scalar::Scalar;
+use sinew_engine::topology::Topology;
+
+use super::blade::{self, BladeViews};
+use super::material::{Material, Order, Progress, Uncut};
+use super::{
+    CutError, check_cut, material_of, open_now, order_of, prepared, rest_of, row_of, soft_of,
+};
+use crate::body::description::SoftBody;
+use crate::body::present::Resection;
+use crate::element::projection::symmetric_eigen;
+use crate::frame::row::{Elements, TetrahedronForces};
+use crate::frame::rules::VolumeRule;
+use crate::resection::state::{Point, Queries, State};
+
+const KIND: ElementKind = ElementKind::Tetrahedron;
+/// Least radius (mean edges) over which stress may be averaged: below, it is that of a few elements, and depends on the mesh.
+const LEAST_RADIUS: f64 = 1.2;
+/// Least sine of the angle between the end of a wound and the tension there at which it tears on.
+const ACROSS: f64 = 0.3;
+
+/// Lets a body tear.
+#[derive(Component, Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[require(TearReport, Created)]
+pub struct Tear {
+    /// Index of the body.
+    pub body: usize,
+    /// Largest principal stress (Pa) that it bears.
+    pub strength: f64,
+    /// Radius (m, at rest) of the ball over which stress is averaged, 1.2 mean edges at least; these without.
+    pub radius: Option<f64>,
+    /// Largest speed (m/s) of a tear; without, that of shear waves, `sqrt(mu / rho)`.
+    pub max_speed: Option<f64>,
+}
+
+/// What tears of a body did up to the last step.
+#[derive(Component, Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct TearReport {
+    /// Area (m^2, at rest) of one side of what tore.
+    pub area: f64,
+    /// Elements that tears parted.
+    pub separated: u32,
+    /// Vertices that they made.
+    pub vertices: u32,
+    /// Tears that began without a wound.
+    pub begun: u32,
+    /// Largest averaged principal stress (Pa) at the ends of wounds, and where a tear may begin if it is above the strength there, as the last step began.
+    pub stress: f64,
+    /// Connected pieces of the body when it last tore.
+    pub pieces: u32,
+    /// Way (m) that a tear may still go at its largest speed.
+    pub way: f64,
+}
+
+/// A body as tears look at it.
+#[derive(Clone, Debug)]
+pub(super) struct TearView {
+    /// Count of its changes.
+    of: u64,
+    material: Material,
+    uncut: Uncut,
+    parts: Vec<Vec<u32>>,
+    held: Vec<Option<[u32; 4]>>,
+    progress: Progress,
+    /// Cells at the ends of wounds, and where (m, at rest) these are.
+    fronts: Vec<(u32, DVec3)>,
+    /// Vertices of the mesh on its outside.
+    outside: Vec<u32>,
+    /// Places (m) at rest of the vertices of the mesh, and rows of these and of ghosts.
+    rest: Vec<DVec3>,
+    rows: Vec<u32>,
+    /// Middles (m, at rest) of the material of all elements, by their first coordinate, and rows of these.
+    middles: Vec<(DVec3, u32)>,
+}
+
+/// Stress of an element times its volume (N m), and that volume (m^3).
+type Stress = ([f64; 6], f64);
+
+/// A tear with what it leaves open filled in, if the body can tear.
+///
+/// # Errors
+/// Says why not, and what helps.
+pub fn check_tear(world: &mut World, tear: &Tear) -> Result<Tear, CutError> {
+    check_cut(world, tear.body)?;
+    let rows = world.resource::<Topology>().bodies[tear.body].clone();
+    let refuse = |problem: String| Err(CutError::Tear { body: rows.name.clone(), problem });
+    if order_of(&rows) != Order::Linear {
+        return refuse("its elements are no linear tetrahedra; take these".into());
+    }
+    let Some(soft) = soft_of(world, tear.body) else { return refuse("it has no elements".into()) };
+    if soft.volume != VolumeRule::Elements {
+        return refuse(
+            "clusters of volume have no stress of their own elements; take volume = \"elements\""
+                .into(),
+        );
+    }
+    if soft.axes.is_some() {
+        return refuse(
+            "the stress of its axes and fibres is not known; take a model without".into(),
+        );
+    }
+    if forces_of(&soft).is_none() {
+        return refuse(
+            "its model does not tell the forces of single elements; take another".into(),
+        );
+    }
+    let own = [
+        ("strength", Some(tear.strength), "Pa"),
+        ("radius", tear.radius, "m"),
+        ("max_speed", tear.max_speed, "m/s"),
+    ];
+    for (name, value, unit) in own {
+        if let Some(value) = value.filter(|value| !(*value > 0.0 && value.is_finite())) {
+            return refuse(format!("its {name} is {value} {unit}: it must be positive and finite"));
+        }
+    }
+    let rest = rest_of(world, &rows);
+    let resection = prepared(world, tear.body)?;
+    let material = material_of(
+        world,
+        tear.body,
+        resection.bodies[tear.body].as_ref().expect("it was prepared"),
+    );
+    world.insert_resource(resection);
+    let at_rest = |vertex: u32| rest[row_of(&rows, vertex) as usize];
+    let edge = Uncut::new(&material).mean_edge(material.vertices, &at_rest);
+    let least = LEAST_RADIUS * edge;
+    let radius = tear.radius.unwrap_or(least);
+    if radius < least * (1.0 - 1e-9) {
+        return refuse(format!(
+            "its radius is {radius} m and edges are {edge:.4} m on average: the stress of so few elements depends on the mesh. \
+             Take {least:.4} m or more, or a finer mesh"
+        ));
+    }
+    let (mu, rho) = (soft.material.lame().map_or(0.0, |lame| lame.mu), soft.material.density);
+    let speed = tear.max_speed.or((mu > 0.0 && rho > 0.0).then(|| (mu / rho).sqrt()));
+    Ok(Tear { radius: Some(radius), max_speed: speed, ..*tear })
+}
+
+fn forces_of(soft: &SoftBody) -> Option<TetrahedronForces> {
+    soft.law?.in_elements(Elements::Tetrahedra, soft.volume)?.element_forces
+}
+
+/// Tears a body as far as it tears in a step of `dt` (s), from its state now.
+///
+/// # Errors
+/// When it can tear no longer, or has too few spare vertices; nothing is changed then.
+pub fn tear_body<S: Scalar>(
+    world: &mut World,
+    tear: &Tear,
+    report: &mut TearReport,
+    dt: f64,
+) -> Result<(), CutError> {
+    compiled_here!(S, advance(world: &mut World, tear: &Tear, report: &mut TearReport, dt: f64) -> Result<(), CutError>)
+}
+
+fn advance<S: Scalar>(
+    world: &mut World,
+    tear: &Tear,
+    report: &mut TearReport,
+    dt: f64,
+) -> Result<(), CutError> {
+    let body = tear.body;
+    let changes = world.resource::<Topology>().bodies.get(body).map(|rows| rows.changes);
+    let known =
+        world.get_resource_mut::<BladeViews>().and_then(|mut views| views.tears.remove(&body));
+    let view = match known.filter(|view| Some(view.of) == changes) {
+        Some(view) => view,
+        None => TearView::new(world, body)?,
+    };
+    let Tear { radius: Some(radius), max_speed, .. } = check_filled(world, tear)? else {
+        return Ok(());
+    };
+    let layer = radius / LEAST_RADIUS;
+    report.way = max_speed.map_or(layer, |speed| (report.way + speed * dt).min(layer + speed * dt));
+    let at = blade::places::<S>(world, body);
+    let stresses = view.stresses::<S>(world, body, &at);
+    let look = Look { view: &view, at: &at, stresses: &stresses, radius, strength: tear.strength };
+    let mut progress =
+        blade::going_on(world, body, &view.uncut).unwrap_or_else(|| view.progress.clone());
+    let (apart, begun) = look.decide(&mut progress, report.way >= layer, &mut report.stress);
+    if !apart.is_empty() {
+        let goes_on = view.progress.has_opened();
+        let stroke = view.uncut.stroke(&mut progress, apart, goes_on);
+        let cut = open_now::<S>(world, body, &stroke)?;
+        blade::go_on(world, body, progress);
+        report.area += cut.area;
+        report.separated += cut.separated.len() as u32;
+        report.vertices += cut.vertices as u32;
+        report.begun += u32::from(begun);
+        report.pieces = cut.pieces as u32;
+        report.way -= if max_speed.is_some() { layer } else { 0.0 };
+    }
+    world.get_resource_or_init::<BladeViews>().tears.insert(body, view);
+    Ok(())
+}
+
+/// A tear whose body was not checked when it was given is checked now.
+fn check_filled(world: &mut World, tear: &Tear) -> Result<Tear, CutError> {
+    if tear.radius.is_some() { Ok(*tear) } else { check_tear(world, tear) }
+}
+
+impl TearView {
+    fn new(world: &mut World, body: usize) -> Result<Self, CutError> {
+        let resection = prepared(world, body)?;
+        let own = resection.bodies[body].as_ref().expect("it was prepared");
+        let material = material_of(world, body, own);
+        let element_of = own.element_of[KIND].clone();
+        world.insert_resource(resection);
+        let own = world.resource::<Topology>().bodies[body].clone();
+        let of_rows = rest_of(world, &own);
+        let rest =
+            (0..material.vertices).map(|v| of_rows[row_of(&own, v) as usize]).collect::<Vec<_>>();
+        let nodes = 0..material.vertices + material.ghosts.len() as u32;
+        let rows = nodes.map(|node| row_of(&own, node)).collect();
+        let uncut = material.uncut.as_deref().cloned().unwrap_or_else(|| Uncut::new(&material));
+        let parts = material.parts();
+        let held = material.held(&uncut, &parts);
+        let progress = uncut.resume(&material, &held);
+        let faces = material.skin().into_iter().filter(|(_, _, wound)| !wound);
+        let mut outside: Vec<u32> =
+            faces.flat_map(|(face, ..)| face).filter(|p| *p < material.vertices).collect();
+        outside.sort_unstable();
+        outside.dedup();
+        let mut alive = vec![false; material.elements.len()];
+        material.cells.iter().for_each(|cell| alive[cell.element as usize] = true);
+        let mut middles = Vec::new();
+        for (e, element) in material.elements.iter().enumerate().filter(|(e, _)| alive[*e]) {
+            let corners = element.vertices.iter().zip(element.portion);
+            let sum: DVec3 = corners.map(|(&v, part)| part * rest[v as usize]).sum();
+            middles.push((sum / element.share(), element_of[e]));
+        }
+        middles.sort_by(|a, b| a.0.x.total_cmp(&b.0.x).then(a.1.cmp(&b.1)));
+        let fronts = Vec::new();
+        let of = own.changes;
+        let mut view = Self {
+            of,
+            material,
+            uncut,
+            parts,
+            held,
+            progress,
+            fronts,
+            outside,
+            rest,
+            rows,
+            middles,
+        };
+        for cell in view.uncut.fronts(&view.progress, &view.held) {
+            let x = view.corners(cell, &|p| view.at_rest(p));
+            view.fronts.push((cell, view.end(&view.progress, cell, &x).0));
+        }
+        Ok(view)
+    }
+
+    /// Place (m) of a point at rest.
+    fn at_rest(&self, point: u32) -> DVec3 {
+        let point = &self.material.points[point as usize];
+        let used = point.vertices.iter().zip(point.weights).filter(|(_, w)| *w != 0.0);
+        used.map(|(&v, w)| w * self.rest[v as usize]).sum()
+    }
+
+    /// The corners of an uncut cell as its material has them.
+    fn corners(&self, cell: u32, place: &dyn Fn(u32) -> DVec3) -> [DVec3; 4] {
+        self.uncut.corners(cell).map(place)
+    }
+
+    /// The same in the present shape, where rows are at these places (m).
+    fn present(&self, cell: u32, at: &[DVec3]) -> [DVec3; 4] {
+        let node = |node: u32| at[self.rows[node as usize] as usize];
+        let place = |p: u32| {
+            let mut own =
+                self.parts[cell as usize].iter().map(|&n| &self.material.cells[n as usize]);
+            let part = own.find(|part| part.corners.contains(&p));
+            part.map_or(DVec3::ZERO, |part| self.material.place(part, p, &node))
+        };
+        self.corners(cell, &place)
+    }
+
+    /// Middle of the marks that reach a cell whose corners are at `x` (m), and from one to another of them.
+    fn end(&self, progress: &Progress, cell: u32, x: &[DVec3; 4]) -> (DVec3, DVec3) {
+        let held = self.held[cell as usize].unwrap_or_default();
+        let ends = self.uncut.ends(progress, cell, held);
+        let marks: Vec<DVec3> = ends.map(|([a, b], at)| x[a].lerp(x[b], at)).collect();
+        let mut along = DVec3::ZERO;
+        for (i, a) in marks.iter().enumerate() {
+            for b in &marks[i + 1..] {
+                if (*b - *a).length_squared() > along.length_squared() {
+                    along = *b - *a;
+                }
+            }
+        }
+        (marks.iter().sum::<DVec3>() / marks.len().max(1) as f64, along)
+    }
+
+    /// The stress of every element in the order of the middles.
+    fn stresses<S: Scalar>(&self, world: &mut World, body: usize, at: &[DVec3]) -> Vec<Stress> {
+        let Some(soft) = soft_of(world, body) else { return Vec::new() };
+        let Some(forces) = forces_of(&soft) else { return Vec::new() };
+        let mut queries = Queries::<S>::new(world);
+        let Some(own) = world.resource::<Resection>().bodies[body].as_ref() else {
+            return Vec::new();
+        };
+        let state = State::new(own, world, &soft, &mut queries);
+        let nodes = own.connectivity.ordered.tetrahedra();
+        let of = |&(_, row): &(DVec3, u32)| {
+            let x = nodes[row as usize].map(|v| at[v as usize]);
+            let mut stress = Stress::default();
+            state.visit(KIND, row, |point| {
+                let Point::Solid(e, u) = point else { return };
+                let volume =
+                    e.volume * (1.0 + volume_change(&displacement_gradient(&e.gradients, u)));
+                let mut sum = [0.0; 6];
+                for (f, x) in forces(e, u).iter().flatten().zip(x) {
+                    let (f, x) = (DVec3::from(*f), x - at[nodes[row as usize][0] as usize]);
+                    // of a symmetric tensor: xx, yy, zz, yz, xz, xy
+                    let both = |i: usize, j: usize| -0.5 * (f[i] * x[j] + f[j] * x[i]);
+                    let of =
+                        [both(0, 0), both(1, 1), both(2, 2), both(1, 2), both(0, 2), both(0, 1)];
+                    sum.iter_mut().zip(of).for_each(|(sum, part)| *sum += part);
+                }
+                stress = (sum, volume);
+            });
+            stress
+        };
+        self.middles.iter().map(of).collect()
+    }
+}
+
+/// Largest principal value (Pa) and its direction.
+fn principal((t, volume): Stress) -> (f64, DVec3) {
+    // nothing there, or turned inside out
+    if volume <= 0.0 || volume.is_nan() {
+        return (0.0, DVec3::ZERO);
+    }
+    let [xx, yy, zz, yz, xz, xy] = t.map(|t| t / volume);
+    let (values, v) = symmetric_eigen([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]], true);
+    let last = (1..3).fold(0, |best, i| if values[i] > values[best] { i } else { best });
+    (values[last], DVec3::new(v[0][last], v[1][last], v[2][last]))
+}
+
+/// A body and its stress.
+struct Look<'a> {
+    view: &'a TearView,
+    at: &'a [DVec3],
+    stresses: &'a [Stress],
+    radius: f64,
+    strength: f64,
+}
+
+impl Look<'_> {
+    /// What stands in a ball round a place (m, at rest).
+    fn near(&self, at: DVec3) -> impl Iterator<Item = usize> + '_ {
+        let (middles, radius) = (&self.view.middles, self.radius);
+        let first = middles.partition_point(|(x, _)| x.x < at.x - radius);
+        let end = middles.partition_point(|(x, _)| x.x <= at.x + radius);
+        (first..end).filter(move |&i| middles[i].0.distance_squared(at) <= radius * radius)
+    }
+
+    /// The largest principal value of the mean stress (Pa) there, and its direction.
+    fn mean(&self, at: DVec3) -> (f64, DVec3) {
+        let mut sum = Stress::default();
+        for i in self.near(at) {
+            let own = &self.stresses[i];
+            sum.0.iter_mut().zip(own.0).for_each(|(sum, part)| *sum += part);
+            sum.1 += own.1;
+        }
+        principal(sum)
+    }
+
+    /// Cells that come apart, ascending, if any may, and whether a tear begins.
+    fn decide(&self, progress: &mut Progress, may: bool, largest: &mut f64) -> (Vec<u32>, bool) {
+        let view = self.view;
+        let fronts: Vec<(f64, DVec3)> = view.fronts.iter().map(|&(_, at)| self.mean(at)).collect();
+        *largest = fronts.iter().map(|own| own.0).fold(0.0, f64::max);
+        let mut apart = Vec::new();
+        if !may {
+            return (apart, false);
+        }
+        for (&(cell, _), &(stress, across)) in view.fronts.iter().zip(&fronts) {
+            if stress <= self.strength {
+                continue;
+            }
+            let x = view.present(cell, self.at);
+            let (on, along) = view.end(progress, cell, &x);
+            let along = along.normalize_or_zero();
+            let normal = across - across.dot(along) * along;
+            let held = view.held[cell as usize].unwrap_or_default();
+            if normal.length() >= ACROSS
+                && view.uncut.prolong(progress, (cell, held), x, [on, normal])
+            {
+                apart.push(cell);
+            }
+        }
+        // one thing after the other: what goes on takes tension off what may begin
+        let begun = apart.is_empty() && self.begin(progress, &mut apart, largest);
+        if !apart.is_empty() {
+            apart.extend(view.uncut.close(progress, &view.held));
+        }
+        apart.sort_unstable();
+        apart.dedup();
+        (apart, begun)
+    }
+
+    /// Begins a tear at the vertex of the surface that is under the largest tension, if that is above the strength.
+    fn begin(&self, progress: &mut Progress, apart: &mut Vec<u32>, largest: &mut f64) -> bool {
+        let view = self.view;
+        // the norm of all is no less than the largest principal value
+        let norm = |t: &[f64; 6]| {
+            t[..3].iter().map(|t| t * t).sum::<f64>()
+                + 2.0 * t[3..].iter().map(|t| t * t).sum::<f64>()
+        };
+        let may = |own: &Stress| norm(&own.0).sqrt() > self.strength * own.1;
+        let is_hot = |own: &Stress| may(own) && principal(*own).0 > self.strength;
+        let hot: Vec<bool> = self.stresses.iter().map(is_hot).collect();
+        if !hot.contains(&true) {
+            return false;
+        }
+        let mut best: Option<(f64, u32, DVec3)> = None;
+        for &vertex in &view.outside {
+            let at = view.rest[vertex as usize];
+            // a mean is above the strength only where a part of it is
+            if !self.near(at).any(|i| hot[i])
+                || view.fronts.iter().any(|(_, end)| end.distance(at) <= self.radius)
+            {
+                continue;
+            }
+            let (stress, across) = self.mean(at);
+            if stress > self.strength && best.is_none_or(|(most, ..)| stress > most) {
+                best = Some((stress, vertex, across));
+            }
+        }
+        let Some((stress, vertex, across)) = best else { return false };
+        *largest = largest.max(stress);
+        // to the side on which there is more tension, whatever the sign of the direction
+        let at = view.rest[vertex as usize];
+        let pull = self
+            .near(at)
+            .map(|i| self.stresses[i].0[..3].iter().sum::<f64>() * (view.middles[i].0 - at));
+        let across = if pull.sum::<DVec3>().dot(across) < 0.0 { -across } else { across };
+        let before = apart.len();
+        for cell in view.uncut.round(vertex) {
+            let Some(held) = view.held[cell as usize] else { continue };
+            let x = view.present(cell, self.at);
+            let i = view.uncut.corners(cell).iter().position(|p| *p == vertex).unwrap_or(0);
+            if view.uncut.prolong(progress, (cell, held), x, [x[i], across]) {
+                apart.push(cell);
+            }
+        }
+        apart.len() > before
+    }
+}

@@ -1,0 +1,363 @@
+//! Tears: the load at which a wound goes on, how it goes, and what must hold meanwhile.
+
+use crate::common::*;
+use crate::snapshot::{Scene, exact};
+use glam::{DQuat, DVec3};
+use sinew::engine::mesh::generate::{box_hexahedra, box_tets, jitter_interior};
+use sinew::engine::mesh::{Mesh, Surface};
+use sinew::engine::vertex::{FixedAxes, Mass};
+use sinew::models::body::VolumeRule;
+use sinew::models::resection::{Region, Removal};
+use sinew::prelude::*;
+use std::f64::consts::PI;
+
+/// Bears a stress (Pa) on both sides across x.
+fn pull(s: &mut Simulation, body: BodyHandle, mesh: &Mesh, stress: f64) {
+    for (side, sign) in [("x0", -1.0), ("x1", 1.0)] {
+        let own = &mesh.group(side).unwrap().cells.triangles;
+        let triangles = own.iter().map(|&t| mesh.triangles[t as usize]).collect();
+        let on = Surface { triangles, quads: Vec::new() };
+        let faces = s.traction_faces(body, side, &on, DVec3::X * (sign * stress)).unwrap();
+        s.add_loaded_faces(side, faces, Curve::Constant);
+    }
+}
+
+/// The strength over the load at which a curved notch in a unit cube that is pulled apart tears on.
+fn critical_load(cells: usize, seed: u64) -> f64 {
+    let mesh = box_tets(DVec3::ONE, [cells; 3]).unwrap();
+    let mesh = jitter_interior(&mesh, 0.2, seed).unwrap();
+    let material = YoungPoisson { young_modulus: 1.0, poisson_ratio: 0.3, density: 1.0 };
+    let body = BodyDescription::new("cube", &mesh, material);
+    let spare = 2 * mesh.points.len();
+    let body = BodyDescription { spare, model: Model::Linear, ..body };
+    let (mut s, body) = alone(SimulationOptions::default(), &body);
+    s.set_gravity(DVec3::ZERO);
+    let floor = s.group_rows(body, &mesh, "z0").unwrap();
+    s.add_constraint(Constraint::hold("floor", floor));
+    let edge = |y: f64| {
+        let x = |z: f64| 0.5 + 0.15 * (z - 0.5) + 0.12 * (y - 0.5) + 0.08 * libm::sin(PI * y);
+        [DVec3::new(x(1.05), y, 1.05), DVec3::new(x(0.4), y, 0.4)]
+    };
+    let strip: Vec<_> = (0..=24).map(|i| edge(-0.05 + 1.1 * f64::from(i) / 24.0)).collect();
+    s.cut(body, &strip).unwrap();
+    let load = 1e-4;
+    pull(&mut s, body, &mesh, load);
+    s.set_solver(solver!(
+        Integrator::QuasiStatic,
+        linear_tolerance = 1e-8,
+        newton_tolerance = 1e-7
+    ));
+    let tear = Tear { body: body.0, strength: 1.0, radius: Some(0.25), max_speed: None };
+    s.set_tear(tear).unwrap();
+    s.steps(2);
+    let report = s.tear_report(body).unwrap();
+    assert_eq!(report.separated, 0);
+    load / report.stress
+}
+
+/// Criterion of meshes: a strength means the same on all of them, as a mean over a ball of given radius.
+#[test]
+fn the_critical_load_of_a_notch_does_not_depend_on_the_mesh() {
+    let mut means = Vec::new();
+    for cells in [8, 10, 12, 14, 16] {
+        let all = [1, 2, 3].map(|seed| critical_load(cells, seed));
+        means.push(all.iter().sum::<f64>() / 3.0);
+    }
+    let least = means.iter().copied().fold(f64::INFINITY, f64::min);
+    let most = means.iter().copied().fold(0.0, f64::max);
+    assert!(most / least < 1.12, "{means:?}");
+}
+
+/// The stress that is compared is that of Cauchy, force by present area.
+#[test]
+fn a_bar_tears_at_its_strength() {
+    let mesh = jittered_box([0.04, 0.02, 0.02], [8, 4, 4]);
+    for (model, nu) in [(Model::StVK, 0.0), (Model::NeoHookean, 0.3), (Model::StVKVolume, 0.3)] {
+        let description = BodyDescription::new("bar", &mesh, soft(1e4, nu));
+        let (spare, stress) = (400, 2e3);
+        let (mut s, body) =
+            alone(SimulationOptions::default(), &BodyDescription { spare, model, ..description });
+        s.set_gravity(DVec3::ZERO);
+        for (side, axis) in [("x0", 1), ("y0", 2), ("z0", 4)] {
+            let rows = s.group_rows(body, &mesh, side).unwrap();
+            s.add_constraint(Constraint { axes: FixedAxes(axis), ..Constraint::hold(side, rows) });
+        }
+        pull(&mut s, body, &mesh, stress);
+        s.set_solver(solver!(
+            Integrator::QuasiStatic,
+            linear_tolerance = 1e-10,
+            newton_tolerance = 1e-9
+        ));
+        s.step().unwrap();
+        let u = s.displacements(body);
+        let side = |k: usize| u.iter().map(|u| u[k].abs()).fold(0.0, f64::max) / 0.02;
+        let cauchy = stress / (1.0 - side(1)).powi(2);
+        for (part, begun) in [(1.001, 0), (0.999, 1)] {
+            let strength = cauchy * part;
+            s.set_tear(Tear { body: body.0, strength, radius: None, max_speed: None }).unwrap();
+            s.step().unwrap();
+            assert_eq!(s.tear_report(body).unwrap().begun, begun, "{model:?} {part}");
+        }
+    }
+}
+
+/// A strip that is drawn apart at both ends, with a notch in its edge; in units of so many metres, and turned.
+struct Strip {
+    precision: Precision,
+    threads: usize,
+    unit: f64,
+    turn: DQuat,
+    spare: usize,
+    max_speed: Option<f64>,
+}
+
+impl Default for Strip {
+    fn default() -> Self {
+        let (precision, threads, unit, turn) = (Precision::F64, 1, 1.0, DQuat::IDENTITY);
+        Self { precision, threads, unit, turn, spare: 1000, max_speed: None }
+    }
+}
+
+const STRENGTH: f64 = 1e4;
+/// Area (m^2) across the strip beside its notch.
+const LEFT: f64 = (0.03 - 0.008) * 0.006;
+
+impl Strip {
+    /// Without a tear, and with.
+    fn whole(&self) -> (Simulation, BodyHandle) {
+        let mesh = box_tets(DVec3::new(0.06, 0.03, 0.006), [20, 10, 2]).unwrap();
+        let mut mesh = jitter_interior(&mesh, 0.2, 3).unwrap();
+        let place = |x: DVec3| self.turn * x / self.unit;
+        mesh.points.iter_mut().for_each(|x| *x = place(*x));
+        let material = YoungPoisson {
+            young_modulus: 3e4 * self.unit,
+            poisson_ratio: 0.4,
+            density: 1e3 * self.unit.powi(3),
+        };
+        let body = BodyDescription::new("strip", &mesh, material);
+        let body = BodyDescription { spare: self.spare, model: Model::NeoHookean, ..body };
+        let (mut s, body) = alone(options(self.precision, self.threads), &body);
+        s.set_gravity(DVec3::ZERO);
+        for (end, way) in [("x0", -0.01), ("x1", 0.01)] {
+            let rows = s.group_rows(body, &mesh, end).unwrap();
+            let motion = Motion::Translate(place(DVec3::X * way));
+            let ramp = Curve::Points(vec![[0.0, 0.0], [0.55, 1.0]]);
+            s.add_constraint(Constraint::moving(end, rows, motion, ramp));
+        }
+        let edge = |y: f64| [DVec3::new(0.0305, y, -0.01), DVec3::new(0.0305, y, 0.02)].map(place);
+        s.cut(body, &[edge(-0.001), edge(0.008)]).unwrap();
+        s.set_solver(solver!(Integrator::Safe, mass_damping = 5.0));
+        (s, body)
+    }
+
+    fn tear(&self, s: &mut Simulation, body: BodyHandle) {
+        let (strength, radius) = (STRENGTH * self.unit, Some(0.0055 / self.unit));
+        s.set_tear(Tear { body: body.0, strength, radius, max_speed: self.max_speed }).unwrap();
+    }
+
+    fn build(&self) -> (Simulation, BodyHandle) {
+        let (mut s, body) = self.whole();
+        self.tear(&mut s, body);
+        (s, body)
+    }
+}
+
+/// Steps until a body is in pieces, but for so many steps at most.
+fn until_torn(s: &mut Simulation, body: BodyHandle, most: u32) -> Option<u32> {
+    (1..=most).find(|_| {
+        s.step().unwrap();
+        s.tear_report(body).unwrap().pieces > 1
+    })
+}
+
+#[test]
+fn a_strip_tears_across_from_its_notch() {
+    for precision in [Precision::F64, Precision::F32] {
+        let (mut s, body) = Strip { precision, ..Strip::default() }.build();
+        let torn = until_torn(&mut s, body, 120);
+        let report = s.tear_report(body).unwrap();
+        assert!(torn.is_some() && report.begun == 0, "{report:?}");
+        assert!((0.9..1.25).contains(&(report.area / LEFT)), "{} {report:?}", report.area / LEFT);
+        let skin = s.skin(body).unwrap();
+        let on = skin.triangles.iter().zip(&skin.wound).filter(|(_, wound)| **wound);
+        let far = on.flat_map(|(t, _)| t.map(|p| (skin.rest[p as usize].x - 0.0305).abs()));
+        let far = far.fold(0.0, f64::max);
+        assert!(far < 0.008, "{far}");
+        // the halves come to rest
+        s.steps(100);
+        let energy = s.report().elastic_energy + s.report().kinetic_energy;
+        assert!(energy < 1e-2 * STRENGTH * LEFT * 0.06, "{energy}");
+        let smallest = s.volume_ratios(body).into_iter().fold(f64::INFINITY, f64::min);
+        assert!(smallest > 0.2, "{smallest}");
+        // what tears a body goes with it
+        s.remove_body(body).unwrap();
+        s.step().unwrap();
+        assert!(s.tear_report(body).is_none() && !s.remove_tear(body));
+    }
+}
+
+/// The ends stand still: nothing but what is stored there is left to move it.
+#[test]
+fn energy_never_rises_while_it_tears() {
+    for dt in [0.002, 0.01, 0.033] {
+        let strip = Strip::default();
+        let (mut s, body) = strip.whole();
+        s.set_dt(0.01);
+        s.steps(100);
+        strip.tear(&mut s, body);
+        s.set_dt(dt);
+        let mut energy = f64::INFINITY;
+        for _ in 0..40 {
+            s.step().unwrap();
+            let now = s.report().elastic_energy + s.report().kinetic_energy;
+            assert!(now <= energy * (1.0 + 1e-9), "{dt}: {now} {energy}");
+            energy = now;
+        }
+        let report = s.tear_report(body).unwrap();
+        assert!(report.pieces > 1, "{dt}: {report:?}");
+    }
+}
+
+#[test]
+fn units_and_directions_decide_nothing() {
+    let turn = DQuat::from_axis_angle(DVec3::new(1.0, 2.0, -0.5).normalize(), 1.1);
+    let all = [
+        Strip::default(),
+        Strip { unit: 1e-3, ..Strip::default() },
+        Strip { turn, ..Strip::default() },
+        Strip { precision: Precision::F32, ..Strip::default() },
+    ];
+    let found = all.map(|strip| {
+        let (mut s, body) = strip.build();
+        let step = until_torn(&mut s, body, 120).unwrap();
+        let report = s.tear_report(body).unwrap();
+        (step, report.separated, report.vertices, report.area * strip.unit.powi(2))
+    });
+    for own in &found[1..] {
+        let (step, separated, vertices, area) = found[0];
+        assert_eq!((own.0, own.1, own.2), (step, separated, vertices), "{found:?}");
+        assert!((own.3 / area - 1.0).abs() < 1e-3, "{found:?}");
+    }
+}
+
+/// A tear goes on from a snapshot in its middle, also in another simulation, with other threads, and from a record, to the bit.
+#[test]
+fn tears_go_on_from_snapshots() {
+    for precision in [Precision::F64, Precision::F32] {
+        let build = |own: SimulationOptions| {
+            Strip { precision, threads: own.threads, ..Strip::default() }.build().0
+        };
+        let (mut s, body) = Strip { precision, ..Strip::default() }.build();
+        s.steps(50);
+        let report = s.tear_report(body).unwrap();
+        assert!(report.separated > 0 && report.pieces == 1, "not in the middle: {report:?}");
+        exact("tear", options(precision, 1), &Scene { build: &build, act: &|_, _| () });
+    }
+}
+
+#[test]
+fn a_tear_is_no_faster_than_it_may_be() {
+    let speed = 0.1;
+    let (mut s, body) = Strip { max_speed: Some(speed), ..Strip::default() }.build();
+    let first = (0..120).find(|_| {
+        s.step().unwrap();
+        s.tear_report(body).unwrap().separated > 0
+    });
+    let steps = until_torn(&mut s, body, 200).unwrap();
+    assert!(first.is_some());
+    // layer by layer: the first one has the way that came together before
+    let way = speed * 0.01 * f64::from(steps + 1) + 0.0055 / 1.2;
+    assert!(way > 0.75 * 0.022, "{steps} steps, {way} m");
+}
+
+#[test]
+fn a_body_says_why_it_cannot_tear() {
+    let mesh = jittered_box([0.04, 0.02, 0.02], [4, 2, 2]);
+    let tear = Tear { body: 0, strength: 1e3, radius: None, max_speed: None };
+    let own =
+        |mesh| BodyDescription { spare: 100, ..BodyDescription::new("bar", mesh, soft(1e4, 0.3)) };
+    let refuse = |description: &BodyDescription, tear: Tear, words: &[&str]| {
+        let (mut s, _) = alone(SimulationOptions::default(), description);
+        let error = s.set_tear(tear).unwrap_err().to_string();
+        assert!(words.iter().all(|word| error.contains(word)), "{error}");
+    };
+    let whole = own(&mesh);
+    for (own, words) in [
+        (Tear { strength: 0.0, ..tear }, ["`bar`", "strength is 0 Pa"]),
+        (Tear { strength: f64::NAN, ..tear }, ["`bar`", "strength is NaN Pa"]),
+        (Tear { radius: Some(1e-3), ..tear }, ["radius is 0.001 m", "finer mesh"]),
+        (Tear { max_speed: Some(-1.0), ..tear }, ["max_speed is -1 m/s", "positive"]),
+        (Tear { body: 7, ..tear }, ["7", "bod"]),
+    ] {
+        refuse(&whole, own, &words);
+    }
+    refuse(&BodyDescription { spare: 0, ..whole.clone() }, tear, &["`bar`", "spare"]);
+    let clusters =
+        BodyDescription { volume: VolumeRule::Clusters, model: Model::NeoHookean, ..whole.clone() };
+    refuse(&clusters, tear, &["volume = \"elements\""]);
+    let bricks = box_hexahedra(DVec3::new(0.04, 0.02, 0.02), [4, 2, 2]).unwrap();
+    refuse(&own(&bricks), tear, &["no linear tetrahedra"]);
+    refuse(&own(&mesh.with_second_order()), tear, &["no linear tetrahedra"]);
+    // too few vertices: the step is not made, and the tissue is as it was
+    let (mut s, _) = Strip { spare: 42, ..Strip::default() }.build();
+    let error = loop {
+        let before = s.state_hash();
+        if let Err(error) = s.step() {
+            assert_eq!(s.state_hash(), before);
+            break error.to_string();
+        }
+        assert!(s.time() < 1.2, "no error");
+    };
+    assert!(error.contains("`strip`") && error.contains("larger `spare`"), "{error}");
+}
+
+/// Everything at once, far above the strength: what tears, what a blade parts and what is removed.
+#[test]
+fn tears_blades_and_removals_get_along() {
+    for (strength, seed) in [(1e3, 1), (3e3, 2), (6e3, 3)] {
+        let mesh = box_tets(DVec3::splat(0.06), [6; 3]).unwrap();
+        let mesh = jitter_interior(&mesh, 0.2, seed).unwrap();
+        let description = BodyDescription::new("block", &mesh, soft(1e4, 0.3));
+        let description = BodyDescription { spare: 4000, model: Model::NeoHookean, ..description };
+        let (mut s, body) = alone(options(Precision::F64, 1), &description);
+        s.set_gravity(DVec3::ZERO);
+        for (end, way) in [("x0", -0.02), ("x1", 0.02)] {
+            let rows = s.group_rows(body, &mesh, end).unwrap();
+            let motion = Motion::Translate(DVec3::X * way);
+            let ramp = Curve::Points(vec![[0.0, 0.0], [0.4, 1.0]]);
+            s.add_constraint(Constraint::moving(end, rows, motion, ramp));
+        }
+        s.set_solver(solver!(Integrator::Safe, mass_damping = 2.0));
+        s.set_tear(Tear { body: body.0, strength, radius: None, max_speed: None }).unwrap();
+        let edge =
+            Edge { ends: [DVec3::Z * 0.02, DVec3::Z * -0.02], into: DVec3::Y, toughness: 0.0 };
+        let start = DVec3::new(0.025, -0.005, 0.05);
+        let blade = s.add_tool(Tool::blade("scalpel", edge, start)).unwrap();
+        let mass: f64 = s.masses(body).iter().sum();
+        let material = |s: &mut Simulation| {
+            let skin = s.skin(body).unwrap();
+            let of = |(corners, _): &([u32; 4], u32)| {
+                let [a, b, c, d] = corners.map(|p| skin.rest[p as usize]);
+                (b - a).cross(c - a).dot(d - a) / 6.0
+            };
+            (skin.cells.iter().map(of).fold(f64::INFINITY, f64::min), skin.cells.len())
+        };
+        for step in 0..80 {
+            let way = DVec3::Y * (0.065 * f64::from(step) / 60.0).min(0.065);
+            s.move_tool(blade, start + way).unwrap();
+            s.step().unwrap();
+            if step == 40 {
+                let mut masses = s.world_mut().query::<&Mass<f64>>();
+                let total: f64 = masses.iter(s.world()).map(|own| own.0).sum();
+                assert!((total / mass - 1.0).abs() < 1e-9, "{total} {mass}");
+                let ball = Region::Sphere { centre: DVec3::splat(0.03), radius: 0.012 };
+                s.remove_elements(body, &Removal::new(ball)).unwrap();
+            }
+        }
+        let (report, tool) = (s.tear_report(body).unwrap(), s.tool_report(blade).unwrap().clone());
+        assert!(report.separated > 100 && tool.separated > 0, "{report:?} {tool:?}");
+        let (least, cells) = material(&mut s);
+        assert!(least > 0.0 && cells > 500, "{least} {cells}");
+        assert!(s.displacements(body).iter().all(|u| u.is_finite()));
+    }
+}
