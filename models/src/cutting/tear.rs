@@ -434,17 +434,15 @@ impl Look<'_> {
         };
         let may = |own: &Stress| norm(&own.0).sqrt() > self.strength * own.1;
         let is_hot = |own: &Stress| may(own) && principal(*own).0 > self.strength;
-        let hot: Vec<bool> = self.stresses.iter().map(is_hot).collect();
-        if !hot.contains(&true) {
-            return false;
-        }
+        let all = view.middles.iter().zip(self.stresses);
+        let hot: Vec<DVec3> =
+            all.filter(|(_, own)| is_hot(own)).map(|(middle, _)| middle.0).collect();
         let mut best: Option<(f64, u32, DVec3)> = None;
         for &vertex in &view.outside {
             let at = view.rest[vertex as usize];
+            let near = |x: &DVec3| x.distance_squared(at) <= self.radius * self.radius;
             // a mean is above the strength only where a part of it is
-            if !self.near(at).any(|i| hot[i])
-                || view.fronts.iter().any(|(_, end)| end.distance(at) <= self.radius)
-            {
+            if !hot.iter().any(near) || view.fronts.iter().any(|(_, end)| near(end)) {
                 continue;
             }
             let (stress, across) = self.mean(at);
