@@ -61,7 +61,7 @@ impl Simulation {
     ///     let ramp = Curve::Points(vec![[0.0, 0.0], [0.5, 1.0]]);
     ///     simulation.add_constraint(Constraint::moving(end, rows, motion, ramp));
     /// }
-    /// // half of what the strip would bear at the end
+    /// // less than what the strip comes to
     /// let tear = Tear { body: body.0, strength: 800.0, radius: Some(0.008), max_speed: None };
     /// simulation.set_tear(tear)?;
     /// for _ in 0..60 {
