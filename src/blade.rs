@@ -1,10 +1,11 @@
 //! Blades: tools with a sharp edge cut what they went through in the step before, and find what they hold in the step to come.
 
+use crate::needle;
 use bevy_ecs::prelude::*;
 use glam::DVec3;
 use sinew_contact::edge::{Edge, EdgeHold, EdgeState, MOST_SEGMENTS, YIELD};
 use sinew_contact::pull::hit;
-use sinew_contact::tool::{Tool, ToolPose, ToolReport};
+use sinew_contact::tool::{Tool, ToolMotion, ToolPose, ToolReport};
 use sinew_engine::order::Order;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::schedule::{StepSchedule, StepSystems};
@@ -31,7 +32,7 @@ const LEFT: f64 = 3.0;
 #[derive(SystemSet, Clone, Debug, PartialEq, Eq, Hash)]
 pub(crate) struct Blades;
 
-/// Lets tools with an edge cut, from the first of them on.
+/// Lets tools with an edge cut, and those with a needle enter, from the first of them on.
 pub(crate) fn install_blades<S: Scalar>(world: &mut World) {
     let cut = cut_with_edges::<S>.in_set(StepSystems::Edit).in_set(Blades);
     let cut = cut.after(Requests).run_if(any_edge);
@@ -39,7 +40,7 @@ pub(crate) fn install_blades<S: Scalar>(world: &mut World) {
 }
 
 fn any_edge(tools: Query<&Tool>) -> bool {
-    tools.iter().any(|tool| tool.edge.is_some())
+    tools.iter().any(|tool| tool.edge.is_some() || tool.needle.is_some())
 }
 
 fn cut_with_edges<S: Scalar>(world: &mut World) {
@@ -81,8 +82,19 @@ impl Blade {
     }
 }
 
-/// Tools with an edge that are there, in order of creation.
-fn blades(world: &mut World) -> Vec<Blade> {
+/// A tool with an edge or needle: where it stands, and where it will stand at the end of the step to come.
+pub(crate) struct Path {
+    pub entity: Entity,
+    pub name: String,
+    pub now: ToolPose,
+    pub then: ToolPose,
+    /// It comes there without touching anything on the way.
+    pub is_placed: bool,
+    pub state: EdgeState,
+}
+
+/// Tools that are there, in order of creation.
+fn paths(world: &mut World) -> Vec<Path> {
     let clock = *world.resource::<StepClock>();
     let (now, then) = (clock.time, clock.time + clock.dt);
     let mut query = world.query::<(&Order, Entity, &Tool, &ToolReport, &EdgeState)>();
@@ -90,30 +102,43 @@ fn blades(world: &mut World) -> Vec<Blade> {
         query.iter(world).filter(|(_, _, tool, ..)| tool.active(then)).collect();
     found.sort_unstable_by_key(|(order, entity, ..)| (**order, *entity));
     let of = |(_, entity, tool, report, state): (_, Entity, &Tool, &ToolReport, &EdgeState)| {
-        let edge = tool.edge.filter(|edge| edge.problem().is_none())?;
-        let [into, across] = edge.across()?;
         let ToolReport { position, rotation, opening, .. } = *report;
-        let here = match state.points.is_empty() {
-            true => tool.wanted(now, tool.start),
-            false => ToolPose { position, rotation, opening },
+        let came = !state.points.is_empty() || state.needle.came;
+        let here = match tool.motion {
+            _ if came => ToolPose { position, rotation, opening },
+            // targets are reached from where it first stands
+            ToolMotion::Follow => tool.start,
+            _ => tool.wanted(now, tool.start),
         };
         let then = tool.wanted(then, here);
         let is_placed = tool.target().1;
         // it comes to another place without touching anything on the way
-        let (here, state) = match is_placed {
-            true => (then, EdgeState { report: state.report, ..EdgeState::default() }),
-            false => (here, state.clone()),
-        };
-        let [into, across] = [into, across].map(|v| here.rotation * v);
-        let (name, now, first) = (tool.name.clone(), here, tool.start.opening);
-        let before = state.points.iter().map(|point| point.cut_to).collect();
-        Some(Blade { entity, name, edge, first, into, across, now, then, state, before })
+        let now = if is_placed { then } else { here };
+        Path { entity, name: tool.name.clone(), now, then, is_placed, state: state.clone() }
     };
-    found.into_iter().filter_map(of).collect()
+    found.into_iter().map(of).collect()
+}
+
+impl Blade {
+    fn new(world: &World, path: Path) -> Option<Self> {
+        let Path { entity, name, now, then, is_placed, state } = path;
+        let tool = world.get::<Tool>(entity)?;
+        let (edge, first) = (tool.edge.filter(|edge| edge.problem().is_none())?, tool.start.opening);
+        let [into, across] = edge.across()?.map(|v| now.rotation * v);
+        let state = match is_placed {
+            true => EdgeState { report: state.report, ..EdgeState::default() },
+            false => state,
+        };
+        let before = state.points.iter().map(|point| point.cut_to).collect();
+        Some(Self { entity, name, edge, first, into, across, now, then, state, before })
+    }
 }
 
 fn look<S: Scalar>(world: &mut World) -> Result<(), StepError> {
-    let mut all = blades(world);
+    let paths = paths(world);
+    let is_needle = |path: &Path| world.get::<Tool>(path.entity).is_some_and(|tool| tool.needle.is_some());
+    let (needles, others): (Vec<Path>, Vec<Path>) = paths.into_iter().partition(is_needle);
+    let mut all: Vec<Blade> = others.into_iter().filter_map(|path| Blade::new(world, path)).collect();
     let bodies = world.resource::<Topology>().bodies.len();
     for body in 0..bodies {
         let hull = blade::hull::<S>(world, body);
@@ -136,7 +161,9 @@ fn look<S: Scalar>(world: &mut World) -> Result<(), StepError> {
         });
         if let Err(why) = known {
             for &i in &near {
-                meets_uncut(world, body, &all[i], &why)?;
+                let own = &all[i];
+                let line = own.edge.ends.map(|x| own.edge.place(x, &own.then, own.first));
+                cannot_enter(world, body, (&own.name, "edge meets what it cannot cut"), &line, &why)?;
             }
             continue;
         }
@@ -145,11 +172,17 @@ fn look<S: Scalar>(world: &mut World) -> Result<(), StepError> {
     for own in all {
         world.entity_mut(own.entity).insert(own.state);
     }
-    Ok(())
+    needle::look::<S>(world, needles)
 }
 
-/// An error where an edge goes through the surface of a body that cannot be cut.
-fn meets_uncut(world: &mut World, body: usize, own: &Blade, why: &str) -> Result<(), StepError> {
+/// An error where an edge or needle along a line (m) goes through the surface of a body that it cannot enter.
+pub(crate) fn cannot_enter(
+    world: &mut World,
+    body: usize,
+    (name, what): (&str, &str),
+    line: &[DVec3],
+    why: &str,
+) -> Result<(), StepError> {
     let Some(SurfaceReader(read)) = world.get_resource::<SurfaceReader>().copied() else {
         return Ok(());
     };
@@ -163,12 +196,11 @@ fn meets_uncut(world: &mut World, body: usize, own: &Blade, why: &str) -> Result
         let mut corners = triangles.map(|triangle| triangle.map(place));
         corners.any(|own| hit(a, b - a, own).is_some_and(|(part, _)| part <= 1.0))
     };
-    let segments = own.edge.ends.map(|x| own.edge.place(x, &own.then, own.first));
-    match crosses(segments) {
+    match line.windows(2).any(|two| crosses([two[0], two[1]])) {
         false => Ok(()),
         true => Err(StepError::InvalidContact {
-            name: own.name.clone(),
-            problem: format!("its edge meets what it cannot cut: {why}"),
+            name: name.into(),
+            problem: format!("its {what}: {why}"),
         }),
     }
 }

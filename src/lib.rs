@@ -79,6 +79,7 @@ mod blade;
 mod contact;
 mod cutting;
 pub mod live;
+mod needle;
 pub mod plugin;
 pub mod replay;
 mod resection;
@@ -103,6 +104,7 @@ pub mod prelude {
     pub use crate::simulation::{BodyHandle, Simulation, SimulationOptions};
     pub use glam::{DQuat, DVec3};
     pub use sinew_contact::edge::Edge;
+    pub use sinew_contact::needle::Needle;
     pub use sinew_contact::pair::BodyContact;
     pub use sinew_contact::pull::Pull;
     pub use sinew_contact::shape::Shape;

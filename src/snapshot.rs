@@ -648,7 +648,7 @@ pub(crate) fn acting(world: &mut World) -> Vec<(Entity, Acting)> {
         .map(|(entity, order, own, (pressure, removal), tool, contact, pull, line, tear)| {
             let (tool, report, edge) = tool;
             let (thread, clip, of_line) = line;
-            let cuts = tool.is_some_and(|tool| tool.edge.is_some());
+            let cuts = tool.is_some_and(|tool| tool.edge.is_some() || tool.needle.is_some());
             let (constraint, load, faces) = own;
             let acting = Acting {
                 order: *order,

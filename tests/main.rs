@@ -20,6 +20,7 @@ mod host;
 mod linear;
 mod material_field;
 mod mirror;
+mod needle;
 mod overload;
 mod pairs;
 mod patch;

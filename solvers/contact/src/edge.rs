@@ -7,6 +7,7 @@
 //! its edge cuts with less force, and one that goes back meets none (Atkins, Xu & Jeronimidis 2004 give the same ratio of slice and
 //! push).
 
+use crate::needle::NeedleState;
 use bevy_ecs::prelude::*;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -102,7 +103,7 @@ pub struct EdgePoint {
     pub cut_to: DVec3,
 }
 
-/// What the edge of a tool does, kept from step to step.
+/// What the edge or needle of a tool does, kept from step to step.
 #[derive(Component, Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct EdgeState {
     /// Its points, from end to end; none before the first step.
@@ -111,6 +112,8 @@ pub struct EdgeState {
     pub stiffness: f64,
     /// What it has cut.
     pub report: EdgeReport,
+    /// What its needle does.
+    pub needle: NeedleState,
 }
 
 /// What the edge of a tool has cut since it came.

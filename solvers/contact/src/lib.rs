@@ -3,6 +3,7 @@
 
 mod beside;
 pub mod edge;
+pub mod needle;
 pub mod field;
 mod install;
 pub mod limits;

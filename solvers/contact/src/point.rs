@@ -13,6 +13,7 @@
 
 use crate::beside::{Beside, NearFaces, Rim, beside};
 use crate::limits::Limits;
+use crate::needle::NeedleNow;
 use crate::skin::{grown, overlap};
 use crate::tool::Part;
 use glam::{DMat3, DQuat, DVec3};
@@ -101,6 +102,8 @@ pub(crate) enum Against {
     Hand(Hand),
     /// The sharp edge of a tool.
     Edge(EdgeNow),
+    /// The needle of a tool.
+    Needle(NeedleNow),
 }
 
 /// A point of an edge in this step.
@@ -364,6 +367,13 @@ impl ContactPoint {
                 active.gap = stretch.length();
                 return active;
             }
+            Against::Needle(needle) => {
+                let own = needle.at(at);
+                (active.on, active.gap) = (true, 0.0);
+                (active.push, active.rub) = (own.across, own.along);
+                (active.energy, active.block) = (own.energy, own.block);
+                return active;
+            }
             Against::Part(part) => {
                 let part = &parts[*part];
                 (active.gap, gradient) = part.gap(at, &self.side);
@@ -449,7 +459,7 @@ impl ContactPoint {
     pub fn stick(&self) -> f64 {
         match self.against {
             Against::Faces(_) => SOFT_STICK * self.k,
-            Against::Part(_) | Against::Hand(_) | Against::Edge(_) => self.k,
+            _ => self.k,
         }
     }
 

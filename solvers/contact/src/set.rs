@@ -4,6 +4,7 @@
 use crate::beside::{Beside, Facet, NearFaces, NearFacet, ROUNDING, beside, distance};
 use crate::edge::EdgeState;
 use crate::limits::Limits;
+use crate::needle::NeedleNow;
 use crate::pair::{BodyContact, BodyContactReport};
 use crate::point::{
     Active, Against, ContactPoint, EdgeNow, Hand, NO_ROW, PartNow, PointKey, PointMemory,
@@ -287,6 +288,7 @@ impl ContactSet {
             }
             self.find_tool_points();
             self.find_edge_points(world);
+            self.find_needle_points(world);
             self.find_pair_points();
         }
         self.find_pull_points(world, x);
@@ -399,6 +401,7 @@ impl ContactSet {
                         edge.from = point.carried;
                     }
                 }
+                Against::Needle(own) => own.now = own.start.towards(&own.end, part),
                 Against::Faces(_) => {}
             }
         }
@@ -799,6 +802,7 @@ impl ContactSet {
             let own = shares.map(|(row, w)| w.abs() * of_row(row));
             let centre = match point.against {
                 Against::Part(part) => self.parts[part].now.centre.abs().max_element(),
+                Against::Needle(own) => own.now.centre.abs().max_element(),
                 _ => 0.0,
             };
             let force = (active.push.abs() + active.rub.abs()).element_sum();
@@ -820,6 +824,9 @@ impl ContactSet {
                 }
                 Against::Hand(hand) => (self.tools.len() + hand.pull, point.carried - hand.from),
                 Against::Edge(edge) => (edge.tool, point.carried - edge.from),
+                Against::Needle(own) => {
+                    (own.tool, active.at - own.now.carry(active.at, &own.start))
+                }
                 Against::Faces(_) => {
                     let lost = lost(point, active);
                     *self.kept.dissipated.entry(point.key.owner).or_default() += lost;
@@ -829,7 +836,8 @@ impl ContactSet {
             };
             let own = &mut self.settled[tool];
             own.work += force.dot(way);
-            if !point.is_edge() {
+            // what an edge or needle holds is the same through the step, and what is lost counts at its end
+            if !point.is_edge() && !matches!(point.against, Against::Needle(_)) {
                 own.dissipation += lost(point, active);
             }
         }
@@ -844,8 +852,8 @@ impl ContactSet {
             point.start = point.at(&|row| made.mean(row, x));
             match &mut point.against {
                 Against::Hand(hand) => hand.from = point.carried,
-                // what it holds is the same through the step
                 Against::Edge(edge) => edge.from = point.carried,
+                Against::Needle(own) => own.start = own.now,
                 // what is kept of tools is turned with them
                 Against::Part(_) => {}
                 Against::Faces(_) => point.slip = point.memory.slip,
@@ -883,7 +891,8 @@ impl ContactSet {
         let of_lines = self.report_lines(world);
         let mut edge_depth = 0.0_f64;
         for (point, active) in self.points.iter().zip(&self.active).filter(|(_, a)| a.on) {
-            if matches!(point.against, Against::Hand(_) | Against::Edge(_)) {
+            if matches!(point.against, Against::Hand(_) | Against::Edge(_) | Against::Needle(_))
+            {
                 continue;
             }
             self.figures.points += 1;
@@ -943,6 +952,9 @@ fn stored(point: &ContactPoint, active: &Active) -> f64 {
     if let Against::Hand(_) = point.against {
         return 0.5 * point.area * point.k * active.gap * active.gap;
     }
+    if let Against::Needle(own) = &point.against {
+        return own.at(active.at).stored;
+    }
     // exact contact has no penetration to store anything in, and no friction
     if point.multiplier.is_some() {
         return 0.0;
@@ -953,6 +965,9 @@ fn stored(point: &ContactPoint, active: &Active) -> f64 {
 
 /// Energy (J) that friction took in the step.
 fn lost(point: &ContactPoint, active: &Active) -> f64 {
+    if let Against::Needle(own) = &point.against {
+        return own.at(active.at).lost;
+    }
     let (l, stick) = (active.slip.length(), point.stick());
     if point.limit > 0.0 && stick * l > point.limit {
         point.area * point.limit * (l - point.limit / stick)

@@ -1,6 +1,7 @@
 //! Tools: rigid shapes that press, drag and grasp bodies, their motion, and what they report.
 
 use crate::edge::{Edge, EdgeState};
+use crate::needle::Needle;
 use crate::shape::Shape;
 use bevy_ecs::prelude::*;
 use glam::{DMat3, DQuat, DVec3};
@@ -217,10 +218,12 @@ pub fn friction_problem(coefficient: f64) -> Option<String> {
 pub struct Tool {
     /// Name for reports and probes.
     pub name: String,
-    /// Its rigid parts; a tool with an edge needs none.
+    /// Its rigid parts; a tool with an edge or needle needs none.
     pub parts: Vec<Part>,
     /// Its sharp edge, which cuts what it goes through.
     pub edge: Option<Edge>,
+    /// Its needle, which enters what its tip punctures.
+    pub needle: Option<Needle>,
     /// Hinge of its jaws.
     pub hinge: Hinge,
     /// Where it stands at first.
@@ -287,6 +290,7 @@ impl Tool {
             name: name.into(),
             parts,
             edge: None,
+            needle: None,
             hinge: Hinge::default(),
             start,
             motion: ToolMotion::Follow,
@@ -332,6 +336,18 @@ impl Tool {
     #[must_use]
     pub fn with_edge(mut self, edge: Edge) -> Self {
         self.edge = Some(edge);
+        self
+    }
+
+    /// A needle alone at `position` (m), whose shaft touches nothing but what it goes through.
+    pub fn needle(name: impl Into<String>, needle: Needle, position: DVec3) -> Self {
+        Self::of_parts(name, Vec::new(), position.into()).with_needle(needle)
+    }
+
+    /// With a needle.
+    #[must_use]
+    pub fn with_needle(mut self, needle: Needle) -> Self {
+        self.needle = Some(needle);
         self
     }
 
@@ -405,8 +421,17 @@ impl Tool {
 
     /// The error in it in a world of `rows` vertices, if there is one.
     pub fn problem(&self, rows: usize) -> Option<String> {
-        if self.parts.is_empty() && self.edge.is_none() {
-            return Some("it has no parts and no edge".into());
+        match (self.edge, self.needle) {
+            (None, None) if self.parts.is_empty() => {
+                return Some("it has no parts, no edge and no needle".into());
+            }
+            (Some(_), Some(_)) => {
+                return Some("it has an edge and a needle: make them two tools".into());
+            }
+            _ => {}
+        }
+        if let Some(problem) = self.needle.as_ref().and_then(Needle::problem) {
+            return Some(problem);
         }
         if let Some(problem) = self.edge.as_ref().and_then(Edge::problem) {
             return Some(problem);
@@ -579,12 +604,20 @@ pub struct ToolReport {
     pub unconverged: bool,
     /// Area (m^2, in the shapes of the steps) that its edge swept through tissue against its toughness since it came.
     pub cut_area: f64,
-    /// Energy (J) that this took.
+    /// Energy (J) that this took, or the tip of its needle.
     pub fracture: f64,
     /// Elements that its edge parted since it came.
     pub separated: u32,
     /// Vertices that this made.
     pub cut_vertices: u32,
+    /// Length (m) of its needle in tissue.
+    pub inserted: f64,
+    /// Force (N) of the tissue on the tip of its needle, against the direction of the tip.
+    pub tip_force: f64,
+    /// Force (N) of the channel along the shaft, positive where it holds the needle back from going in.
+    pub shaft_force: f64,
+    /// Surfaces that gave way to its needle since it came.
+    pub punctures: u32,
     /// Forces on each part, in their order; empty for a tool of one part.
     pub parts: Vec<PartReport>,
 }

@@ -95,7 +95,7 @@ impl LineState {
 }
 
 /// Rows and weights of a point in tissue; none for one that is lost.
-type Rows = Option<TissuePoint>;
+pub(super) type Rows = Option<TissuePoint>;
 
 /// Rows that hold a thread, and what they were found for.
 #[derive(Clone, Debug, Default)]
@@ -453,6 +453,24 @@ fn find_rows(world: &World, points: &[Hold]) -> Vec<Rows> {
     points.iter().map(find).collect()
 }
 
+/// Rows and weights of the points of a thread, clip or needle now, found again when they or bodies changed.
+pub(super) fn known_rows<'a>(
+    all: &'a mut BTreeMap<Order, KnownHolds>,
+    world: &World,
+    id: Order,
+    points: &[Hold],
+) -> &'a [Rows] {
+    let topology = world.resource::<Topology>();
+    let changes = topology.bodies.iter().map(|body| body.changes).sum();
+    let version = (topology.revision, changes);
+    let known = all.entry(id).or_default();
+    if known.version != version || known.points != points {
+        let (points, rows) = (points.to_vec(), find_rows(world, points));
+        *known = KnownHolds { version, points, rows };
+    }
+    &known.rows
+}
+
 /// Where a place in space is at the end of the next step, of a point that is one.
 fn place(point: &Hold) -> Option<DVec3> {
     match point {
@@ -471,16 +489,10 @@ impl ContactSet {
         self.lines.clear();
         self.left.clear();
         let all = wanted(world)?;
-        let topology = world.resource::<Topology>();
-        let changes = topology.bodies.iter().map(|body| body.changes).sum();
-        let version = (topology.revision, changes);
-        self.holds.retain(|id, _| all.iter().any(|own| own.id == *id));
+        let is_needle = |id: &Order| self.tools.iter().any(|now| now.id == *id);
+        self.holds.retain(|id, _| all.iter().any(|own| own.id == *id) || is_needle(id));
         for own in &all {
-            let known = self.holds.entry(own.id).or_default();
-            if known.version != version || known.points != own.points {
-                let (points, rows) = (own.points.clone(), find_rows(world, &own.points));
-                *known = KnownHolds { version, points, rows };
-            }
+            known_rows(&mut self.holds, world, own.id, &own.points);
             let part = world.get_resource::<StepPart>().copied().unwrap_or_default();
             match self.line(world, own, part.share_of_rest(), x)? {
                 Ok(line) => self.lines.push(line),

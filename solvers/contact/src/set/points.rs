@@ -1,6 +1,8 @@
 //! The points that may be touched in the step to come: of surfaces near tools, of patches that hands pull on.
 
+use super::lines::known_rows;
 use super::*;
+use crate::edge::YIELD;
 
 /// Share of the force between a part of a tool and a body by points that it met from inside, above which it is taken to have
 /// gone through the surface.
@@ -250,6 +252,61 @@ impl ContactSet {
     pub(super) fn find_edge_points(&mut self, world: &World) {
         let mut points = self.edges(world);
         self.points.append(&mut points);
+    }
+
+    /// Points that hold needles.
+    pub(super) fn find_needle_points(&mut self, world: &World) {
+        for (index, now) in self.tools.iter().enumerate() {
+            let state = world.get::<EdgeState>(now.entity).map(|state| &state.needle);
+            let (Some(needle), Some(state)) = (now.tool.needle, state) else { continue };
+            let rows = known_rows(&mut self.holds, world, now.id, &state.holds());
+            let [start, end] = [now.start, now.end]
+                .map(|pose| RigidPose { centre: pose.position, rotation: pose.rotation });
+            let of = NeedleNow {
+                tool: index,
+                needle,
+                start,
+                end,
+                now: end,
+                rest: 0.0,
+                k: state.tip_stiffness(&needle),
+                limits: [0.0, state.tip_limit(&needle)],
+                across: 0.0,
+                is_tip: true,
+            };
+            for (number, rows) in (0..).zip(rows) {
+                let own = state.points.get(number);
+                let (Some(rows), true) = (*rows, own.is_none_or(|own| own.held)) else { continue };
+                let bodies = &world.resource::<Topology>().bodies;
+                let body = bodies.partition_point(|body| body.vertices.end <= rows.0[0].0);
+                let of = match own {
+                    Some(point) => {
+                        let skin = &self.skins[body].skin;
+                        let young = skin.young.iter().sum::<f64>() / skin.young.len().max(1) as f64;
+                        let k = stiffness(now.tool.stiffness, young, state.edge);
+                        let most = needle.friction * point.width;
+                        NeedleNow {
+                            rest: point.rest,
+                            k: most / (YIELD * state.edge),
+                            limits: [most; 2],
+                            across: k * state.edge * state.spacing(),
+                            is_tip: false,
+                            ..of
+                        }
+                    }
+                    None => of,
+                };
+                let key = PointKey {
+                    body: body as u32,
+                    owner: now.id,
+                    part: u32::MAX,
+                    rows: [NO_ROW; 3],
+                    number: number as u32,
+                };
+                let k = of.k.max(of.across);
+                self.points.push(ContactPoint::new(key, Against::Needle(of), rows, 1.0, k));
+            }
+        }
     }
 
     /// Points of patches that hands pull on.

@@ -105,6 +105,9 @@ impl ContactSet {
                     let own = state.report;
                     (report.cut_area, report.fracture) = (own.area, own.fracture);
                     (report.separated, report.cut_vertices) = (own.separated, own.vertices);
+                    let needle = &state.needle;
+                    report.fracture += needle.fracture;
+                    (report.inserted, report.punctures) = (needle.depth(), needle.punctures);
                 }
                 entity.insert(report);
             }
@@ -155,6 +158,23 @@ impl ContactSet {
                 report.unconverged = self.figures.missed;
                 weight += force.length();
                 centre += force.length() * point.carried;
+                continue;
+            }
+            if let Against::Needle(own) = &point.against
+                && own.tool == index
+            {
+                let along = own.at(active.at);
+                let way = active.at - own.end.carry(active.at, &own.start);
+                report.force += force;
+                report.torque += (active.at - now.end.position).cross(force);
+                report.work -= force.dot(way);
+                report.energy += along.stored;
+                report.dissipation += along.lost;
+                report.unconverged = self.figures.missed;
+                *(if own.is_tip { &mut report.tip_force } else { &mut report.shaft_force }) += along.push;
+                self.figures.friction_dissipation += if own.is_tip { 0.0 } else { along.lost };
+                weight += force.length();
+                centre += force.length() * active.at;
                 continue;
             }
             let Against::Part(part) = point.against else { continue };
