@@ -417,12 +417,21 @@ namespace Sinew
         /// <summary>Area (m^2, in the shapes of the steps) that its edge swept through tissue against its toughness
         /// since it came.</summary>
         public double CutArea;
-        /// <summary>Energy (J) that this took.</summary>
+        /// <summary>Energy (J) that this took, or the tip of its needle.</summary>
         public double Fracture;
         /// <summary>Elements that its edge parted since it came.</summary>
         public uint Separated;
         /// <summary>Vertices that this made.</summary>
         public uint CutVertices;
+        /// <summary>Length (m) of its needle in tissue.</summary>
+        public double Inserted;
+        /// <summary>Force (N) of the tissue on the tip of its needle, against the direction of the tip.</summary>
+        public double TipForce;
+        /// <summary>Force (N) of the channel along the shaft, positive where it holds the needle back from going
+        /// in.</summary>
+        public double ShaftForce;
+        /// <summary>Surfaces that gave way to its needle since it came.</summary>
+        public uint Punctures;
     }
 
     /// <summary>Forces on one part of a tool, such as one of two jaws.</summary>

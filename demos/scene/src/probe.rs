@@ -126,6 +126,11 @@ pub static PROBES: [Probe; 47] = [
     scalar("tool_cut_area", "m^2", Needs::Tool, |now, of| of.tool(now).cut_area),
     scalar("tool_fracture", "J", Needs::Tool, |now, of| of.tool(now).fracture),
     scalar("tool_separated", "-", Needs::Tool, |now, of| of.tool(now).separated.into()),
+    // of its needle
+    scalar("tool_inserted", "m", Needs::Tool, |now, of| of.tool(now).inserted),
+    scalar("tool_tip_force", "N", Needs::Tool, |now, of| of.tool(now).tip_force),
+    scalar("tool_shaft_force", "N", Needs::Tool, |now, of| of.tool(now).shaft_force),
+    scalar("tool_punctures", "-", Needs::Tool, |now, of| of.tool(now).punctures.into()),
     scalar("tool_area", "m^2", Needs::Tool, |now, of| of.tool(now).area),
     scalar("tool_depth", "m", Needs::Tool, |now, of| of.tool(now).depth),
     scalar("tool_pressure", "Pa", Needs::Tool, |now, of| of.tool(now).pressure),

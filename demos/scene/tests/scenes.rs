@@ -65,7 +65,7 @@ fn run_whole(name: &str, steps: Option<u64>) -> (RunSummary, Table) {
 }
 
 /// Scenes that ship.
-pub const SHIPPED: &str = "abdomen axes_block cantilever crush drag elements fibre_bar fit_bar flap fold grasp incision incompressible lattice liver liver_resection lobe \
+pub const SHIPPED: &str = "abdomen axes_block biopsy cantilever crush drag elements fibre_bar fit_bar flap fold grasp incision incompressible lattice liver liver_resection lobe \
     membrane_drum muscle_bar palpation press_flat probe_fast scissors side_by_side slender_cylinder \
     static_beam suture tear tower two_organs ventricle ventricle_floor";
 
@@ -357,6 +357,33 @@ fn a_strip_tears_from_its_notch() {
     assert!((0.9..1.25).contains(&(torn.area / across)), "{torn:?}");
     assert!(summary.volume.inverted_max == 0);
     says(&summary.to_string(), &["torn", "tetrahedra parted", "2 piece(s)"]);
+}
+
+/// A needle dents tissue until it gives way; then the hand feels tip and friction, and friction alone on the way back.
+#[test]
+fn a_needle_is_felt_by_its_depth() {
+    let (summary, table) = run_whole("biopsy", None);
+    let time = table.column("time_s");
+    let at = |t: f64| time.iter().position(|&x| x >= t - 1e-9).unwrap();
+    let column = |name: &str| table.column(&format!("needle.tool_{name}"));
+    let (inserted, tip) = (column("inserted (m)"), column("tip_force (N)"));
+    let force: Vec<f64> = table.vector("needle.tool_force", "N").iter().map(|f| f.z).collect();
+    // 100 J/m^2 by pi/2 of 1.2 mm, and 15 N/m
+    let cutting = 100.0 * 1.2e-3 * std::f64::consts::FRAC_PI_2;
+    let first = inserted.iter().position(|l| *l > 0.0).unwrap();
+    let most = tip[..first + 1].iter().copied().fold(0.0, f64::max);
+    assert!((0.9..1.001).contains(&(most / (2.0 * cutting))), "{most} {cutting}");
+    for i in at(1.0)..at(1.5) {
+        let share = force[i] / (cutting + 15.0 * inserted[i]);
+        assert!((0.98..1.02).contains(&share), "{share} at {}", time[i]);
+    }
+    assert!(inserted[at(1.5)] > 0.02 && *column("punctures (-)").last().unwrap() == 1.0);
+    for i in at(2.3)..at(2.6) {
+        let share = force[i] / (-15.0 * inserted[i]);
+        assert!((0.97..1.03).contains(&share), "{share} at {}", time[i]);
+    }
+    assert_eq!((*inserted.last().unwrap(), *force.last().unwrap()), (0.0, 0.0));
+    assert!(summary.volume.inverted_max == 0);
 }
 
 #[test]

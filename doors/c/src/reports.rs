@@ -67,12 +67,20 @@ pub struct sinew_tool_report {
     pub unconverged: u32,
     /// Area (m^2, in the shapes of the steps) that its edge swept through tissue against its toughness since it came.
     pub cut_area: f64,
-    /// Energy (J) that this took.
+    /// Energy (J) that this took, or the tip of its needle.
     pub fracture: f64,
     /// Elements that its edge parted since it came.
     pub separated: u32,
     /// Vertices that this made.
     pub cut_vertices: u32,
+    /// Length (m) of its needle in tissue.
+    pub inserted: f64,
+    /// Force (N) of the tissue on the tip of its needle, against the direction of the tip.
+    pub tip_force: f64,
+    /// Force (N) of the channel along the shaft, positive where it holds the needle back from going in.
+    pub shaft_force: f64,
+    /// Surfaces that gave way to its needle since it came.
+    pub punctures: u32,
 }
 
 impl From<&ToolReport> for sinew_tool_report {
@@ -108,6 +116,10 @@ impl From<&ToolReport> for sinew_tool_report {
             fracture: r.fracture,
             separated: r.separated,
             cut_vertices: r.cut_vertices,
+            inserted: r.inserted,
+            tip_force: r.tip_force,
+            shaft_force: r.shaft_force,
+            punctures: r.punctures,
         }
     }
 }

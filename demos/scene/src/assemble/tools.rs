@@ -14,6 +14,7 @@ use glam::{DQuat, DVec3};
 use sinew::engine::load::{Curve, rotation};
 use sinew::engine::mesh::MeshError;
 use sinew::touch::edge::Edge;
+use sinew::touch::needle::Needle;
 use sinew::touch::field::{DistanceField, DistanceFieldError};
 use sinew::touch::shape::Shape;
 use sinew::touch::tool::{
@@ -41,6 +42,7 @@ pub(super) fn tool(
     let (start, motion, moves) = motion(key, entry, mode)?;
     let mut tool = Tool::of_parts(&entry.name, parts, start);
     tool.edge = edge(&key.at("edge"), entry, built)?;
+    tool.needle = needle(&key.at("needle"), entry, mode)?;
     tool.motion = motion;
     tool.hinge = hinge(key, entry, &tool.parts)?;
     tool.friction = friction(key, [entry.friction, entry.mu], &mut built.warnings)?;
@@ -94,6 +96,9 @@ fn parts(key: &Key, entry: &ToolEntry) -> Result<(Vec<Part>, String), SceneError
         let length = short(DVec3::from(edge.ends[0]).distance(edge.ends[1].into()));
         return Ok((Vec::new(), format!("a blade, edge {length} m")));
     }
+    if let Some(needle) = entry.needle.as_ref().filter(|_| nothing) {
+        return Ok((Vec::new(), format!("a needle, {} m", short(needle.length))));
+    }
     if entry.parts.is_empty() {
         let (part, words) = shape(key, &own)?;
         return Ok((vec![part], words));
@@ -140,6 +145,25 @@ fn edge(key: &Key, entry: &ToolEntry, built: &mut BuiltScene) -> Result<Option<E
             Err(key.value(problem, "correct it (see `[[tool]]` in demos/scenes/README.md)"))
         }
         None => Ok(Some(edge)),
+    }
+}
+
+/// The needle.
+fn needle(key: &Key, entry: &ToolEntry, mode: Mode) -> Result<Option<Needle>, SceneError> {
+    let Some(own) = &entry.needle else { return Ok(None) };
+    in_time(key, "needle", mode)?;
+    let needle = Needle {
+        tip: own.tip.unwrap_or_default().into(),
+        into: own.into.into(),
+        centre: own.centre.map(DVec3::from),
+        puncture: own.puncture,
+        ..Needle::new(own.length, own.diameter, own.toughness, own.friction)
+    };
+    match needle.problem() {
+        Some(problem) => {
+            Err(key.value(problem, "correct it (see `[[tool]]` in demos/scenes/README.md)"))
+        }
+        None => Ok(Some(needle)),
     }
 }
 

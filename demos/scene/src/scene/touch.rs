@@ -96,6 +96,8 @@ shaped! {
         parts: Vec<PartEntry>,
         /// Its sharp edge, which cuts bodies that have `spare` vertices. Dynamic scenes.
         edge: Option<EdgeEntry>,
+        /// Its needle, which enters bodies of linear tetrahedra. Dynamic scenes.
+        needle: Option<NeedleEntry>,
         /// Where it stands (m) at first; `path` says so too.
         at: Option<[f64; 3]>,
         /// Its rotation at first.
@@ -156,6 +158,28 @@ pub struct EdgeEntry {
     /// Way (m, in the frame of the tool) that it makes while the jaws close from their first opening to none; for scissors.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub travel: Option<[f64; 3]>,
+}
+
+/// The needle of a tool.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct NeedleEntry {
+    /// Its tip (m) in the frame of the tool; default the origin.
+    pub tip: Option<[f64; 3]>,
+    /// Direction in which the tip points, in the frame of the tool, any length.
+    pub into: [f64; 3],
+    /// Centre (m) of the circle of which it is an arc; straight without.
+    pub centre: Option<[f64; 3]>,
+    /// Length (m).
+    pub length: f64,
+    /// Diameter (m).
+    pub diameter: f64,
+    /// Energy (J/m^2) that a unit of the area takes that its tip parts.
+    pub toughness: f64,
+    /// Force (N) at which a surface gives way; default twice what the tip needs inside.
+    pub puncture: Option<f64>,
+    /// Friction (N/m) of the shaft, by length in tissue.
+    pub friction: f64,
 }
 
 /// A body, or some of its faces; at most one key beside `body`.

@@ -117,13 +117,25 @@ class ToolReport:
     """Area (m^2, in the shapes of the steps) that its edge swept through tissue against its toughness since it came."""
 
     fracture: float
-    """Energy (J) that this took."""
+    """Energy (J) that this took, or the tip of its needle."""
 
     separated: int
     """Elements that its edge parted since it came."""
 
     cut_vertices: int
     """Vertices that this made."""
+
+    inserted: float
+    """Length (m) of its needle in tissue."""
+
+    tip_force: float
+    """Force (N) of the tissue on the tip of its needle, against the direction of the tip."""
+
+    shaft_force: float
+    """Force (N) of the channel along the shaft, positive where it holds the needle back from going in."""
+
+    punctures: int
+    """Surfaces that gave way to its needle since it came."""
 
     parts: tuple[PartReport, ...]
     """Forces on each part, in their order; empty for a tool of one part."""

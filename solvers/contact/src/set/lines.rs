@@ -35,18 +35,18 @@ impl LineState {
     /// Of a thread that takes hold where its points are `spans` (m) apart.
     fn new(wanted: &Wanted, spans: &[f64]) -> Self {
         let all: f64 = spans.iter().sum();
-        let length = wanted.length.unwrap_or(all);
+        let length = wanted.of.length.unwrap_or(all);
         let even = 1.0 / spans.len() as f64;
         let share = |span: &f64| if all > 0.0 { span / all } else { even };
         let free: Vec<f64> = spans.iter().map(|span| length * share(span)).collect();
         let least = SHORT * length * even;
         Self {
-            held: (0..wanted.points.len() as u32).collect(),
+            held: (0..wanted.of.points.len() as u32).collect(),
             measure: free.iter().map(|own| own.max(least)).collect(),
             free,
-            loose: wanted.tails.map(|tail| tail > 0.0),
-            tails: wanted.tails,
-            slid: vec![0.0; wanted.points.len()],
+            loose: wanted.of.tails.map(|tail| tail > 0.0),
+            tails: wanted.of.tails,
+            slid: vec![0.0; wanted.of.points.len()],
             ..Self::default()
         }
     }
@@ -125,18 +125,11 @@ impl Hook {
 /// A thread or clip in this step.
 #[derive(Clone, Debug)]
 pub(super) struct Line {
-    entity: Entity,
-    id: Order,
-    is_clip: bool,
+    own: Wanted,
     /// Consecutive bodies that it joins.
     pub(super) bodies: Range<usize>,
     hooks: Vec<Hook>,
     state: LineState,
-    /// `EA` (N) of a thread, stiffness (N/m) of a clip.
-    stiffness: f64,
-    strength: f64,
-    friction: f64,
-    grip: f64,
     /// Length (m) to be drawn past its ends in what is left of the step, and now.
     draw: [f64; 2],
     drawn: [f64; 2],
@@ -160,15 +153,15 @@ impl Line {
     /// Free lengths (m) and stiffnesses (N/m) of its segments now, but for slides.
     fn lengths(&self) -> (Vec<f64>, Vec<f64>) {
         let LineState { free, measure, .. } = &self.state;
-        if self.is_clip {
-            return (free.clone(), vec![self.stiffness; free.len()]);
+        if self.own.is_clip {
+            return (free.clone(), vec![self.own.of.stiffness; free.len()]);
         }
         let mut free = free.clone();
         let last = free.len() - 1;
         free[0] -= self.drawn[0];
         free[last] -= self.drawn[1];
         let scale = self.scale();
-        (free, measure.iter().map(|own| self.stiffness / (scale * own)).collect())
+        (free, measure.iter().map(|own| self.own.of.stiffness / (scale * own)).collect())
     }
 
     /// What is left of its length once so much is drawn past its ends, over what there was.
@@ -225,15 +218,15 @@ impl Line {
 
     /// What its points let through at the directions found.
     fn holes(&self) -> Vec<Hole> {
-        let force = self.grip;
+        let Thread { friction, grip: force, .. } = self.own.of;
         let angle = |i: usize| match (i.checked_sub(1), self.normals.get(i)) {
-            (Some(before), Some(&b)) if self.friction > 0.0 => {
+            (Some(before), Some(&b)) if friction > 0.0 => {
                 let a = self.normals[before];
                 libm::atan2(a.cross(b).length(), a.dot(b))
             }
             _ => 0.0,
         };
-        let factor = |i| libm::exp(self.friction * angle(i));
+        let factor = |i| libm::exp(friction * angle(i));
         (0..self.hooks.len()).map(|i| Hole { factor: factor(i), force }).collect()
     }
 
@@ -314,7 +307,7 @@ impl Line {
         let moved =
             self.forces().filter_map(|(hook, force)| Some(-force.dot(hook.at - hook.way?[0])));
         let moved: f64 = moved.sum();
-        if self.is_clip || self.drawn == [0.0; 2] {
+        if self.own.is_clip || self.drawn == [0.0; 2] {
             return moved;
         }
         // what is drawn takes its tension along, and the rest of the thread is stiffer by what is gone
@@ -331,7 +324,7 @@ impl Line {
         self.settled.work += self.work();
         self.settled.dissipation += self.lost();
         let (mut free, _) = self.lengths();
-        let scale = if self.is_clip { 1.0 } else { self.scale() };
+        let scale = if self.own.is_clip { 1.0 } else { self.scale() };
         for (i, free) in free.iter_mut().enumerate() {
             *free += self.slide[i + 1] - self.slide[i];
         }
@@ -368,62 +361,36 @@ impl Line {
     }
 }
 
-/// What a thread or clip is to be.
+/// What a thread or clip is to be; a clip as a thread of one segment with a stiffness of its own.
+#[derive(Clone, Debug)]
 struct Wanted {
     entity: Entity,
     id: Order,
     is_clip: bool,
-    points: Vec<Hold>,
-    stiffness: f64,
-    length: Option<f64>,
     strength: f64,
-    friction: f64,
-    grip: f64,
-    tails: [f64; 2],
-    drawn: [f64; 2],
+    of: Thread,
 }
 
 /// Threads and clips, in order of creation.
 fn wanted(world: &mut World) -> Result<Vec<Wanted>, StepError> {
     let topology = world.resource::<Topology>();
     let (rows, bodies) = (topology.vertex_count(), topology.bodies.len());
-    let invalid = |name: &str, problem| StepError::InvalidContact { name: name.into(), problem };
     let mut all = Vec::new();
-    for (entity, &id, of) in world.query::<(Entity, &Order, &Thread)>().iter(world) {
-        if let Some(problem) = of.problem(rows, bodies) {
-            return Err(invalid(&of.name, problem));
-        }
-        all.push(Wanted {
-            entity,
-            id,
-            is_clip: false,
-            points: of.points.clone(),
-            stiffness: of.stiffness,
-            length: of.length,
-            strength: f64::INFINITY,
-            friction: of.friction,
-            grip: of.grip,
-            tails: of.tails,
-            drawn: of.drawn,
+    let mut query = world.query::<(Entity, &Order, Option<&Thread>, Option<&Clip>)>();
+    for (entity, &id, thread, clip) in query.iter(world) {
+        let threads = thread.map(|own| (own.problem(rows, bodies), own.clone(), f64::INFINITY));
+        let clips = clip.map(|own| {
+            let of = Thread::new(own.name.clone(), own.points.to_vec(), own.stiffness);
+            let of = Thread { length: Some(own.length), ..of };
+            (own.problem(rows, bodies), of, own.strength.unwrap_or(f64::INFINITY))
         });
-    }
-    for (entity, &id, of) in world.query::<(Entity, &Order, &Clip)>().iter(world) {
-        if let Some(problem) = of.problem(rows, bodies) {
-            return Err(invalid(&of.name, problem));
+        let is_clip = clips.is_some();
+        for (problem, of, strength) in threads.into_iter().chain(clips) {
+            if let Some(problem) = problem {
+                return Err(StepError::InvalidContact { name: of.name, problem });
+            }
+            all.push(Wanted { entity, id, is_clip, strength, of });
         }
-        all.push(Wanted {
-            entity,
-            id,
-            is_clip: true,
-            points: of.points.to_vec(),
-            stiffness: of.stiffness,
-            length: Some(of.length),
-            strength: of.strength.unwrap_or(f64::INFINITY),
-            friction: 0.0,
-            grip: 0.0,
-            tails: [0.0; 2],
-            drawn: [0.0; 2],
-        });
     }
     all.sort_unstable_by_key(|own| (own.id, own.entity));
     Ok(all)
@@ -492,7 +459,7 @@ impl ContactSet {
         let is_needle = |id: &Order| self.tools.iter().any(|now| now.id == *id);
         self.holds.retain(|id, _| all.iter().any(|own| own.id == *id) || is_needle(id));
         for own in &all {
-            known_rows(&mut self.holds, world, own.id, &own.points);
+            known_rows(&mut self.holds, world, own.id, &own.of.points);
             let part = world.get_resource::<StepPart>().copied().unwrap_or_default();
             match self.line(world, own, part.share_of_rest(), x)? {
                 Ok(line) => self.lines.push(line),
@@ -511,15 +478,15 @@ impl ContactSet {
         x: &dyn Fn(VertexRow) -> DVec3,
     ) -> Result<Result<Line, LineState>, StepError> {
         let rows = &self.holds[&own.id].rows;
-        let known = self.kept.lines.get(&own.id).filter(|known| known.fits(own.points.len()));
+        let known = self.kept.lines.get(&own.id).filter(|known| known.fits(own.of.points.len()));
         let from = |i: u32| {
             let kept = known.and_then(|known| known.places.iter().find(|(of, _)| *of == i));
-            kept.map(|(_, at)| *at).or(place(&own.points[i as usize]))
+            kept.map(|(_, at)| *at).or(place(&own.of.points[i as usize]))
         };
         let hook = |i: u32| {
             let (rows, weights) = rows[i as usize].unwrap_or(([NO_ROW; 4], [0.0; 4]));
             // of a step in parts, this part
-            let way = from(i).zip(place(&own.points[i as usize]));
+            let way = from(i).zip(place(&own.of.points[i as usize]));
             let way = way.map(|(from, to)| [from, from + (to - from) * share]);
             let inside = || rows.iter().zip(weights).filter(|(_, w)| *w != 0.0);
             let at = way.map_or_else(|| inside().map(|(&row, w)| w * x(row)).sum(), |way| way[0]);
@@ -528,7 +495,7 @@ impl ContactSet {
         let mut state = match known {
             Some(known) => known.clone(),
             None => {
-                let hooks: Vec<Hook> = (0..own.points.len() as u32).map(hook).collect();
+                let hooks: Vec<Hook> = (0..own.of.points.len() as u32).map(hook).collect();
                 let spans = hooks.windows(2).map(|pair| pair[0].at.distance(pair[1].at));
                 LineState::new(own, &spans.collect::<Vec<f64>>())
             }
@@ -546,11 +513,10 @@ impl ContactSet {
             return Ok(Err(state));
         }
         let invalid = |problem: String| {
-            let name = world.get::<Thread>(own.entity).map_or("", |own| &own.name);
-            Err(StepError::InvalidContact { name: name.into(), problem })
+            Err(StepError::InvalidContact { name: own.of.name.clone(), problem })
         };
         let length: f64 = state.measure.iter().sum();
-        let draw = [0, 1].map(|end| (own.drawn[end] - state.drawn[end]) * share);
+        let draw = [0, 1].map(|end| (own.of.drawn[end] - state.drawn[end]) * share);
         if !own.is_clip && length == 0.0 {
             return invalid("its points lie on each other: give it a length".into());
         }
@@ -568,16 +534,10 @@ impl ContactSet {
         let first = joined.iter().min().copied().unwrap_or(0);
         let n = hooks.len();
         let mut line = Line {
-            entity: own.entity,
-            id: own.id,
-            is_clip: own.is_clip,
+            own: own.clone(),
             bodies: first..joined.iter().max().copied().unwrap_or(0) + 1,
             hooks,
             state,
-            stiffness: own.stiffness,
-            strength: own.strength,
-            friction: own.friction,
-            grip: own.grip,
             draw,
             drawn: [0.0; 2],
             limits: [vec![0.0; n], Vec::new()],
@@ -687,7 +647,7 @@ impl ContactSet {
             let mut stored = line.stored(&line.lengths().1);
             let largest = line.tension.iter().copied().fold(0.0, f64::max);
             let state = &mut line.state;
-            if largest > line.strength && !self.figures.missed {
+            if largest > line.own.strength && !self.figures.missed {
                 state.broken = true;
                 state.dissipation += std::mem::take(&mut stored);
             }
@@ -710,8 +670,8 @@ impl ContactSet {
                 unconverged: self.figures.missed,
                 ..state.report()
             };
-            self.kept.lines.insert(line.id, state.clone());
-            if let Ok(mut entity) = world.get_entity_mut(line.entity) {
+            self.kept.lines.insert(line.own.id, state.clone());
+            if let Ok(mut entity) = world.get_entity_mut(line.own.entity) {
                 entity.insert(report);
             }
         }
@@ -751,10 +711,13 @@ mod tests {
         };
         let free: Vec<f64> = (0..n).map(|_| 0.2 + 0.3 * random(seed)).collect();
         let loose = [random(seed) > 0.3, random(seed) > 0.3];
+        let friction = if random(seed) > 0.0 { 0.3 } else { 0.0 };
+        let grip = if random(seed) > 0.0 { 0.05 } else { 0.0 };
+        let of = Thread { friction, grip, ..Thread::new("thread", Vec::new(), 3.0) };
+        let (entity, strength) = (Entity::PLACEHOLDER, f64::INFINITY);
+        let own = Wanted { entity, id: Order(1), is_clip, strength, of };
         Line {
-            entity: Entity::PLACEHOLDER,
-            id: Order(1),
-            is_clip,
+            own,
             bodies: 0..1,
             hooks: (0..hooks).map(hook).collect(),
             state: LineState {
@@ -764,10 +727,6 @@ mod tests {
                 loose: if is_clip { [false; 2] } else { loose },
                 ..LineState::default()
             },
-            stiffness: 3.0,
-            strength: f64::INFINITY,
-            friction: if random(seed) > 0.0 { 0.3 } else { 0.0 },
-            grip: if random(seed) > 0.0 { 0.05 } else { 0.0 },
             draw: [0.0; 2],
             drawn: if is_clip { [0.0; 2] } else { [0.01, 0.02] },
             limits: [vec![0.0; hooks], vec![0.0; hooks]],
