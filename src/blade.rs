@@ -136,9 +136,11 @@ impl Blade {
 
 fn look<S: Scalar>(world: &mut World) -> Result<(), StepError> {
     let paths = paths(world);
-    let is_needle = |path: &Path| world.get::<Tool>(path.entity).is_some_and(|tool| tool.needle.is_some());
+    let is_needle =
+        |path: &Path| world.get::<Tool>(path.entity).is_some_and(|tool| tool.needle.is_some());
     let (needles, others): (Vec<Path>, Vec<Path>) = paths.into_iter().partition(is_needle);
-    let mut all: Vec<Blade> = others.into_iter().filter_map(|path| Blade::new(world, path)).collect();
+    let mut all: Vec<Blade> =
+        others.into_iter().filter_map(|path| Blade::new(world, path)).collect();
     let bodies = world.resource::<Topology>().bodies.len();
     for body in 0..bodies {
         let hull = blade::hull::<S>(world, body);

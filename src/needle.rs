@@ -51,19 +51,27 @@ pub(crate) fn look<S: Scalar>(world: &mut World, all: Vec<Path>) -> Result<(), S
         let lines: [Vec<DVec3>; 2] = [line(&now), line(&then)];
         let margin = needle.length / f64::from(PARTS);
         let low = lines.iter().flatten().fold(DVec3::INFINITY, |low, x| low.min(*x)) - margin;
-        let high = lines.iter().flatten().fold(DVec3::NEG_INFINITY, |high, x| high.max(*x)) + margin;
+        let high =
+            lines.iter().flatten().fold(DVec3::NEG_INFINITY, |high, x| high.max(*x)) + margin;
         let mut near = Vec::new();
         for body in 0..bodies {
             let NeedleState { points, passed, tip, .. } = &state.needle;
             let mut holds = points.iter().map(|own| &own.hold).chain(passed).chain(tip);
-            let is_of = |hold: &Hold| matches!(hold, Hold::Tissue { body: own, .. } if *own == body);
+            let is_of =
+                |hold: &Hold| matches!(hold, Hold::Tissue { body: own, .. } if *own == body);
             let [from, to] = hull::<S>(world, body);
             let is_near = low.cmple(to).all() && from.cmple(high).all() || holds.any(is_of);
             let found = is_near.then(|| tissue::<S>(world, body, [low, high]));
             if let Some(None) = found {
                 let own = &world.resource::<Topology>().bodies[body].name;
                 let why = format!("body `{own}` has no linear tetrahedra");
-                cannot_enter(world, body, (&name, "needle meets what it cannot enter"), &lines[1], &why)?;
+                cannot_enter(
+                    world,
+                    body,
+                    (&name, "needle meets what it cannot enter"),
+                    &lines[1],
+                    &why,
+                )?;
             }
             near.push(found.flatten());
         }
@@ -183,7 +191,8 @@ impl Own<'_> {
     fn cut(&mut self) {
         let Some(at) = self.state.tip.as_ref().and_then(|tip| self.place(tip)) else { return };
         let [slip, beside] = self.behind(&self.now, at);
-        let (k, before) = (self.state.tip_stiffness(&self.needle), self.state.tip_limit(&self.needle));
+        let (k, before) =
+            (self.state.tip_stiffness(&self.needle), self.state.tip_limit(&self.needle));
         if slip <= 0.0 || k * slip < REACHED * before {
             if slip < 0.0 && beside > self.state.spacing() {
                 self.state.tip = None;
@@ -204,7 +213,9 @@ impl Own<'_> {
 
     /// Ends the channel where the tissue ends, if the tip has left it.
     fn leave_unless_held(&mut self, u: f64) {
-        let Some(last) = self.state.points.last().filter(|_| self.state.tip.is_none()) else { return };
+        let Some(last) = self.state.points.last().filter(|_| self.state.tip.is_none()) else {
+            return;
+        };
         let from = self.place(&last.hold).map_or(u, |at| self.behind(&self.now, at)[0]);
         if let (u, Some(hold)) = self.last_tissue(from, u) {
             self.push(hold, u, true);
@@ -238,7 +249,9 @@ impl Own<'_> {
         let tip = self.state.tip.as_ref().filter(|_| self.state.punctured);
         let Some(end) = tip.and_then(|tip| self.place(tip)) else { return };
         let end = self.behind(&self.now, end)[0].max(0.0);
-        let Some(last) = self.state.points.last().and_then(|last| self.place(&last.hold)) else { return };
+        let Some(last) = self.state.points.last().and_then(|last| self.place(&last.hold)) else {
+            return;
+        };
         let mut u = self.behind(&self.now, last)[0] - self.state.spacing();
         // a point on the axis bends nothing and begins without slip
         while u > end && self.state.points.len() < MOST {
@@ -250,10 +263,15 @@ impl Own<'_> {
 
     /// Shares the channel out to its points, as long as it will be if the tissue stays.
     fn share(&mut self) {
-        let ends: Vec<[f64; 2]> = self.state.points.iter().map(|point| {
-            let at = self.place(&point.hold).unwrap_or_default();
-            [&self.now, &self.then].map(|pose| self.behind(pose, at)[0])
-        }).collect();
+        let ends: Vec<[f64; 2]> = self
+            .state
+            .points
+            .iter()
+            .map(|point| {
+                let at = self.place(&point.hold).unwrap_or_default();
+                [&self.now, &self.then].map(|pose| self.behind(pose, at)[0])
+            })
+            .collect();
         let (length, last) = (self.needle.length, ends.len().wrapping_sub(1));
         let most = YIELD * self.state.edge;
         for (i, (point, [now, then])) in self.state.points.iter_mut().zip(&ends).enumerate() {

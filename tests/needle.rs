@@ -6,7 +6,7 @@ use glam::{DQuat, DVec3};
 use sinew::engine::mesh::generate::{box_tets, jitter_interior};
 use sinew::prelude::*;
 use sinew::snapshot::Snapshot;
-use sinew::touch::tool::ToolReport;
+use sinew::touch::tool::{ToolPose, ToolReport};
 
 const SIZE: DVec3 = DVec3::new(0.06, 0.06, 0.05);
 /// Mean edge (m) of the block, roughly.
@@ -33,7 +33,12 @@ impl Biopsy {
         Self::of(options, needle(), 1.0, |x| x)
     }
 
-    fn of(options: SimulationOptions, needle: Needle, unit: f64, place: fn(DVec3) -> DVec3) -> Self {
+    fn of(
+        options: SimulationOptions,
+        needle: Needle,
+        unit: f64,
+        place: fn(DVec3) -> DVec3,
+    ) -> Self {
         let mesh = box_tets(SIZE, [6, 6, 5]).unwrap();
         let mut mesh = jitter_interior(&mesh, 0.2, 5).unwrap();
         mesh.points.iter_mut().for_each(|x| *x = place(*x) / unit);
@@ -85,36 +90,243 @@ impl Biopsy {
     }
 
     /// How far (m) its tip is under the surface beside it.
-    fn depth(&self) -> f64 {
+    fn depth(&mut self) -> f64 {
         let at = self.simulation.positions(self.body);
-        let top = (0..at.len()).filter(|i| (at[*i] - DVec3::new(0.03, 0.03, at[*i].z)).length() < 3e-3);
+        let top =
+            (0..at.len()).filter(|i| (at[*i] - DVec3::new(0.03, 0.03, at[*i].z)).length() < 3e-3);
         top.map(|i| at[i].z).fold(f64::NEG_INFINITY, f64::max) - self.at.z
     }
 }
 
+/// Needs `F_c + tau L` while it goes on, holds still when it stops, and `tau L` to be drawn back.
 #[test]
-fn trial() {
+fn the_hand_feels_the_tip_and_the_depth() {
     let own = needle();
-    for steps in [100, 400] {
+    let (cutting, puncture) = (own.cutting_force(), own.puncture_force());
+    assert!((puncture / cutting - 2.0).abs() < 1e-12);
+    for (moves, enough) in [(100, 0.02), (400, 0.005)] {
         let mut biopsy = Biopsy::new(options(Precision::F64, 1));
-        let mut i = 0;
-        biopsy.go(DVec3::Z * -0.036, steps, &mut |b| {
-            let r = b.report();
-            i += 1;
-            if i % (steps / 50) == 0 {
-                let expected = own.cutting_force() + own.friction * b.depth();
-                println!("{:.5} F {:.4} tip {:.4} shaft {:.4} L {:.5} depth {:.5} ratio {:.4} n {} {} it {:?}", b.at.z, r.force.z, r.tip_force, r.shaft_force, r.inserted, b.depth(), r.force.z/expected, r.punctures, b.simulation.needle_channel(b.needle).unwrap().len(), b.simulation.report().unconverged);
+        let (mut steady, mut dent, mut punctured) = (0, 0.0_f64, f64::NAN);
+        biopsy.go(DVec3::Z * -0.036, moves, &mut |biopsy| {
+            let report = biopsy.report();
+            assert!(!report.unconverged && report.fracture <= report.work, "{report:?}");
+            assert!(report.tip_force <= puncture * (1.0 + 1e-9), "{report:?}");
+            if report.punctures == 0 {
+                dent = dent.max(report.force.z);
+                assert_eq!(report.inserted, 0.0);
+            } else if punctured.is_nan() {
+                punctured = biopsy.at.z;
+            } else if biopsy.at.z < punctured - 0.5 * EDGE {
+                // what had been dented has come back along the shaft, and all of the channel slips
+                let share = report.force.z / (cutting + own.friction * biopsy.depth());
+                assert!((share - 1.0).abs() < enough, "{moves}: {share} {report:?}");
+                steady += 1;
             }
         });
+        assert!(dent > 0.9 * puncture && steady > moves / 4, "{dent} {steady}");
+        let (before, report) = (biopsy.simulation.positions(biopsy.body), biopsy.report());
+        biopsy.simulation.set_dt(1.0);
         biopsy.go(DVec3::ZERO, 10, &mut |_| ());
-        println!("hold {:?}", biopsy.report().force.z);
-        biopsy.go(DVec3::Z * 0.05, steps, &mut |b| {
-            let r = b.report();
-            i += 1;
-            if i % (steps / 50) == 0 {
-                let expected = -own.friction * b.depth();
-                println!("{:.5} F {:.4} tip {:.4} shaft {:.4} L {:.5} depth {:.5} ratio {:.4} n {} {}", b.at.z, r.force.z, r.tip_force, r.shaft_force, r.inserted, b.depth(), r.force.z/expected, r.punctures, b.simulation.needle_channel(b.needle).unwrap().len());
-            }
+        let creep = max_distance(&before, &biopsy.simulation.positions(biopsy.body));
+        assert!(creep < 1e-3 * EDGE, "{creep}");
+        assert!((biopsy.report().force.z / report.force.z - 1.0).abs() < 1e-3);
+        // the tissue goes along until the channel gives way
+        biopsy.go(DVec3::Z * 0.02, moves, &mut |_| ());
+        biopsy.go(DVec3::Z * 0.005, moves / 4, &mut |biopsy| {
+            let report = biopsy.report();
+            let share = report.force.z / (-own.friction * biopsy.depth());
+            assert!((share - 1.0).abs() < 0.01 && report.tip_force == 0.0, "{share} {report:?}");
         });
+        biopsy.go(DVec3::Z * 0.02, moves, &mut |_| ());
+        let free = biopsy.report();
+        assert_eq!((free.force, free.inserted, free.punctures), (DVec3::ZERO, 0.0, 1));
+        assert!(biopsy.simulation.needle_channel(biopsy.needle).unwrap().is_empty());
     }
+}
+
+/// Nothing but the hand puts energy in, whatever the integrator, the steps and the way of the needle.
+#[test]
+fn a_needle_puts_in_no_more_than_the_hand_does() {
+    let integrators = [
+        Integrator::Safe,
+        Integrator::Newton,
+        Integrator::LinearisedTrBdf2,
+        Integrator::SymplecticEuler,
+    ];
+    for precision in [Precision::F64, Precision::F32] {
+        for integrator in integrators {
+            let mut biopsy = Biopsy::new(options(precision, 1));
+            biopsy.simulation.integrate_by(integrator);
+            biopsy.simulation.set_dt(0.01);
+            let (mut work, mut lost) = (0.0, 0.0);
+            let mut check = |biopsy: &mut Biopsy| {
+                let now = biopsy.simulation.report();
+                let energy = now.elastic_energy + now.kinetic_energy + now.contact.energy;
+                work += now.contact.work + now.constraint_work;
+                let report = biopsy.report();
+                let allowed = if precision == Precision::F32 { 1e-3 } else { 1e-6 } * work.abs();
+                assert!(
+                    energy <= work + allowed,
+                    "{integrator:?} {precision:?}: {energy} {work} {report:?}"
+                );
+                assert!(report.dissipation >= lost, "{report:?}");
+                lost = report.dissipation;
+            };
+            for way in [
+                DVec3::Z * -0.03,
+                DVec3::X * 0.003,
+                DVec3::Z * 0.01,
+                DVec3::Z * -0.015,
+                DVec3::Z * 0.05,
+            ] {
+                biopsy.go(way, 15, &mut check);
+            }
+            assert!(biopsy.report().punctures >= 1 && lost > 1e-3, "{lost}");
+        }
+    }
+}
+
+/// What the hand feels, and where the tissue is, after a needle went in and turned aside.
+fn felt(mut biopsy: Biopsy) -> (ToolReport, Vec<DVec3>, u64) {
+    biopsy.go(DVec3::Z * -0.028, 40, &mut |_| ());
+    biopsy.go(DVec3::new(0.002, 0.001, 0.002), 10, &mut |_| ());
+    let at = biopsy.simulation.positions(biopsy.body);
+    (biopsy.report(), at, biopsy.simulation.state_hash())
+}
+
+#[test]
+fn neither_place_nor_units_nor_threads_nor_digits_matter() {
+    let (truth, at, hash) = felt(Biopsy::new(options(Precision::F64, 1)));
+    assert!(truth.force.length() > 0.3 && truth.force.truncate().length() > 0.02, "{truth:?}");
+    let two = felt(Biopsy::new(options(Precision::F64, 2)));
+    assert_eq!((&two.0, two.2), (&truth, hash));
+    let turn: fn(DVec3) -> DVec3 = |x| DQuat::from_xyzw(0.1, -0.5, 0.3, 0.8).normalize() * x;
+    let mirror: fn(DVec3) -> DVec3 = |x| DVec3::new(-x.x, x.y, x.z);
+    let same: fn(DVec3) -> DVec3 = |x| x;
+    for (what, precision, unit, place) in [
+        ("turned", Precision::F64, 1.0, turn),
+        ("mirrored", Precision::F64, 1.0, mirror),
+        ("in millimetres", Precision::F64, 1e-3, same),
+        ("f32", Precision::F32, 1.0, same),
+    ] {
+        let own = felt(Biopsy::of(options(precision, 1), needle(), unit, place));
+        let force = own.0.force * unit - place(truth.force);
+        assert!(force.length() < 1e-3 * truth.force.length(), "{what}: {force} {:?}", own.0);
+        let away = own.1.iter().zip(&at).map(|(x, y)| (*x * unit - place(*y)).length());
+        let away = away.fold(0.0, f64::max);
+        assert!(away < 1e-3 * EDGE, "{what}: {away}");
+        assert_eq!(own.0.punctures, truth.punctures);
+    }
+}
+
+#[test]
+fn a_needle_goes_on_from_a_snapshot() {
+    for integrator in [Integrator::Safe, Integrator::SymplecticEuler] {
+        let build = || {
+            let mut biopsy = Biopsy::new(options(Precision::F64, 1));
+            biopsy.simulation.integrate_by(integrator);
+            biopsy
+        };
+        let mut biopsy = build();
+        biopsy.go(DVec3::Z * -0.02, 20, &mut |_| ());
+        let snapshot = biopsy.simulation.snapshot().unwrap();
+        let middle = biopsy.at;
+        biopsy.go(DVec3::Z * -0.01, 10, &mut |_| ());
+        let (hash, report) = (biopsy.simulation.state_hash(), biopsy.report());
+        assert!(report.inserted > 0.005, "{report:?}");
+        let mut other = build();
+        for own in [&mut biopsy, &mut other] {
+            own.simulation.restore(&Snapshot::from_bytes(&snapshot.to_bytes()).unwrap()).unwrap();
+            own.at = middle;
+            own.go(DVec3::Z * -0.01, 10, &mut |_| ());
+            assert_eq!((own.simulation.state_hash(), own.report()), (hash, report.clone()));
+        }
+    }
+}
+
+/// A curved needle is turned about its centre through the corner of a block and out of it; a thread takes its place.
+#[test]
+fn a_curved_needle_leads_a_thread() {
+    let centre = DVec3::new(0.03, 0.0301, 0.053);
+    let radius = 0.015;
+    let arc = Needle {
+        tip: centre - DVec3::X * radius,
+        into: -DVec3::Z,
+        centre: Some(centre),
+        ..Needle::new(3.0 * radius, 1e-3, 20.0, 5.0)
+    };
+    let mut biopsy = Biopsy::of(
+        options(Precision::F64, 1),
+        Needle { tip: DVec3::ZERO, centre: Some(DVec3::X * radius), ..arc },
+        1.0,
+        |x| x,
+    );
+    // the tool turns about the centre
+    let turn = |angle: f64| DQuat::from_rotation_y(-angle);
+    let pose = |angle: f64| ToolPose {
+        position: centre + turn(angle) * (DVec3::X * -radius),
+        rotation: turn(angle),
+        opening: 0.0,
+    };
+    let own = biopsy.simulation.world_mut().get_mut::<Tool>(biopsy.needle);
+    own.unwrap().place(pose(0.0)).unwrap();
+    biopsy.simulation.step().unwrap();
+    let mut most = 0.0_f64;
+    for i in 1..=120 {
+        let angle = 0.025 * f64::from(i) * 1.2;
+        biopsy.simulation.move_tool(biopsy.needle, pose(angle)).unwrap();
+        biopsy.simulation.step().unwrap();
+        most = most.max(biopsy.report().inserted);
+    }
+    let report = biopsy.report();
+    assert!(report.punctures == 1 && report.tip_force == 0.0, "{report:?}");
+    // of the circle, what is below the surface
+    let arc = 2.0 * radius * (0.003_f64 / radius).acos();
+    assert!((most / arc - 1.0).abs() < 0.1, "{most} {arc}");
+    let mut points = biopsy.simulation.needle_channel(biopsy.needle).unwrap();
+    assert!(points.len() > 4, "{points:?}");
+    points.push(Hold::Place(DVec3::new(0.06, 0.03, 0.06)));
+    let thread = Thread { length: Some(0.05), ..Thread::new("suture", points, 20.0) };
+    let thread = biopsy.simulation.add_thread(thread).unwrap();
+    assert!(biopsy.simulation.remove_contact(biopsy.needle));
+    biopsy.simulation.step().unwrap();
+    let suture = biopsy.simulation.thread_report(thread).unwrap();
+    assert!(suture.largest() > 0.0 && suture.lost == 0, "{suture:?}");
+}
+
+#[test]
+fn what_a_needle_cannot_do_is_named() {
+    let mut biopsy = Biopsy::new(options(Precision::F64, 1));
+    let good = needle();
+    let bad = [
+        (Needle { length: 0.0, ..good }, "length of its needle is 0 m"),
+        (Needle { diameter: f64::NAN, ..good }, "diameter of its needle is NaN"),
+        (Needle { toughness: -1.0, ..good }, "toughness of its needle is -1"),
+        (Needle { friction: f64::INFINITY, ..good }, "friction of its needle is inf"),
+        (Needle { puncture: Some(0.1), ..good }, "punctures at 0.1 N"),
+        (Needle { into: DVec3::ZERO, ..good }, "a direction"),
+        (Needle { centre: Some(DVec3::Z), ..good }, "a direction"),
+        (Needle { centre: Some(DVec3::X * 0.02), ..good }, "arc of 5 rad"),
+    ];
+    for (needle, words) in bad {
+        let tool = Tool::needle("awl", needle, DVec3::ZERO);
+        let error = biopsy.simulation.add_tool(tool).unwrap_err().to_string();
+        assert!(error.contains(words), "{error}");
+    }
+    let edge = Edge::new(0.01, 0.0);
+    let both = Tool::needle("awl", good, DVec3::ZERO).with_edge(edge);
+    let error = biopsy.simulation.add_tool(both).unwrap_err().to_string();
+    assert!(error.contains("an edge and a needle"), "{error}");
+    // hexahedra have no place for its points: the step is not made
+    let mesh = sinew::engine::mesh::generate::box_hexahedra(SIZE, [3, 3, 3]).unwrap();
+    let (mut simulation, _) =
+        alone(options(Precision::F64, 1), &BodyDescription::new("brick", &mesh, soft(1e4, 0.3)));
+    let own = simulation.add_tool(Tool::needle("awl", good, ABOVE)).unwrap();
+    simulation.step().unwrap();
+    let before = simulation.state_hash();
+    simulation.move_tool(own, ABOVE - DVec3::Z * 0.02).unwrap();
+    let error = simulation.step().unwrap_err().to_string();
+    assert!(error.contains("`awl`") && error.contains("`brick`"), "{error}");
+    simulation.move_tool(own, ABOVE).unwrap();
+    assert_eq!(simulation.state_hash(), before);
 }

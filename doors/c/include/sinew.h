@@ -601,12 +601,20 @@ typedef struct sinew_tool_report {
   uint32_t unconverged;
   // Area (m^2, in the shapes of the steps) that its edge swept through tissue against its toughness since it came.
   double cut_area;
-  // Energy (J) that this took.
+  // Energy (J) that this took, or the tip of its needle.
   double fracture;
   // Elements that its edge parted since it came.
   uint32_t separated;
   // Vertices that this made.
   uint32_t cut_vertices;
+  // Length (m) of its needle in tissue.
+  double inserted;
+  // Force (N) of the tissue on the tip of its needle, against the direction of the tip.
+  double tip_force;
+  // Force (N) of the channel along the shaft, positive where it holds the needle back from going in.
+  double shaft_force;
+  // Surfaces that gave way to its needle since it came.
+  uint32_t punctures;
 } sinew_tool_report;
 
 // Forces on one part of a tool, such as one of two jaws.

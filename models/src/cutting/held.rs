@@ -175,7 +175,11 @@ impl Tissue {
     }
 
     /// Place (m) of a point of the material; none of one that was removed.
-    pub fn place(&self, world: &World, (element, vertices, weights): MaterialPoint) -> Option<DVec3> {
+    pub fn place(
+        &self,
+        world: &World,
+        (element, vertices, weights): MaterialPoint,
+    ) -> Option<DVec3> {
         let (rows, weights) = read_point(world, self.body, element, (vertices, weights))?;
         let first = world.resource::<Topology>().bodies[self.body].vertices.start;
         let place = |row: VertexRow| self.places[(row.0 - first) as usize];

@@ -3,10 +3,10 @@
 
 mod beside;
 pub mod edge;
-pub mod needle;
 pub mod field;
 mod install;
 pub mod limits;
+pub mod needle;
 pub mod pair;
 mod point;
 pub mod pull;

@@ -74,7 +74,9 @@ impl Needle {
         ];
         let bad = forces.into_iter().find(|(_, x, _)| !(*x >= 0.0 && x.is_finite()));
         if let Some((what, x, unit)) = bad {
-            return Some(format!("the {what} of its needle is {x} {unit}: it must be 0 or positive"));
+            return Some(format!(
+                "the {what} of its needle is {x} {unit}: it must be 0 or positive"
+            ));
         }
         if self.puncture_force() < self.cutting_force() {
             let (puncture, cutting) = (self.puncture_force(), self.cutting_force());

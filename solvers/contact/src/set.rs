@@ -891,8 +891,7 @@ impl ContactSet {
         let of_lines = self.report_lines(world);
         let mut edge_depth = 0.0_f64;
         for (point, active) in self.points.iter().zip(&self.active).filter(|(_, a)| a.on) {
-            if matches!(point.against, Against::Hand(_) | Against::Edge(_) | Against::Needle(_))
-            {
+            if matches!(point.against, Against::Hand(_) | Against::Edge(_) | Against::Needle(_)) {
                 continue;
             }
             self.figures.points += 1;

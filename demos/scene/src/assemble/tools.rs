@@ -14,8 +14,8 @@ use glam::{DQuat, DVec3};
 use sinew::engine::load::{Curve, rotation};
 use sinew::engine::mesh::MeshError;
 use sinew::touch::edge::Edge;
-use sinew::touch::needle::Needle;
 use sinew::touch::field::{DistanceField, DistanceFieldError};
+use sinew::touch::needle::Needle;
 use sinew::touch::shape::Shape;
 use sinew::touch::tool::{
     Hinge, MOST_POINTS, Part, PathPoint, Points, Tool, ToolError, ToolMotion, ToolPose,

@@ -512,9 +512,8 @@ impl ContactSet {
         if state.broken || state.free.is_empty() {
             return Ok(Err(state));
         }
-        let invalid = |problem: String| {
-            Err(StepError::InvalidContact { name: own.of.name.clone(), problem })
-        };
+        let invalid =
+            |problem: String| Err(StepError::InvalidContact { name: own.of.name.clone(), problem });
         let length: f64 = state.measure.iter().sum();
         let draw = [0, 1].map(|end| (own.of.drawn[end] - state.drawn[end]) * share);
         if !own.is_clip && length == 0.0 {

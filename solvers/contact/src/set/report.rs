@@ -171,7 +171,8 @@ impl ContactSet {
                 report.energy += along.stored;
                 report.dissipation += along.lost;
                 report.unconverged = self.figures.missed;
-                *(if own.is_tip { &mut report.tip_force } else { &mut report.shaft_force }) += along.push;
+                *(if own.is_tip { &mut report.tip_force } else { &mut report.shaft_force }) +=
+                    along.push;
                 self.figures.friction_dissipation += if own.is_tip { 0.0 } else { along.lost };
                 weight += force.length();
                 centre += force.length() * active.at;
