@@ -253,11 +253,18 @@ impl Own<'_> {
             return;
         };
         let mut u = self.behind(&self.now, last)[0] - self.state.spacing();
-        // a point on the axis bends nothing and begins without slip
+        let spacing = self.state.spacing();
+        // a point on the axis bends nothing, and takes over force and slip with a part of the channel
         while u > end && self.state.points.len() < MOST {
             let Some(hold) = self.tissue(u) else { break };
+            let Some(last) = self.state.points.last_mut() else { break };
+            let (slip, width) = (u + spacing - last.rest, (last.width - spacing).max(0.0));
+            last.width -= width;
             self.push(hold, u, false);
-            u -= self.state.spacing();
+            if let Some(new) = self.state.points.last_mut() {
+                (new.rest, new.width) = (u - slip, width);
+            }
+            u -= spacing;
         }
     }
 

@@ -124,8 +124,10 @@ fn the_hand_feels_the_tip_and_the_depth() {
             }
         });
         assert!(dent > 0.9 * puncture && steady > moves / 4, "{dent} {steady}");
-        let (before, report) = (biopsy.simulation.positions(biopsy.body), biopsy.report());
         biopsy.simulation.set_dt(1.0);
+        // what the last move parted is known in the step after it
+        biopsy.go(DVec3::ZERO, 1, &mut |_| ());
+        let (before, report) = (biopsy.simulation.positions(biopsy.body), biopsy.report());
         biopsy.go(DVec3::ZERO, 10, &mut |_| ());
         let creep = max_distance(&before, &biopsy.simulation.positions(biopsy.body));
         assert!(creep < 1e-3 * EDGE, "{creep}");
