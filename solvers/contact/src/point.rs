@@ -103,7 +103,7 @@ pub(crate) enum Against {
     /// The sharp edge of a tool.
     Edge(EdgeNow),
     /// The needle of a tool.
-    Needle(NeedleNow),
+    Needle(Box<NeedleNow>),
 }
 
 /// A point of an edge in this step.

@@ -802,7 +802,7 @@ impl ContactSet {
             let own = shares.map(|(row, w)| w.abs() * of_row(row));
             let centre = match point.against {
                 Against::Part(part) => self.parts[part].now.centre.abs().max_element(),
-                Against::Needle(own) => own.now.centre.abs().max_element(),
+                Against::Needle(ref own) => own.now.centre.abs().max_element(),
                 _ => 0.0,
             };
             let force = (active.push.abs() + active.rub.abs()).element_sum();
@@ -824,7 +824,7 @@ impl ContactSet {
                 }
                 Against::Hand(hand) => (self.tools.len() + hand.pull, point.carried - hand.from),
                 Against::Edge(edge) => (edge.tool, point.carried - edge.from),
-                Against::Needle(own) => {
+                Against::Needle(ref own) => {
                     (own.tool, active.at - own.now.carry(active.at, &own.start))
                 }
                 Against::Faces(_) => {

@@ -304,7 +304,13 @@ impl ContactSet {
                     number: number as u32,
                 };
                 let k = of.k.max(of.across);
-                self.points.push(ContactPoint::new(key, Against::Needle(of), rows, 1.0, k));
+                self.points.push(ContactPoint::new(
+                    key,
+                    Against::Needle(Box::new(of)),
+                    rows,
+                    1.0,
+                    k,
+                ));
             }
         }
     }
