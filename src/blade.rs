@@ -123,7 +123,8 @@ impl Blade {
     fn new(world: &World, path: Path) -> Option<Self> {
         let Path { entity, name, now, then, is_placed, state } = path;
         let tool = world.get::<Tool>(entity)?;
-        let (edge, first) = (tool.edge.filter(|edge| edge.problem().is_none())?, tool.start.opening);
+        let (edge, first) =
+            (tool.edge.filter(|edge| edge.problem().is_none())?, tool.start.opening);
         let [into, across] = edge.across()?.map(|v| now.rotation * v);
         let state = match is_placed {
             true => EdgeState { report: state.report, ..EdgeState::default() },
@@ -165,7 +166,13 @@ fn look<S: Scalar>(world: &mut World) -> Result<(), StepError> {
             for &i in &near {
                 let own = &all[i];
                 let line = own.edge.ends.map(|x| own.edge.place(x, &own.then, own.first));
-                cannot_enter(world, body, (&own.name, "edge meets what it cannot cut"), &line, &why)?;
+                cannot_enter(
+                    world,
+                    body,
+                    (&own.name, "edge meets what it cannot cut"),
+                    &line,
+                    &why,
+                )?;
             }
             continue;
         }

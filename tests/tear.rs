@@ -329,8 +329,12 @@ fn tears_blades_and_removals_get_along() {
         }
         s.set_solver(solver!(Integrator::Safe, mass_damping = 2.0));
         s.set_tear(Tear { body: body.0, strength, radius: None, max_speed: None }).unwrap();
-        let edge =
-            Edge { ends: [DVec3::Z * 0.02, DVec3::Z * -0.02], into: DVec3::Y, toughness: 0.0 };
+        let edge = Edge {
+            ends: [DVec3::Z * 0.02, DVec3::Z * -0.02],
+            into: DVec3::Y,
+            toughness: 0.0,
+            travel: DVec3::ZERO,
+        };
         let start = DVec3::new(0.025, -0.005, 0.05);
         let blade = s.add_tool(Tool::blade("scalpel", edge, start)).unwrap();
         let mass: f64 = s.masses(body).iter().sum();
