@@ -12,9 +12,9 @@ use super::hexahedra;
 const EDGES: [[usize; 2]; 6] = [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]];
 /// How near (in edges) to its end an edge may be cut: a point of the wound never lies on a vertex.
 const MARGIN: f64 = 1e-3;
-/// Part of the volume of a whole element below which a copy has its mass shared out evenly to its vertices: next to nothing of it, which
-/// would let a chip that hangs on one heavy vertex turn about that with no inertia that `f32` could tell from none.
-const CHIP: f64 = 1e-9;
+/// Part of the volume of a whole element below which a copy gets no vertices of its own where it comes apart: a chip goes on with those
+/// that moved it. Its rows would be too small beside all others for the residual of a linear system to tell that they are wrong.
+const CHIP: f64 = 1e-8;
 /// No number.
 pub(super) const NONE: u32 = u32::MAX;
 
@@ -744,13 +744,6 @@ impl Material {
                     (0..4).for_each(|i| to[i] += 0.25 * cell.volume * weights[i]);
                 }
             }
-            for &e in &all {
-                let own = &mut self.elements[e as usize];
-                let share = own.share();
-                if share < CHIP {
-                    own.portion = [0.25 * share; 4];
-                }
-            }
         }
         own.into_keys().chain(copies..self.elements.len() as u32).collect()
     }
@@ -800,7 +793,7 @@ impl Material {
     }
 
     /// Gives elements that no longer hang together vertices of their own: who holds a vertex of the mesh keeps it, all others
-    /// get a ghost. Elements that hang together across a face share the vertices that both have. Only vertices of `touched` elements are
+    /// but chips get a ghost. Elements that hang together across a face share the vertices that both have. Only vertices of `touched` elements are
     /// looked at: round all others nothing changed.
     fn part_nodes(&mut self, touched: &[u32]) -> Vec<u32> {
         let size = self.order.size();
@@ -854,13 +847,18 @@ impl Material {
                 (moved_by[root], taken[node as usize]) = (node, true);
             }
         }
+        let mut is_chip = vec![true; holds.len()];
+        for &i in &living {
+            let root = sets.root(i) as usize;
+            is_chip[root] &= self.elements[i as usize / size].share() < CHIP;
+        }
         let mut origins = Vec::new();
         for i in living {
             let (element, at) = (i as usize / size, i as usize % size);
             let (root, node) = (sets.root(i) as usize, self.elements[element].node(at));
             if moved_by[root] == NONE {
                 moved_by[root] = node;
-                if std::mem::replace(&mut taken[node as usize], true) {
+                if !is_chip[root] && std::mem::replace(&mut taken[node as usize], true) {
                     moved_by[root] = self.vertices + self.ghosts.len() as u32;
                     self.ghosts.push(self.elements[element].vertex(at));
                     origins.push(node);
