@@ -236,7 +236,8 @@ fn cut_body<S: Scalar>(
         let ways: Vec<(DVec3, DVec3, bool)> =
             ways.map(|(a, (b, moves))| (*a, *b, *moves)).collect();
         for two in ways.windows(2).filter(|two| two[0].2 || two[1].2) {
-            moves.push(EdgeMove { before: [two[0].0, two[1].0], after: [two[0].1, two[1].1] });
+            let (before, after) = ([two[0].0, two[1].0], [two[0].1, two[1].1]);
+            moves.push(EdgeMove { before, after, into: own.into });
         }
         cut_to.push(places);
     }

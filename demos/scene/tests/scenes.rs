@@ -301,17 +301,17 @@ fn a_scalpel_opens_what_is_under_tension() {
     let lips =
         ["left_lip", "right_lip"].map(|lip| table.vector(&format!("{lip}.mean_displacement"), "m"));
     let gap = |t: f64| lips[1][at(t)].x - lips[0][at(t)].x;
-    // 6 mm on either side of it tissue goes back by a part of that
-    assert!(gap(1.79) - gap(0.39) > 3e-4, "{} {}", gap(0.39), gap(1.79));
+    // 4 mm on either side of it tissue goes back by a part of that; a cut at one stroke opens it by 0.7 mm
+    assert!(gap(1.79) - gap(0.39) > 6e-4, "{} {}", gap(0.39), gap(1.79));
     let held = table.vector("right.reaction", "N");
-    assert!(held[at(1.79)].x < 0.998 * held[at(0.39)].x, "{} {}", held[at(0.39)], held[at(1.79)]);
+    assert!(held[at(1.79)].x < 0.99 * held[at(0.39)].x, "{} {}", held[at(0.39)], held[at(1.79)]);
     assert!(table.column("skin.min_J (-)").iter().all(|j| *j > 0.3));
     assert!(summary.volume.inverted_max == 0);
 }
 
-/// Two bites of scissors: closing takes toughness times thickness times the way of the edge by the angle, and opening nothing.
+/// Scissors cut: closing takes toughness times thickness times the way of the edge by the angle, and opening nothing.
 #[test]
-fn scissors_cut_a_sheet_in_two_bites() {
+fn scissors_cut_into_a_sheet() {
     let (summary, table) = run_whole("scissors", None);
     let time = table.column("time_s");
     let at = |t: f64| time.iter().position(|&x| x >= t - 1e-9).unwrap();
@@ -324,12 +324,10 @@ fn scissors_cut_a_sheet_in_two_bites() {
     steady.sort_by(f64::total_cmp);
     let median = steady[steady.len() / 2] / full;
     assert!((0.85..1.1).contains(&median), "{median}");
-    // the bites end 20 and 36 mm deep; what is before the edge is dented
-    for (t, depth) in [(0.9, 0.020), (1.8, 0.036)] {
-        let share = area[at(t)] / (0.003 * depth);
-        assert!((0.75..1.02).contains(&share), "{share} at {t} s");
-    }
-    assert!(area[at(1.25)] < 1.1 * area[at(0.9)], "it cuts while it goes on through the slit");
+    // the bite ends 20 mm deep; what is before the edge is dented
+    let share = area[at(0.9)] / (0.003 * 0.020);
+    assert!((0.75..1.02).contains(&share), "{share}");
+    assert_eq!(area[at(0.9)], *area.last().unwrap(), "it cuts while it opens");
     let (area, fracture) = (area.last().unwrap(), fracture.last().unwrap());
     assert!((fracture / (30.0 * area) - 1.0).abs() < 1e-9);
     assert!(work.last().unwrap() > fracture);

@@ -42,6 +42,8 @@ pub struct EdgeMove {
     pub before: [DVec3; 2],
     /// Its ends (m) now.
     pub after: [DVec3; 2],
+    /// Direction in which it cuts now.
+    pub into: DVec3,
 }
 
 /// The material of a body, looked at.
@@ -300,11 +302,16 @@ impl BodyStroke {
             let crossed: Vec<(u32, f64)> = near.iter().filter_map(cross).collect();
             let mean = |ends: [DVec3; 2]| 0.5 * (ends[0] + ends[1]);
             let blade = mean(own.after) - mean(own.before);
+            let along = own.after[1] - own.after[0];
+            let across = along.cross(own.into).normalize_or_zero();
             let way = |corners: [u32; 4]| {
                 let ways = corners.map(point).map(|[before, after]| after - before);
-                blade - ways.into_iter().sum::<DVec3>() / 4.0
+                let way = blade - ways.into_iter().sum::<DVec3>() / 4.0;
+                // lips that spring apart move by as much as the edge does: what is not cut yet is cut in the plane of the blade, but where
+                // this goes through tissue sideways
+                let aside = way.dot(across).abs() > way.reject_from_normalized(across).length();
+                if aside { way } else { own.into }
             };
-            let along = own.after[1] - own.after[0];
             let (on, way, again) = (own.after[0], &way, false);
             let to = BladeMove { crossed, place: &place, on, along, way, again };
             separated.extend(view.uncut.advance(&mut progress, &to));
@@ -409,12 +416,13 @@ mod tests {
         let still = |x: DVec3| [x, x];
         let shift = DVec3::new(0.3, 1.0, 0.2);
         let from = [DVec3::new(0.2, -0.5, -1.0), DVec3::new(0.2, -0.5, 1.0)];
-        let moving = EdgeMove { before: from, after: from.map(|x| x + shift) };
+        let into = DVec3::Y;
+        let moving = EdgeMove { before: from, after: from.map(|x| x + shift), into };
         let one = crossing(&edge.map(still), &moving).unwrap();
         let back = |x: DVec3| [x, x - shift];
-        let two = crossing(&edge.map(back), &EdgeMove { before: from, after: from }).unwrap();
+        let two = crossing(&edge.map(back), &EdgeMove { before: from, after: from, into }).unwrap();
         assert!((one - 0.35).abs() < 1e-12 && (two - one).abs() < 1e-12, "{one} {two}");
-        let beside = EdgeMove { before: from, after: from.map(|x| x + 0.4 * shift) };
+        let beside = EdgeMove { before: from, after: from.map(|x| x + 0.4 * shift), into };
         assert_eq!(crossing(&edge.map(still), &beside), None);
     }
 }
