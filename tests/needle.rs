@@ -171,7 +171,8 @@ fn a_needle_puts_in_no_more_than_the_hand_does() {
                     energy <= work + allowed,
                     "{integrator:?} {precision:?}: {energy} {work} {report:?}"
                 );
-                assert!(report.dissipation >= lost, "{report:?}");
+                // but for the rounding of sums of work
+                assert!(report.dissipation >= lost - 1e-12 * work.abs(), "{report:?}");
                 lost = report.dissipation;
             };
             for way in [

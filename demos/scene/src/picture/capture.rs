@@ -220,7 +220,7 @@ impl<'a> Recorder<'a> {
             r.fields = self.options.quantities.iter().filter_map(|q| q.field()).collect();
         }
         let needs_measures = self.options.quantities.iter().any(|q| q.index().is_some());
-        let cutting = !(built.resections.is_empty() && built.cuts.is_empty());
+        let cutting = is_opened(built);
         let mut points = Vec::new();
         for (i, body) in built.bodies.iter().enumerate() {
             let entry = &self.scene.scene.bodies[i].material;
@@ -436,7 +436,7 @@ impl<'a> Recorder<'a> {
     fn record(&mut self, built: &mut BuiltScene, step: u64) {
         let start = Instant::now();
         let time = built.simulation.time();
-        let cutting = !(built.resections.is_empty() && built.cuts.is_empty());
+        let cutting = is_opened(built);
         if step > 0 && cutting && self.faces(built) {
             self.skin = self.new_skin();
             self.change_cells(built);
@@ -934,4 +934,10 @@ pub(crate) fn set_ranges(recording: &mut Recording) {
             _ => [0.0, largest],
         };
     }
+}
+
+/// Whether bodies may lose elements or be cut.
+fn is_opened(built: &BuiltScene) -> bool {
+    let spare = built.simulation.topology().bodies.iter().any(|body| body.spare > 0);
+    spare || !built.resections.is_empty()
 }

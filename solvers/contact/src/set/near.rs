@@ -104,8 +104,9 @@ impl ContactSet {
             topology.bodies.iter().map(|body| (topology.revision + 1, body.changes)).collect();
         let live: Vec<Order> = self.tools.iter().map(|now| now.id).collect();
         self.own_skins.retain(|(tool, _), _| live.contains(tool));
-        if self.pairs.is_empty() && self.tools.iter().all(|now| now.parts.is_empty()) {
-            // pulls, threads and edges have no surface to meet
+        let alone = |now: &ToolNow| now.parts.is_empty() && now.tool.needle.is_none();
+        if self.pairs.is_empty() && self.tools.iter().all(alone) {
+            // pulls, threads and edges have no surface to meet; that of a body tells needles how stiff it is
             self.skins.resize_with(versions.len(), KnownSkin::default);
             return Ok(());
         }
