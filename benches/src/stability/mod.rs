@@ -226,7 +226,7 @@ pub enum SuiteError {
 const INVERTED: &str = "most inverted in a step";
 
 /// All known misses. A case that misses anything else fails the suite.
-pub static KNOWN_MISSES: [KnownMiss; 7] = [
+pub static KNOWN_MISSES: [KnownMiss; 8] = [
     KnownMiss {
         part: "cantilevers",
         cases: &[
@@ -272,6 +272,12 @@ pub static KNOWN_MISSES: [KnownMiss; 7] = [
         cases: &["100 steps, nu 0.45 h 0.1000"],
         checks: &["edge error at the end"],
         reason: "with this step only; passes with the safe step, converged Newton, BDF2 and TR-BDF2",
+    },
+    KnownMiss {
+        part: "blade without force through stretched tissue",
+        cases: &["15 % h 0.0010"],
+        checks: &["energy at the end beside steps of 10 ms"],
+        reason: "the default integrator ends 0.12 % apart, the limit is 0.1; passes with the safe step and converged Newton",
     },
     KnownMiss {
         part: "overload",
