@@ -371,6 +371,9 @@ namespace Sinew
         public Vec3 Force;
         /// <summary>Torque (N m) on the tool about its origin.</summary>
         public Vec3 Torque;
+        /// <summary>Torque (N m) about the hinge with which tissue holds its jaws open: the energy per angle (rad) that
+        /// closing them takes.</summary>
+        public double Closing;
         /// <summary>The part of the force that pressure makes (N).</summary>
         public Vec3 Normal;
         /// <summary>The part of the force that friction makes (N).</summary>

@@ -558,6 +558,9 @@ typedef struct sinew_tool_report {
   double force[3];
   // Torque (N m) on the tool about its origin.
   double torque[3];
+  // Torque (N m) about the hinge with which tissue holds its jaws open: the energy per angle (rad) that closing them
+  // takes.
+  double closing;
   // The part of the force that pressure makes (N).
   double normal[3];
   // The part of the force that friction makes (N).

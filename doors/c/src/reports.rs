@@ -24,6 +24,9 @@ pub struct sinew_tool_report {
     pub force: [f64; 3],
     /// Torque (N m) on the tool about its origin.
     pub torque: [f64; 3],
+    /// Torque (N m) about the hinge with which tissue holds its jaws open: the energy per angle (rad) that closing them
+    /// takes.
+    pub closing: f64,
     /// The part of the force that pressure makes (N).
     pub normal: [f64; 3],
     /// The part of the force that friction makes (N).
@@ -95,6 +98,7 @@ impl From<&ToolReport> for sinew_tool_report {
             angular_velocity: r.angular_velocity.to_array(),
             force: r.force.to_array(),
             torque: r.torque.to_array(),
+            closing: r.closing,
             normal: r.normal.to_array(),
             friction: r.friction.to_array(),
             work: r.work,

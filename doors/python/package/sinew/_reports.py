@@ -55,6 +55,10 @@ class ToolReport:
     torque: Floats
     """Torque (N m) on the tool about its origin; (3,)."""
 
+    closing: float
+    """Torque (N m) about the hinge with which tissue holds its jaws open: the energy per angle (rad) that closing them
+    takes."""
+
     normal: Floats
     """The part of the force that pressure makes (N); (3,)."""
 
