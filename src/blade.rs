@@ -130,7 +130,7 @@ impl Blade {
             true => EdgeState { report: state.report, ..EdgeState::default() },
             false => state,
         };
-        let before = state.points.iter().map(|point| point.cut_to).collect();
+        let before = state.points.iter().map(|point| point.from).collect();
         Some(Self { entity, name, edge, first, into, across, now, then, state, before })
     }
 }
@@ -254,7 +254,7 @@ fn cut_body<S: Scalar>(
             own.state.report.vertices += cut.vertices as u32;
         }
         for (point, (place, _)) in own.state.points.iter_mut().zip(places) {
-            point.cut_to = place;
+            (point.cut_to, point.from) = (place, place);
         }
         let [low, high] = own.bounds();
         let margin = BESIDE[BESIDE.len() - 1] * view.edge;
@@ -294,14 +294,15 @@ fn advance(own: &mut Blade, body: usize, view: &BladeView) -> Vec<(DVec3, bool)>
         }
         let held = holds.map(|hold| view.at(hold.rows, hold.weights));
         let held = 0.5 * (held[0] + held[1]);
+        // it cuts in the plane of the blade, wherever lips go
+        let held = held + (at - held).dot(own.across) * own.across;
         let slip = at - held;
-        let slip = slip - slip.dot(own.across) * own.across;
         let length = slip.length();
         let elastic =
             if own.state.stiffness > 0.0 { point.limit / own.state.stiffness } else { 0.0 };
         let plastic = length - elastic;
         if point.limit <= 0.0 || plastic <= 0.0 {
-            places.push((held, false));
+            places.push((held, true));
             continue;
         }
         let way = plastic / length * slip;

@@ -245,3 +245,44 @@ fn a_blade_says_what_it_cannot_cut() {
     assert!(error.contains("larger `spare`"), "{error}");
     assert_eq!(simulation.state_hash(), before);
 }
+
+/// A blade through a stretched block parts it, also where it goes through vertices of the mesh and lips spring away while it does.
+#[test]
+fn a_blade_leaves_no_bridges() {
+    for jitter in [0.0, 0.2] {
+        for (x, tilt) in [(0.03, 0.0), (0.0301, 0.0), (0.03, 0.15), (0.028, 0.15)] {
+            for toughness in [0.0, 50.0] {
+                let mesh = box_tets(DVec3::splat(SIDE), [6; 3]).unwrap();
+                let mesh = jitter_interior(&mesh, jitter, 5).unwrap();
+                let mut simulation = Simulation::new(options(Precision::F64, 1)).unwrap();
+                simulation.set_gravity(DVec3::ZERO);
+                let description = BodyDescription::new("block", &mesh, soft(1e4, 0.3));
+                let spare = 3 * mesh.points.len();
+                let body = simulation.add_body(&BodyDescription { spare, ..description }).unwrap();
+                let ends = [("x0", -0.006), ("x1", 0.006)].map(|(end, way)| {
+                    let rows = simulation.group_rows(body, &mesh, end).unwrap();
+                    let motion = Motion::Translate(DVec3::X * way);
+                    let ramp = Curve::Points(vec![[0.0, 0.0], [0.1, 1.0]]);
+                    let row = rows[0];
+                    simulation.add_constraint(Constraint::moving(end, rows, motion, ramp));
+                    row
+                });
+                simulation.set_solver(SolverSettings {
+                    integrator: Integrator::Safe,
+                    ..SolverSettings::default()
+                });
+                simulation.steps(20);
+                let up = DVec3::new(tilt, tilt, 1.0) * 0.04;
+                let edge = Edge { ends: [up, -up], into: DVec3::Y, toughness, travel: DVec3::ZERO };
+                let start = DVec3::new(x, -0.015, 0.03);
+                let blade = simulation.add_tool(Tool::blade("scalpel", edge, start)).unwrap();
+                simulation.step().unwrap();
+                draw(&mut simulation, blade, DVec3::Y * 0.11, 90, &mut |_| ());
+                simulation.step().unwrap();
+                let rows = &simulation.topology().bodies[0];
+                let piece = ends.map(|row| rows.piece[rows.local(row).unwrap().0 as usize]);
+                assert!(piece[0] != piece[1], "{jitter} {x} {tilt} {toughness}");
+            }
+        }
+    }
+}

@@ -10,9 +10,14 @@ use sinew_engine::topology::Topology;
 use sinew_engine::vertex::{Displacement, RestPosition};
 use std::collections::BTreeMap;
 
-use super::material::{BladeMove, Cell, Material, Progress, Uncut};
+use super::material::{BladeMove, Cell, Material, Progress, Uncut, share};
 use super::tear::TearView;
 use super::{CutError, CutReport, material_of, open_now, prepared, rest_of, row_of};
+
+/// How far (mean edges) from the plane of a blade a point counts as on the side on which it was first: its lips move while it passes.
+const NEAR: f64 = 0.02;
+/// How far (mean edges) it is moved to that side to find what crosses.
+const ASIDE: f64 = 0.05;
 
 /// What strokes of blades through bodies have decided, and where bodies were when blades were last looked at.
 #[derive(Resource, Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -268,26 +273,34 @@ impl BodyStroke {
         view: &BladeView,
         moves: &[EdgeMove],
     ) -> Result<Option<CutReport>, CutError> {
-        if self.places.len() != view.places.len() {
+        // an edge that the tissue holds goes on later
+        if self.places.len() != view.places.len() || moves.is_empty() {
             return Ok(None);
         }
         let both = |p| [view.place(p, &self.places), view.place(p, &view.places)];
         let points: Vec<[DVec3; 2]> = (0..view.uncut.points).map(both).collect();
         let point = |p: u32| points[p as usize];
         let all = moves.iter().flat_map(|own| own.before.into_iter().chain(own.after));
-        let low = all.clone().fold(DVec3::INFINITY, DVec3::min);
-        let high = all.fold(DVec3::NEG_INFINITY, DVec3::max);
-        let near: Vec<(u32, [[DVec3; 2]; 2])> = (0..)
-            .zip(&view.uncut.edges)
-            .map(|(e, edge)| (e, edge.map(point)))
-            .filter(|(_, [a, b])| {
+        let margin = ASIDE * view.edge;
+        let low = all.clone().fold(DVec3::INFINITY, DVec3::min) - margin;
+        let high = all.fold(DVec3::NEG_INFINITY, DVec3::max) + margin;
+        let near: Vec<(u32, [u32; 2])> = (0..)
+            .zip(view.uncut.edges.iter().copied())
+            .filter(|(_, edge)| {
+                let [a, b] = edge.map(point);
                 let least = a[0].min(a[1]).min(b[0]).min(b[1]);
                 let most = a[0].max(a[1]).max(b[0]).max(b[1]);
                 least.cmple(high).all() && low.cmple(most).all()
             })
             .collect();
         if near.is_empty() {
-            self.progress = None;
+            let is_in = |corners: &[u32; 4]| {
+                let [least, most] = bounds(corners.map(|p| point(p)[1]));
+                least.cmple(high).all() && low.cmple(most).all()
+            };
+            if !view.uncut.cells.iter().any(is_in) {
+                self.progress = None;
+            }
             return Ok(None);
         }
         let mut progress = match &self.progress {
@@ -296,14 +309,27 @@ impl BodyStroke {
         };
         let goes_on = progress.has_opened();
         let mut separated = Vec::new();
-        let place = |p: u32| point(p)[1];
         for own in moves.iter().filter(|own| own.after[0] != own.after[1]) {
-            let cross = |(e, ends): &(u32, [[DVec3; 2]; 2])| Some((*e, crossing(ends, own)?));
+            let on = own.after[0];
+            let along = own.after[1] - on;
+            let across = along.cross(own.into).normalize_or_zero();
+            for p in near.iter().flat_map(|(_, edge)| *edge) {
+                let (at, side) = (point(p)[1] - on, &mut progress.sides[p as usize]);
+                let (away, part) = (across.dot(at), along.dot(at) / along.length_squared());
+                // parts of an edge are somewhat turned against each other
+                let is_beside = (-1.0..=2.0).contains(&part);
+                if *side == 0 && is_beside && away.abs() < NEAR * view.edge {
+                    *side = if away < 0.0 { -1 } else { 1 };
+                }
+            }
+            let sides = &progress.sides;
+            let aside = |p: u32| f64::from(sides[p as usize]) * margin * across;
+            let cross = |(e, ends): &(u32, [u32; 2])| {
+                Some((*e, crossing(ends.map(point), ends.map(aside), own)?))
+            };
             let crossed: Vec<(u32, f64)> = near.iter().filter_map(cross).collect();
             let mean = |ends: [DVec3; 2]| 0.5 * (ends[0] + ends[1]);
             let blade = mean(own.after) - mean(own.before);
-            let along = own.after[1] - own.after[0];
-            let across = along.cross(own.into).normalize_or_zero();
             let way = |corners: [u32; 4]| {
                 let ways = corners.map(point).map(|[before, after]| after - before);
                 let way = blade - ways.into_iter().sum::<DVec3>() / 4.0;
@@ -312,7 +338,9 @@ impl BodyStroke {
                 let aside = way.dot(across).abs() > way.reject_from_normalized(across).length();
                 if aside { way } else { own.into }
             };
-            let (on, way, again) = (own.after[0], &way, false);
+            let counted: Vec<DVec3> = (0..view.uncut.points).map(aside).collect();
+            let place = |p: u32| [point(p)[1], point(p)[1] + counted[p as usize]];
+            let (way, again) = (&way, false);
             let to = BladeMove { crossed, place: &place, on, along, way, again };
             separated.extend(view.uncut.advance(&mut progress, &to));
         }
@@ -327,12 +355,13 @@ impl BodyStroke {
     }
 }
 
-/// Where on an edge of the material, by its ends before and after, a part of a blade crosses it first.
-fn crossing([a, b]: &[[DVec3; 2]; 2], blade: &EdgeMove) -> Option<f64> {
+/// Where on an edge of the material, by its ends before and after, a part of a blade crosses it first. Its ends count as moved (m).
+fn crossing([a, b]: [[DVec3; 2]; 2], aside: [DVec3; 2], blade: &EdgeMove) -> Option<f64> {
     let ([p0, q0], [p1, q1]) = (blade.before, blade.after);
     // everything relative to the first end of the blade, and linear in time
-    let u = [a[0] - p0, (a[1] - p1) - (a[0] - p0)];
-    let v = [b[0] - a[0], (b[1] - a[1]) - (b[0] - a[0])];
+    let between = aside[1] - aside[0];
+    let u = [a[0] + aside[0] - p0, (a[1] - p1) - (a[0] - p0)];
+    let v = [b[0] - a[0] + between, (b[1] - a[1]) - (b[0] - a[0])];
     let w = [q0 - p0, (q1 - p1) - (q0 - p0)];
     // u . (v x w), a cubic
     let cross = [v[0].cross(w[0]), v[0].cross(w[1]) + v[1].cross(w[0]), v[1].cross(w[1])];
@@ -351,7 +380,17 @@ fn crossing([a, b]: &[[DVec3; 2]; 2], blade: &EdgeMove) -> Option<f64> {
         let s = w.cross(u).dot(normal) / square;
         let r = v.cross(u).dot(normal) / square;
         let inside = |x: f64| (0.0..=1.0).contains(&x);
-        (inside(s) && inside(r)).then_some(s)
+        if !(inside(s) && inside(r)) {
+            return None;
+        }
+        if aside == [DVec3::ZERO; 2] {
+            return Some(s);
+        }
+        let across = w.cross(blade.into);
+        let away = [u, u + v].map(|x| across.dot(x));
+        let [a, b] = [0, 1].map(|i| [away[i] - across.dot(aside[i]), away[i]]);
+        // what crosses backwards is on one side of the plane
+        Some(if (a[1] >= 0.0) == (b[1] >= 0.0) { s } else { share(a, b) })
     })
 }
 
@@ -418,11 +457,12 @@ mod tests {
         let from = [DVec3::new(0.2, -0.5, -1.0), DVec3::new(0.2, -0.5, 1.0)];
         let into = DVec3::Y;
         let moving = EdgeMove { before: from, after: from.map(|x| x + shift), into };
-        let one = crossing(&edge.map(still), &moving).unwrap();
+        let one = crossing(edge.map(still), [DVec3::ZERO; 2], &moving).unwrap();
         let back = |x: DVec3| [x, x - shift];
-        let two = crossing(&edge.map(back), &EdgeMove { before: from, after: from, into }).unwrap();
+        let stays = EdgeMove { before: from, after: from, into };
+        let two = crossing(edge.map(back), [DVec3::ZERO; 2], &stays).unwrap();
         assert!((one - 0.35).abs() < 1e-12 && (two - one).abs() < 1e-12, "{one} {two}");
         let beside = EdgeMove { before: from, after: from.map(|x| x + 0.4 * shift), into };
-        assert_eq!(crossing(&edge.map(still), &beside), None);
+        assert_eq!(crossing(edge.map(still), [DVec3::ZERO; 2], &beside), None);
     }
 }

@@ -12,8 +12,9 @@ use super::hexahedra;
 const EDGES: [[usize; 2]; 6] = [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]];
 /// How near (in edges) to its end an edge may be cut: a point of the wound never lies on a vertex.
 const MARGIN: f64 = 1e-3;
-/// Part of the volume of a whole element below which a copy gets no vertices of its own where it comes apart: a chip goes on with those
-/// that moved it. Its rows would be too small beside all others for the residual of a linear system to tell that they are wrong.
+/// Part of the volume of a whole element below which what comes off is a chip: it gets no copy, hangs together with nothing, and is moved
+/// by the largest rest of its element. Its rows would be too small beside all others for the residual of a linear system to tell that
+/// they are wrong.
 const CHIP: f64 = 1e-8;
 /// No number.
 pub(super) const NONE: u32 = u32::MAX;
@@ -77,6 +78,10 @@ impl Cell {
     pub fn face(&self, opposite: usize) -> [u32; 3] {
         let [a, b, c] = [[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]][opposite];
         [self.corners[a], self.corners[b], self.corners[c]]
+    }
+
+    fn is_chip(&self) -> bool {
+        self.volume < CHIP && self.wound == [true; 4]
     }
 
     fn has(&self, point: u32) -> bool {
@@ -202,14 +207,16 @@ pub struct Progress {
     whole: Vec<bool>,
     used: Vec<bool>,
     separated: Vec<bool>,
+    /// Sides of points that a blade passed so near that rounding would tell them: 1 or -1, 0 for all others.
+    pub(super) sides: Vec<i8>,
 }
 
 /// A move of the edge of a blade through cells.
 pub struct BladeMove<'a> {
     /// Edges that may be crossed, ascending, and where.
     pub crossed: Vec<(u32, f64)>,
-    /// Place (m) of a point now.
-    pub place: &'a dyn Fn(u32) -> DVec3,
+    /// Place (m) of a point now, and where it counts as being: beside the blade, if it passed too near to tell.
+    pub place: &'a dyn Fn(u32) -> [DVec3; 2],
     /// A place (m) on the edge now, its direction, and its way (m) beside that of a cell with these corners.
     pub on: DVec3,
     /// Direction of the edge, of any length.
@@ -253,14 +260,16 @@ impl Uncut {
             whole: vec![false; self.edges.len()],
             used: vec![false; self.edges.len()],
             separated: vec![false; self.cells.len()],
+            sides: vec![0; self.points as usize],
         }
     }
 
     /// Whether decisions can be about it.
     pub fn fits(&self, progress: &Progress) -> bool {
-        let Progress { marks, whole, used, separated } = progress;
+        let Progress { marks, whole, used, separated, sides } = progress;
         [marks.len(), whole.len(), used.len()] == [self.edges.len(); 3]
             && separated.len() == self.cells.len()
+            && sides.len() == self.points as usize
     }
 
     /// Goes on with a stroke; the cells that fall apart by this move.
@@ -276,10 +285,14 @@ impl Uncut {
             let edge = self.edges[e as usize];
             Some(Mark { edge, at: at.clamp(MARGIN, 1.0 - MARGIN), swept })
         };
+        let mut fresh = BTreeSet::new();
         for &(e, at) in &to.crossed {
             match &mut marks[e as usize] {
                 Some(mark) => mark.swept = true,
-                none => *none = mark(e, at, true),
+                none => {
+                    *none = mark(e, at, true);
+                    fresh.insert(e);
+                }
             }
         }
         let entered = |e: &u32| match to.again {
@@ -293,15 +306,27 @@ impl Uncut {
             let all = 0..self.cells.len();
             cells = all.filter(|&cell| own.contains(&self.elements[cell])).collect();
         }
-        cells.retain(|&cell| !separated[cell]);
         let mut apart = Vec::new();
         for cell in cells {
             let own = &self.edges_of[cell];
+            if separated[cell] {
+                // the blade came where it was not expected
+                let was = |e: u32| marks[e as usize].is_some() && !fresh.contains(&e);
+                let held = groups(own.map(was));
+                if parts(held, own.map(|e| marks[e as usize].is_some())) {
+                    apart.push(cell as u32);
+                }
+                continue;
+            }
             let normal = to.along.cross((to.way)(self.cells[cell]));
             for &e in own {
-                let [a, b] = self.edges[e as usize].map(|p| normal.dot((to.place)(p) - to.on));
-                if marks[e as usize].is_none() && !whole[e as usize] && (a >= 0.0) != (b >= 0.0) {
-                    marks[e as usize] = mark(e, a / (a - b), false);
+                let away = |x: DVec3| normal.dot(x - to.on);
+                let [a, b] = self.edges[e as usize].map(|p| (to.place)(p).map(away));
+                if marks[e as usize].is_none()
+                    && !whole[e as usize]
+                    && (a[1] >= 0.0) != (b[1] >= 0.0)
+                {
+                    marks[e as usize] = mark(e, share(a, b), false);
                 }
             }
             if groups(own.map(|e| marks[e as usize].is_some())) != [0; 4] {
@@ -581,7 +606,8 @@ impl Material {
             let crossed = crossed.collect();
             let way = ((p1 + q1) - (p0 + q0)) / 2.0;
             let (on, along, way, again) = (p1, q1 - p1, &|_| way, true);
-            let to = BladeMove { crossed, place: &place, on, along, way, again };
+            let place = &|p| [place(p); 2];
+            let to = BladeMove { crossed, place, on, along, way, again };
             separated.extend(uncut.advance(&mut progress, &to));
         }
         separated.sort_unstable();
@@ -648,10 +674,10 @@ impl Material {
             part_groups(&mut cells, &places, of);
         }
         self.cells = cells;
-        self.part_points(uncut.points);
-        self.uncut = Some(uncut);
         let own = parts.iter().map(|&(_, at)| self.cells[at].element).collect();
         let touched = self.part_elements(own);
+        self.part_points(uncut.points);
+        self.uncut = Some(uncut);
         self.part_nodes(&touched)
     }
 
@@ -706,8 +732,8 @@ impl Material {
         sets.count()
     }
 
-    /// Makes a copy of every element among some for each further piece of its material, and sums the portions of all that changed. These
-    /// elements and their copies.
+    /// Makes a copy of every element among some for each further piece of its material that is no chip, and sums the portions of all that
+    /// changed. These elements and their copies.
     fn part_elements(&mut self, among: BTreeSet<u32>) -> Vec<u32> {
         let mut own: BTreeMap<u32, Vec<u32>> = among.into_iter().map(|e| (e, Vec::new())).collect();
         let mut is_among = vec![false; self.elements.len()];
@@ -716,24 +742,36 @@ impl Material {
             own.entry(cell.element).or_default().push(number);
         }
         let copies = self.elements.len() as u32;
+        let mut chips = Vec::new();
         for (&element, cells) in own.iter().filter(|(_, cells)| cells.len() > 1) {
             let place = |number: u32, _: &[u32; 3]| Some(cells.partition_point(|c| *c < number));
             let part = self.joined(cells, |number, face| place(number, face).map(|i| i as u32));
-            let first = self.elements.len() as u32;
-            let count = part.iter().max().map_or(0, |last| *last);
-            if count == 0 {
+            let mut volumes = vec![0.0; part.iter().max().map_or(0, |last| *last as usize + 1)];
+            if volumes.len() == 1 {
                 continue;
             }
-            let element = element as usize;
-            let source = self.elements[element];
-            let copy = Element { parent: element as u32, ..source };
-            self.elements.extend((0..count).map(|_| copy));
-            let number = |part: u32| if part == 0 { element as u32 } else { first + part - 1 };
-            let all: Vec<u32> = (0..=count).map(number).collect();
-            all.iter().for_each(|&e| self.elements[e as usize].portion = [0.0; 4]);
-            for (&cell, part) in cells.iter().zip(part) {
-                let cell = &mut self.cells[cell as usize];
-                cell.element = all[part as usize];
+            let volume = |&cell: &u32| self.cells[cell as usize].volume;
+            cells.iter().zip(&part).for_each(|(cell, p)| volumes[*p as usize] += volume(cell));
+            let by_volume = (0..volumes.len()).rev();
+            let largest = by_volume.max_by(|a, b| volumes[*a].total_cmp(&volumes[*b])).unwrap_or(0);
+            // the first piece that is no chip stays what it was
+            let mut all = vec![NONE; volumes.len()];
+            let source = self.elements[element as usize];
+            for p in (0..all.len()).filter(|&p| p == largest || volumes[p] >= CHIP) {
+                all[p] = element;
+                if all[..p].iter().any(|own| *own != NONE) {
+                    all[p] = self.elements.len() as u32;
+                    self.elements.push(Element { parent: element, ..source });
+                }
+                self.elements[all[p] as usize].portion = [0.0; 4];
+            }
+            for (&number, p) in cells.iter().zip(part) {
+                let cell = &mut self.cells[number as usize];
+                cell.element = all[p as usize];
+                if cell.element == NONE {
+                    chips.push(number);
+                    cell.element = all[largest];
+                }
                 let to = &mut self.elements[cell.element as usize].portion;
                 if self.order == Order::Hexahedra {
                     to.iter_mut().for_each(|part| *part += 0.25 * cell.volume);
@@ -745,7 +783,23 @@ impl Material {
                 }
             }
         }
+        self.free(&chips);
         own.into_keys().chain(copies..self.elements.len() as u32).collect()
+    }
+
+    /// Opens all faces of some cells.
+    fn free(&mut self, cells: &[u32]) {
+        let faces =
+            |number: &u32| [0, 1, 2, 3].map(|i| sorted(self.cells[*number as usize].face(i)));
+        let faces: BTreeSet<[u32; 3]> = cells.iter().flat_map(faces).collect();
+        if faces.is_empty() {
+            return;
+        }
+        for cell in &mut self.cells {
+            for i in 0..4 {
+                cell.wound[i] |= faces.contains(&sorted(cell.face(i)));
+            }
+        }
     }
 
     fn is_cut(&self, edge: [u32; 2]) -> bool {
@@ -793,7 +847,7 @@ impl Material {
     }
 
     /// Gives elements that no longer hang together vertices of their own: who holds a vertex of the mesh keeps it, all others
-    /// but chips get a ghost. Elements that hang together across a face share the vertices that both have. Only vertices of `touched` elements are
+    /// get a ghost. Elements that hang together across a face share the vertices that both have. Only vertices of `touched` elements are
     /// looked at: round all others nothing changed.
     fn part_nodes(&mut self, touched: &[u32]) -> Vec<u32> {
         let size = self.order.size();
@@ -810,6 +864,9 @@ impl Material {
         let mut alive = vec![false; self.elements.len()];
         for cell in self.cells.iter().filter(|cell| is_among[cell.element as usize]) {
             alive[cell.element as usize] = true;
+            if cell.is_chip() {
+                continue;
+            }
             let element = &self.elements[cell.element as usize];
             for &p in cell.corners.iter().filter(|&&p| p < self.vertices) {
                 let i = (0..size).find(|&i| element.vertex(i) == p).unwrap_or(0);
@@ -847,18 +904,13 @@ impl Material {
                 (moved_by[root], taken[node as usize]) = (node, true);
             }
         }
-        let mut is_chip = vec![true; holds.len()];
-        for &i in &living {
-            let root = sets.root(i) as usize;
-            is_chip[root] &= self.elements[i as usize / size].share() < CHIP;
-        }
         let mut origins = Vec::new();
         for i in living {
             let (element, at) = (i as usize / size, i as usize % size);
             let (root, node) = (sets.root(i) as usize, self.elements[element].node(at));
             if moved_by[root] == NONE {
                 moved_by[root] = node;
-                if !is_chip[root] && std::mem::replace(&mut taken[node as usize], true) {
+                if std::mem::replace(&mut taken[node as usize], true) {
                     moved_by[root] = self.vertices + self.ghosts.len() as u32;
                     self.ghosts.push(self.elements[element].vertex(at));
                     origins.push(node);
@@ -988,7 +1040,18 @@ fn part_groups(cells: &mut [Cell], parts: &[usize], group: impl Fn(&Cell) -> u32
     }
 }
 
-/// Where a segment crosses a triangle, as a part of the segment.
+/// The part of an edge at which a surface crosses it, by how far its ends are from that, and how far they count as being: on different sides.
+pub(super) fn share(a: [f64; 2], b: [f64; 2]) -> f64 {
+    let is_told = |own: [f64; 2]| (own[0] >= 0.0) == (own[1] >= 0.0);
+    match (is_told(a), is_told(b)) {
+        (true, true) => a[0] / (a[0] - b[0]),
+        (false, true) => 0.0,
+        (true, false) => 1.0,
+        (false, false) => a[1] / (a[1] - b[1]),
+    }
+}
+
+/// Where a segment crosses a triangle, as a part of the segment. An end that lies in its plane is on one side of it, for all segments there.
 fn crossing([a, b]: [DVec3; 2], &[p, q, r]: &[DVec3; 3]) -> Option<f64> {
     let (d, [x, y, z]) = (b - a, [p - a, q - a, r - a]);
     // triangles on either side of an edge get opposite numbers to the last bit: nothing passes between them
@@ -997,8 +1060,8 @@ fn crossing([a, b]: [DVec3; 2], &[p, q, r]: &[DVec3; 3]) -> Option<f64> {
         return None;
     }
     let normal = (q - p).cross(r - p);
-    let t = normal.dot(x) / normal.dot(d);
-    (0.0..=1.0).contains(&t).then_some(t)
+    let [a, b] = [a, b].map(|end| normal.dot(end - p));
+    ((a >= 0.0) != (b >= 0.0)).then(|| a / (a - b))
 }
 
 fn sorted<const N: usize>(mut points: [u32; N]) -> [u32; N] {

@@ -101,6 +101,8 @@ pub struct EdgePoint {
     pub limit: f64,
     /// Place (m) to which the cut has come; that of the edge where nothing is held.
     pub cut_to: DVec3,
+    /// Place (m) from which it goes on: in front of the surface where it has just taken hold.
+    pub from: DVec3,
 }
 
 /// What the edge or needle of a tool does, kept from step to step.
