@@ -105,15 +105,13 @@ fn a_second_stroke_is_decided_anew() {
     assert!(found.iter().all(|count| *count > 50), "{found:?}");
 }
 
-/// Work of the hand is what the toughness takes and what the tissue stores, and a little for what jumps open.
+/// Its force and its work are rows of `sinew validate`.
 #[test]
-fn cutting_takes_its_toughness() {
+fn a_blade_feels_its_toughness_on_its_way_forward_only() {
     let toughness = 50.0;
     let (mut simulation, _, blade) = scene(6, toughness, Precision::F64);
     simulation.step().unwrap();
-    let mut steady: Vec<[f64; 4]> = Vec::new();
     draw(&mut simulation, blade, DVec3::Y * 0.045, 180, &mut |simulation| {
-        let elastic = simulation.report().elastic_energy;
         let report = simulation.tool_report(blade).unwrap();
         assert!(report.fracture <= report.work, "{report:?}");
         // the tissue bulges, and its surface draws the slip aside
@@ -122,19 +120,9 @@ fn cutting_takes_its_toughness() {
         let share = -report.force.y / (toughness * inside);
         assert!(inside == 0.0 || share < 1.0 + 1e-9, "{share} of {inside} m");
         if report.position.y > 0.02 {
-            let stored = elastic + report.energy;
             assert!((inside / (SIDE - 0.035) - 1.0).abs() < 0.06, "{inside}");
-            steady.push([share, report.work, report.fracture, stored]);
         }
     });
-    let mut forces: Vec<f64> = steady.iter().map(|own| own[0]).collect();
-    forces.sort_by(f64::total_cmp);
-    let median = forces[forces.len() / 2];
-    assert!(median > 0.97, "{median}");
-    let (first, last) = (steady[0], steady[steady.len() - 1]);
-    let change = [1, 2, 3].map(|i| last[i] - first[i]);
-    let left = (change[0] - change[1] - change[2]) / change[0];
-    assert!((0.0..0.06).contains(&left), "{left} of {change:?}");
     let report = simulation.tool_report(blade).unwrap().clone();
     assert!((report.fracture / (toughness * report.cut_area) - 1.0).abs() < 1e-12);
     // what goes back meets nothing, once the tissue that it had pushed ahead no longer follows
@@ -144,36 +132,6 @@ fn cutting_takes_its_toughness() {
     assert_eq!(back.force, DVec3::ZERO, "{state:?}");
     // what the last step forward cut is booked by the next one
     assert!((0.0..0.02).contains(&(back.cut_area / report.cut_area - 1.0)), "{back:?} {report:?}");
-}
-
-/// A blade without force goes through a block that is stretched: nothing but what is stored there is left to move it.
-#[test]
-fn energy_never_rises_behind_a_blade_without_force() {
-    for dt in [0.002, 0.01, 0.033] {
-        let (mut simulation, body, blade) = scene(4, 0.0, Precision::F64);
-        let lift = simulation.group_rows(body, &block(4), "z1").unwrap();
-        let way = Motion::Translate(DVec3::Z * 0.009);
-        let ramp = Curve::Points(vec![[0.0, 0.0], [0.3, 1.0]]);
-        simulation.add_constraint(Constraint::moving("lid", lift, way, ramp));
-        simulation.set_solver(SolverSettings {
-            integrator: Integrator::Safe,
-            ..SolverSettings::default()
-        });
-        simulation.set_dt(0.01);
-        simulation.steps(100);
-        simulation.set_dt(dt);
-        let mut energy = f64::INFINITY;
-        let steps = (1.0 / dt) as u32;
-        draw(&mut simulation, blade, DVec3::Y * 0.05, steps, &mut |simulation| {
-            let report = simulation.report();
-            let now = report.elastic_energy + report.kinetic_energy;
-            assert!(now <= energy * (1.0 + 1e-9), "{dt}: {now} {energy}");
-            energy = now;
-        });
-        let smallest = simulation.volume_ratios(body).into_iter().fold(f64::INFINITY, f64::min);
-        assert!(smallest > 0.3, "{smallest}");
-        assert!(simulation.tool_report(blade).unwrap().separated > 20);
-    }
 }
 
 /// A cut in the middle of a stroke goes on from a snapshot, also in another simulation, and with other threads, to the bit.

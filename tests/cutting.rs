@@ -1,11 +1,10 @@
-//! Cuts of bodies in a simulation: cases of a separate program, what must not change at the instant, and what cannot be cut.
+//! Cuts of bodies in a simulation: what must not change at the instant, and what cannot be cut. Cases of a separate program are
+//! those of `sinew validate`.
 
 use crate::common::rich_axes::rich;
 use crate::common::*;
 use glam::DVec3;
-use serde_json::Value;
 use sinew::engine::load::Pressure;
-use sinew::engine::mesh::Surface;
 use sinew::engine::mesh::generate::{box_hexahedra, box_tets, jitter_interior};
 use sinew::engine::scalar::Scalar;
 use sinew::engine::vertex::{Displacement, Mass, RestPosition, Velocity};
@@ -14,20 +13,6 @@ use sinew::models::body::{Evaluation, Integration, MassRule};
 use sinew::models::cutting::{CutError, MaterialSkin};
 use sinew::models::resection::{Region, Removal};
 use sinew::prelude::*;
-use sinew::solvers::settings::LinearPrecision;
-use std::path::{Path, PathBuf};
-
-fn list<T: serde::de::DeserializeOwned>(value: &Value) -> Vec<T> {
-    serde_json::from_value(value.clone()).unwrap()
-}
-
-pub(crate) fn points(value: &Value) -> Vec<DVec3> {
-    list::<[f64; 3]>(value).into_iter().map(DVec3::from).collect()
-}
-
-pub(crate) fn strip(value: &Value) -> Vec<[DVec3; 2]> {
-    list::<[[f64; 3]; 2]>(value).into_iter().map(|ends| ends.map(DVec3::from)).collect()
-}
 
 /// Mass (kg), place (m) and velocity (m/s) of every row of a simulation of one body.
 fn rows<S: Scalar>(simulation: &mut Simulation) -> Vec<(f64, DVec3, DVec3)> {
@@ -61,104 +46,6 @@ fn oblique() -> [[DVec3; 2]; 2] {
 fn cuttable(mesh: &Mesh, options: SimulationOptions, model: Model) -> (Simulation, BodyHandle) {
     let body = BodyDescription { model, ..BodyDescription::new("block", mesh, soft(1e4, 0.3)) };
     alone(options, &BodyDescription { spare: 3 * mesh.points.len(), ..body })
-}
-
-/// A case of a separate program; none, which is said, where there are no such files.
-pub(crate) fn reference_case(name: &str) -> Option<Value> {
-    let named = std::env::var_os("SINEW_REFERENCE").map(PathBuf::from);
-    let beside = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared");
-    let folder = named.clone().unwrap_or(beside).join("reference_cutting");
-    let Ok(text) = std::fs::read_to_string(folder.join(format!("{name}.json"))) else {
-        use std::io::Write;
-        assert!(named.is_none(), "no {name} in {}", folder.display());
-        // straight to stderr: the harness would swallow it
-        let _ = writeln!(std::io::stderr(), "skipped: no {name} (set SINEW_REFERENCE)");
-        return None;
-    };
-    Some(serde_json::from_str(&text).unwrap())
-}
-
-/// The block of such a case before it is cut, held and loaded.
-pub(crate) fn case_block(case: &Value) -> (Simulation, BodyHandle) {
-    let nodes = points(&case["mesh"]["nodes"]);
-    let tetrahedra: Vec<[u32; 4]> = list(&case["mesh"]["tets"]);
-    let mesh = Mesh { points: nodes.clone(), tetrahedra, ..Mesh::default() };
-    let (mut simulation, body) = cuttable(&mesh, options(Precision::F64, 2), Model::StVK);
-    simulation.set_gravity(DVec3::ZERO);
-    let is_on = |text: &str| {
-        let (axis, value) = text.split_once(" = ").unwrap();
-        let (axis, value) = (["x", "y", "z"].iter().position(|a| *a == axis), value.parse::<f64>());
-        let (axis, value) = (axis.unwrap(), value.unwrap());
-        move |x: DVec3| (x[axis] - value).abs() < 1e-9
-    };
-    let held = vertices(&nodes, is_on(case["fixed"].as_str().unwrap()));
-    let held = simulation.rows(body, "held", &held).unwrap();
-    simulation.add_constraint(Constraint::hold("held", held));
-    for (side, traction) in list::<(String, [f64; 3])>(&case["loads"]) {
-        let on = is_on(&side);
-        let mut triangles = mesh.surface_triangles();
-        triangles.retain(|t| t.iter().all(|&v| on(nodes[v as usize])));
-        let on = Surface { triangles, ..Surface::default() };
-        let faces = simulation.traction_faces(body, "pull", &on, DVec3::from(traction)).unwrap();
-        simulation.add_loaded_faces("pull", faces, Curve::Constant);
-    }
-    (simulation, body)
-}
-
-#[test]
-fn equilibria_of_a_separate_program() {
-    for name in ["block_plane", "block_curved", "beam_half"] {
-        let Some(case) = reference_case(name) else { continue };
-        let tetrahedra: Vec<[u32; 4]> = list(&case["mesh"]["tets"]);
-        let (mut simulation, body) = case_block(&case);
-        let report = simulation.cut(body, &strip(&case["blade"])).unwrap();
-        let results = &case["results"];
-        assert_eq!(report.separated, list::<u32>(&results["separated"]), "{name}");
-        assert!(
-            (report.area / results["wound_area"].as_f64().unwrap() - 1.0).abs() < 1e-10,
-            "{name}"
-        );
-        simulation.set_solver(solver!(
-            Integrator::QuasiStatic,
-            linear_tolerance = 1e-12,
-            newton_tolerance = 1e-13,
-            linear_precision = LinearPrecision::Full
-        ));
-        simulation.step().unwrap();
-        let energy = results["elastic_energy"].as_f64().unwrap();
-        assert!((simulation.evaluate() / energy - 1.0).abs() < 1e-8, "{name}");
-        // copies by element and share, vertices in the order of the mesh
-        let topology = simulation.topology().bodies[body.0].clone();
-        let u: Vec<DVec3> = {
-            let world = simulation.world_mut();
-            let mut query = world.query::<&Displacement<f64>>();
-            query.iter(world).map(|u| u.get()).collect()
-        };
-        let mut copies: Vec<(u32, f64, [DVec3; 4])> = Vec::new();
-        let kind = sinew::engine::connectivity::ElementKind::Tetrahedron;
-        for (row, local) in topology.tetrahedra().iter().enumerate() {
-            if !topology.is_whole(kind, row as u32) {
-                let source = topology.source(kind, topology.order.tetrahedra[row]);
-                let of = |v: &u32| topology.vertex_of(sinew::engine::row::LocalRow(*v)).0;
-                let moved = tetrahedra[source as usize].map(|v| {
-                    let at = local.iter().position(|own| of(own) == v).unwrap();
-                    u[local[at] as usize]
-                });
-                copies.push((source, topology.copies.portions[row].iter().sum(), moved));
-            }
-        }
-        copies.sort_by(|a, b| (a.0, a.1).partial_cmp(&(b.0, b.1)).unwrap());
-        let expected: Vec<Vec<f64>> = list(&results["cut_copies"]);
-        let largest =
-            expected.iter().flat_map(|row| &row[5..]).fold(0.0, |m: f64, x| m.max(x.abs()));
-        assert_eq!(copies.len(), expected.len());
-        for ((element, _, moved), row) in copies.iter().zip(&expected) {
-            assert_eq!(f64::from(*element), row[0]);
-            for (u, x) in moved.iter().flat_map(|u| u.to_array()).zip(&row[5..]) {
-                assert!((u - x).abs() < 1e-8 * largest, "{name} {element}: {u} {x}");
-            }
-        }
-    }
 }
 
 #[test]
@@ -215,32 +102,6 @@ fn nothing_changes_at_the_instant() {
             );
         }
     }
-}
-
-/// The loose piece of a block whose other side is held falls freely: no ghost of it is held or loaded.
-#[test]
-fn a_loose_piece_falls() {
-    let mesh = block(4);
-    let (mut simulation, body) =
-        cuttable(&mesh, options(Precision::F64, 2), Model::CompressibleStVK);
-    // held are even vertices whose elements are cut
-    let held = vertices(&mesh.points, |x| x.x < 0.031);
-    let held = simulation.rows(body, "held", &held).unwrap();
-    simulation.add_constraint(Constraint::hold("held", held.clone()));
-    let edge = |y: f64| [DVec3::new(0.036, y, 0.08), DVec3::new(0.034, y, -0.02)];
-    let report = simulation.cut(body, &[edge(-0.02), edge(0.08)]).unwrap();
-    assert_eq!(report.pieces, 2);
-    simulation.set_solver(solver!(Integrator::Safe, linear_tolerance = 1e-13));
-    simulation.steps(20);
-    let (u, time, dt) = (simulation.displacements(body), simulation.time(), 0.01);
-    let fallen = 0.5 * 9.81 * time * (time + dt);
-    let loose = vertices(&mesh.points, |x| x.x > 0.046);
-    assert!(!loose.is_empty());
-    for v in loose {
-        let off = (u[v as usize] + DVec3::Z * fallen).length();
-        assert!(off < 1e-9 * fallen, "{v}: {off} of {fallen}");
-    }
-    assert!(vertices(&mesh.points, |x| x.x < 0.031).iter().all(|&v| u[v as usize] == DVec3::ZERO));
 }
 
 /// Cuts, removals of what they left and steps, in turns: states stay finite and bits do not depend on threads.

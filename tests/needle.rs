@@ -88,62 +88,6 @@ impl Biopsy {
     fn report(&self) -> ToolReport {
         self.simulation.tool_report(self.needle).unwrap().clone()
     }
-
-    /// How far (m) its tip is under the surface beside it.
-    fn depth(&mut self) -> f64 {
-        let at = self.simulation.positions(self.body);
-        let top =
-            (0..at.len()).filter(|i| (at[*i] - DVec3::new(0.03, 0.03, at[*i].z)).length() < 3e-3);
-        top.map(|i| at[i].z).fold(f64::NEG_INFINITY, f64::max) - self.at.z
-    }
-}
-
-/// Needs `F_c + tau L` while it goes on, holds still when it stops, and `tau L` to be drawn back.
-#[test]
-fn the_hand_feels_the_tip_and_the_depth() {
-    let own = needle();
-    let (cutting, puncture) = (own.cutting_force(), own.puncture_force());
-    assert!((puncture / cutting - 2.0).abs() < 1e-12);
-    for (moves, enough) in [(100, 0.02), (400, 0.005)] {
-        let mut biopsy = Biopsy::new(options(Precision::F64, 1));
-        let (mut steady, mut dent, mut punctured) = (0, 0.0_f64, f64::NAN);
-        biopsy.go(DVec3::Z * -0.036, moves, &mut |biopsy| {
-            let report = biopsy.report();
-            assert!(!report.unconverged && report.fracture <= report.work, "{report:?}");
-            assert!(report.tip_force <= puncture * (1.0 + 1e-9), "{report:?}");
-            if report.punctures == 0 {
-                dent = dent.max(report.force.z);
-                assert_eq!(report.inserted, 0.0);
-            } else if punctured.is_nan() {
-                punctured = biopsy.at.z;
-            } else if biopsy.at.z < punctured - 0.5 * EDGE {
-                // what had been dented has come back along the shaft, and all of the channel slips
-                let share = report.force.z / (cutting + own.friction * biopsy.depth());
-                assert!((share - 1.0).abs() < enough, "{moves}: {share} {report:?}");
-                steady += 1;
-            }
-        });
-        assert!(dent > 0.9 * puncture && steady > moves / 4, "{dent} {steady}");
-        biopsy.simulation.set_dt(1.0);
-        // what the last move parted is known in the step after it
-        biopsy.go(DVec3::ZERO, 1, &mut |_| ());
-        let (before, report) = (biopsy.simulation.positions(biopsy.body), biopsy.report());
-        biopsy.go(DVec3::ZERO, 10, &mut |_| ());
-        let creep = max_distance(&before, &biopsy.simulation.positions(biopsy.body));
-        assert!(creep < 1e-3 * EDGE, "{creep}");
-        assert!((biopsy.report().force.z / report.force.z - 1.0).abs() < 1e-3);
-        // the tissue goes along until the channel gives way
-        biopsy.go(DVec3::Z * 0.02, moves, &mut |_| ());
-        biopsy.go(DVec3::Z * 0.005, moves / 4, &mut |biopsy| {
-            let report = biopsy.report();
-            let share = report.force.z / (-own.friction * biopsy.depth());
-            assert!((share - 1.0).abs() < 0.01 && report.tip_force == 0.0, "{share} {report:?}");
-        });
-        biopsy.go(DVec3::Z * 0.02, moves, &mut |_| ());
-        let free = biopsy.report();
-        assert_eq!((free.force, free.inserted, free.punctures), (DVec3::ZERO, 0.0, 1));
-        assert!(biopsy.simulation.needle_channel(biopsy.needle).unwrap().is_empty());
-    }
 }
 
 /// Nothing but the hand puts energy in, whatever the integrator, the steps and the way of the needle.

@@ -9,7 +9,6 @@ use sinew::engine::vertex::{FixedAxes, Mass};
 use sinew::models::body::VolumeRule;
 use sinew::models::resection::{Region, Removal};
 use sinew::prelude::*;
-use std::f64::consts::PI;
 
 /// Bears a stress (Pa) on both sides across x.
 fn pull(s: &mut Simulation, body: BodyHandle, mesh: &Mesh, stress: f64) {
@@ -20,52 +19,6 @@ fn pull(s: &mut Simulation, body: BodyHandle, mesh: &Mesh, stress: f64) {
         let faces = s.traction_faces(body, side, &on, DVec3::X * (sign * stress)).unwrap();
         s.add_loaded_faces(side, faces, Curve::Constant);
     }
-}
-
-/// The strength over the load at which a curved notch in a unit cube that is pulled apart tears on.
-fn critical_load(cells: usize, seed: u64) -> f64 {
-    let mesh = box_tets(DVec3::ONE, [cells; 3]).unwrap();
-    let mesh = jitter_interior(&mesh, 0.2, seed).unwrap();
-    let material = YoungPoisson { young_modulus: 1.0, poisson_ratio: 0.3, density: 1.0 };
-    let body = BodyDescription::new("cube", &mesh, material);
-    let spare = 2 * mesh.points.len();
-    let body = BodyDescription { spare, model: Model::Linear, ..body };
-    let (mut s, body) = alone(SimulationOptions::default(), &body);
-    s.set_gravity(DVec3::ZERO);
-    let floor = s.group_rows(body, &mesh, "z0").unwrap();
-    s.add_constraint(Constraint::hold("floor", floor));
-    let edge = |y: f64| {
-        let x = |z: f64| 0.5 + 0.15 * (z - 0.5) + 0.12 * (y - 0.5) + 0.08 * libm::sin(PI * y);
-        [DVec3::new(x(1.05), y, 1.05), DVec3::new(x(0.4), y, 0.4)]
-    };
-    let strip: Vec<_> = (0..=24).map(|i| edge(-0.05 + 1.1 * f64::from(i) / 24.0)).collect();
-    s.cut(body, &strip).unwrap();
-    let load = 1e-4;
-    pull(&mut s, body, &mesh, load);
-    s.set_solver(solver!(
-        Integrator::QuasiStatic,
-        linear_tolerance = 1e-8,
-        newton_tolerance = 1e-7
-    ));
-    let tear = Tear { body: body.0, strength: 1.0, radius: Some(0.25), max_speed: None };
-    s.set_tear(tear).unwrap();
-    s.steps(2);
-    let report = s.tear_report(body).unwrap();
-    assert_eq!(report.separated, 0);
-    load / report.stress
-}
-
-/// Criterion of meshes: a strength means the same on all of them, as a mean over a ball of given radius.
-#[test]
-fn the_critical_load_of_a_notch_does_not_depend_on_the_mesh() {
-    let mut means = Vec::new();
-    for cells in [8, 10, 12, 14, 16] {
-        let all = [1, 2, 3].map(|seed| critical_load(cells, seed));
-        means.push(all.iter().sum::<f64>() / 3.0);
-    }
-    let least = means.iter().copied().fold(f64::INFINITY, f64::min);
-    let most = means.iter().copied().fold(0.0, f64::max);
-    assert!(most / least < 1.12, "{means:?}");
 }
 
 /// The stress that is compared is that of Cauchy, force by present area.

@@ -1,13 +1,11 @@
 //! Threads and clips: answers of a separate program and closed forms, energy and momentum, cuts and removals, snapshots.
 
 use crate::common::*;
-use crate::cutting::{case_block, points, reference_case};
 use glam::{DQuat, DVec3};
 use sinew::engine::mesh::generate::box_tets;
 use sinew::models::resection::Region;
 use sinew::prelude::*;
 use sinew::snapshot::Snapshot;
-use sinew::solvers::settings::LinearPrecision;
 use sinew::touch::thread::ThreadReport;
 
 const SIZE: DVec3 = DVec3::new(0.06, 0.06, 0.03);
@@ -76,46 +74,6 @@ fn one() -> SimulationOptions {
 
 fn report(simulation: &Simulation, thread: bevy_ecs::entity::Entity) -> ThreadReport {
     simulation.thread_report(thread).unwrap().clone()
-}
-
-#[test]
-fn a_stitch_closes_the_wound_of_a_separate_program() {
-    let Some(stitch) = reference_case("stitch") else { return };
-    let case = reference_case("block_plane").unwrap();
-    let (mut simulation, body) = case_block(&case);
-    let rest: Vec<DVec3> = stitch["points"]
-        .as_array()
-        .unwrap()
-        .iter()
-        .map(|p| points(&serde_json::json!([p["rest"]]))[0])
-        .collect();
-    // in elements that the blade parts: at rest before, and found again behind
-    let holds: Vec<Hold> =
-        rest.iter().map(|&at| simulation.tissue_point(body, at).unwrap()).collect();
-    simulation.cut(body, &crate::cutting::strip(&case["blade"])).unwrap();
-    simulation.set_solver(solver!(
-        Integrator::QuasiStatic,
-        linear_tolerance = 1e-12,
-        newton_tolerance = 1e-13,
-        linear_precision = LinearPrecision::Full
-    ));
-    simulation.step().unwrap();
-    for result in stitch["results"].as_array().unwrap() {
-        let number = |key: &str| result[key].as_f64().unwrap();
-        let mut thread = Thread::new("stitch", holds.clone(), stitch["EA"].as_f64().unwrap());
-        thread.length = Some(number("free_length"));
-        let thread = simulation.add_thread(thread).unwrap();
-        simulation.step().unwrap();
-        assert!(!simulation.report().unconverged);
-        let found = report(&simulation, thread);
-        for t in &found.tension {
-            assert!((t / number("tension") - 1.0).abs() < 1e-7, "{t} {result}");
-        }
-        let away = max_distance(&found.points, &points(&result["points"]));
-        assert!(away < 1e-9, "{away}");
-        assert!((simulation.evaluate() / number("elastic_energy") - 1.0).abs() < 1e-7);
-        assert!(simulation.remove_contact(thread));
-    }
 }
 
 /// Ratio of the tensions at the ends of a thread that turns by angles round rings, drawn at its last end.

@@ -9,6 +9,7 @@ mod cells;
 mod clusters;
 mod compare;
 mod contact;
+mod cutting;
 mod law;
 mod problem;
 mod quadratic;
@@ -18,7 +19,7 @@ mod trajectory;
 mod vibration;
 
 pub use read::reference_folder;
-pub use report::{Status, ValidationReport, ValidationRow};
+pub use report::{Status, ValidationCheck, ValidationReport, ValidationRow};
 
 use read::{ReferenceCase, case_files, file_stem};
 use sinew::models::body::Evaluation;
@@ -146,6 +147,8 @@ fn run(file: &Path, options: &ValidateOptions) -> Vec<ValidationRow> {
             Some("sinew-locking-forces/1") => clusters::run(&case),
             Some("sinew-fem-modes/1") => vibration::run(&case),
             Some("sinew-contact-ref/1") => contact::run(&case),
+            Some("sinew-cut-ref/1") => cutting::run(&case),
+            Some("sinew-cut-criteria/1") => cutting::run_criteria(&case),
             None if !root.get("implicit_euler").is_absent() => trajectory::run(&case),
             Some(other) => Err(CaseError::NotRun(format!("schema `{other}` is not known"))),
             None => Err(CaseError::NotRun("no `schema` and no `implicit_euler`".into())),
