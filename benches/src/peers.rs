@@ -14,11 +14,13 @@
 //! * **Speed**: undamped steps of the beam let go from half of its equilibrium displacement; median
 //!   over rounds in which the engines take turns.
 //!
-//! A ball pressed into a block, and a block pressed on another, compare contact ([`TouchRow`]).
+//! A ball pressed into a block, and a block pressed on another, compare contact ([`TouchRow`]), and a beam that is cut
+//! compares cuts ([`CutRow`]).
 
 pub mod beam;
 pub mod bodies;
 mod charts;
+pub mod cut;
 pub mod equilibrium;
 pub mod mujoco;
 #[cfg(feature = "rapier")]
@@ -33,6 +35,7 @@ use crate::toolbox::prelude::*;
 use sinew_tune::table::three_digits;
 
 pub use beam::{Beam, at_zero};
+pub use cut::CutRow;
 use mujoco::Freedom;
 use rival::compete;
 pub use rival::{BeamCase, DAMPING, LARGE, MAX_SETTLE_STEPS, PeerRow, Rival, SETTLE_SECONDS, say};
@@ -49,6 +52,8 @@ pub struct PeerReport {
     pub touch: Vec<TouchRow>,
     /// The same with two blocks, where they are asked for.
     pub bodies: Vec<TouchRow>,
+    /// A beam that is cut, where it is asked for.
+    pub cut: Vec<CutRow>,
 }
 
 /// Runs every rival that is there. What is missing is listed with the remedy; nothing is guessed.
@@ -58,15 +63,20 @@ pub struct PeerReport {
 pub fn run(options: &BenchOptions) -> Result<PeerReport> {
     let mut report = PeerReport::default();
     let named = |name: &str| options.cases.iter().any(|n| n == name);
-    let [beam, touch, bodies] = ["beam", "touch", "bodies"].map(named);
-    // two blocks take longer than all the rest: they are asked for by name
-    let (beam, touch) = (beam || !(touch || bodies), touch || !(beam || bodies));
-    let mut mujoco = match mujoco::MuJoCo::start(&options.python) {
-        Ok(found) => Some(found),
-        Err(why) => {
+    let [beam, touch, bodies, cuts] = ["beam", "touch", "bodies", "cut"].map(named);
+    // two blocks and a cut take longer than all the rest: they are asked for by name
+    let (beam, touch) = (beam || !(touch || bodies || cuts), touch || !(beam || bodies || cuts));
+    if cuts {
+        report.cut = cut::run(options.quick)?;
+        report.skipped.push("MuJoCo flex, cut: it cannot be cut".into());
+    }
+    let mut mujoco = match (beam || touch || bodies).then(|| mujoco::MuJoCo::start(&options.python))
+    {
+        Some(Err(why)) => {
             report.skipped.push(why);
             None
         }
+        found => found.and_then(std::result::Result::ok),
     };
     if beam {
         run_beams(options, mujoco.as_mut(), &mut report)?;

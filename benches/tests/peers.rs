@@ -10,7 +10,7 @@ use sinew_benches::peers::touch::{
     self, AT, BALL, DEPTH, DRAG, FRICTION, Finger, GAP, RADIUS, SIZE, Sample, TURN, TouchBlock,
     TouchRow, TouchTruth, TouchTurn, figures, ours, ours_with_blocks, run,
 };
-use sinew_benches::peers::{Beam, PeerReport, PeerRow, aims, bodies, sinew_rows};
+use sinew_benches::peers::{Beam, PeerReport, PeerRow, aims, bodies, cut, sinew_rows};
 use sinew_benches::toolbox::error::{BenchError, Result};
 use sinew_tune::page::{Chart, Judgement};
 
@@ -496,4 +496,46 @@ fn soft_bodies_press_on_each_other() {
     let ratio = row.force.unwrap() / own.force.unwrap();
     assert!((0.5..2.0).contains(&ratio) && row.engine == "Rapier", "{row:?}");
     assert!(!row.note.contains("goes through") && row.ms_apart.is_some(), "{row:?}");
+}
+
+/// A wound on the blade that opens by as much as the continuum has no error; one that is aside, or closed, has.
+#[test]
+fn wounds_are_judged_by_blade_and_continuum() {
+    let beam = cut::CutBeam::new(2).unwrap();
+    let load: DVec3 = beam.forces().iter().map(|(_, force)| *force).sum();
+    assert!((load.z / (-10.0 * 0.06 * 0.06) - 1.0).abs() < 1e-12, "{load}");
+    // triangle of the blade, and of both lips of a section through it
+    let [a, b, c] = beam.triangle();
+    let area = 0.5 * (b - a).cross(c - a);
+    let truth = 33.65 * 0.06_f64.powi(3) * 1e-4;
+    let lips = |aside: DVec3, part: f64| {
+        let open = 0.5 * part * truth * area / area.length_squared();
+        let right = [a, b, c].map(|x| [x + aside, open]);
+        vec![right, [a, c, b].map(|x| [x + aside, -open])]
+    };
+    let [rms, largest, opening] = beam.judge(&lips(DVec3::ZERO, -1.0));
+    assert!(rms < 1e-12 && largest < 1e-12 && opening.abs() < 1e-9, "{rms} {largest} {opening}");
+    let aside = area.normalize() * 0.003;
+    let [rms, largest, opening] = beam.judge(&lips(aside, -0.5));
+    assert!((rms - 0.1).abs() < 1e-12 && (largest - 0.1).abs() < 1e-12, "{rms} {largest}");
+    assert!((opening + 50.0).abs() < 1e-9, "{opening}");
+}
+
+/// Cuts through elements lie on the blade, and no energy comes or goes.
+#[test]
+fn a_beam_is_cut_beside_rivals() {
+    let rows = cut::run(true).unwrap();
+    let [ours, others]: [Vec<&cut::CutRow>; 2] =
+        [true, false].map(|own| rows.iter().filter(|row| (row.engine == "Sinew") == own).collect());
+    assert_eq!((ours.len(), others.len()), (3, if cfg!(feature = "rapier") { 3 } else { 0 }));
+    for row in ours {
+        let limit = if row.precision == "f32" { 1e-5 } else { 1e-12 };
+        // a mark keeps a thousandth of an edge from its ends
+        assert!(row.distance_largest.unwrap() < 1e-3 && row.cut_ms.is_some(), "{row:?}");
+        assert!(row.energy_change.unwrap().abs() < limit, "{row:?}");
+        assert!((-90.0..-20.0).contains(&row.opening_percent.unwrap()), "{row:?}");
+    }
+    for row in others {
+        assert!(row.distance_rms.unwrap() > 0.05 && row.ms_per_step.is_some(), "{row:?}");
+    }
 }

@@ -1,13 +1,15 @@
 //! Rapier's soft bodies: corotational tetrahedra, by its finite-element solver and by constraints.
 
 use super::beam::masses;
+use super::cut::{self, Carver, CutBeam, CutOutcome, CutRow};
 use super::rival::{BeamCase, DAMPING, PeerRow, Rival, milliseconds};
 use super::touch::{self, Finger, Sample, TouchBlock, TouchRow, TouchScale, TouchTurn};
 use crate::toolbox::error::{BenchError, Result};
 use glam::DVec3;
 use rapier3d::prelude::*;
 use sinew::engine::mesh::Mesh;
-use sinew::prelude::{Model, YoungPoisson};
+use sinew::prelude::{BodyDescription, Model, Simulation, SimulationOptions, YoungPoisson};
+use std::collections::{BTreeMap, BTreeSet};
 use std::time::Instant;
 
 /// Its default step (s).
@@ -338,5 +340,156 @@ impl Finger for RapierPress {
         }
         self.world = Some((world, soft, comes));
         Ok(TouchTurn { samples, displacements })
+    }
+}
+
+/// A cut of a beam by each solver.
+pub fn carvers() -> Vec<Box<dyn Carver>> {
+    let carver =
+        |(solver, iterations)| -> Box<dyn Carver> { Box::new(RapierCut { solver, iterations }) };
+    settings().into_iter().map(carver).collect()
+}
+
+struct RapierCut {
+    solver: SoftBodySolver,
+    /// Cap on conjugate-gradient iterations per substep.
+    iterations: usize,
+}
+
+/// A body that was cut, and the vertex of the mesh that every particle is or is a copy of.
+struct RapierParts<'a> {
+    beam: &'a CutBeam,
+    roots: Vec<u32>,
+}
+
+impl RapierCut {
+    /// The beam at rest under its load from now on.
+    fn world(&self, beam: &CutBeam) -> (PhysicsWorld, SoftBodyHandle) {
+        let mut world = PhysicsWorld::new();
+        world.gravity = Vector::ZERO;
+        world.integration_parameters.dt = cut::STEP as f32;
+        world.integration_parameters.soft_bodies.fem.max_linear_iterations = self.iterations;
+        let masses = masses(&beam.mesh, beam.material.density);
+        let masses: Vec<f32> = masses.iter().map(|&m| m as f32).collect();
+        let builder = soft_body(&beam.mesh, &masses, &beam.material, beam.fixed.clone())
+            .solver(self.solver)
+            .linear_damping(DAMPING as f32)
+            .no_surface_collider();
+        let handle = world.insert_soft_body(builder);
+        let body = &mut world.soft_bodies[handle];
+        for (vertex, force) in beam.forces() {
+            body.add_particle_force(vertex as usize, single(force), true);
+        }
+        (world, handle)
+    }
+
+    /// Cuts, in the present shape, and how long (ms) that took.
+    fn cut<'a>(
+        beam: &'a CutBeam,
+        world: &mut PhysicsWorld,
+        body: SoftBodyHandle,
+    ) -> Result<(RapierParts<'a>, f64)> {
+        let begin = Instant::now();
+        let event = world.cut_soft_body(body, &beam.triangle().map(single));
+        let ms = begin.elapsed().as_secs_f64() * 1e3;
+        let event =
+            event.ok_or_else(|| BenchError::Rival("Rapier: the blade cuts nothing".into()))?;
+        if !event.pieces.is_empty() {
+            return Err(BenchError::Rival("Rapier: the cut leaves more than one body".into()));
+        }
+        let mut roots: Vec<u32> = (0..beam.mesh.points.len() as u32).collect();
+        for (copy, source) in event.split_particles {
+            let root = roots.get(source as usize).copied();
+            match root {
+                Some(root) if copy as usize == roots.len() => roots.push(root),
+                _ => return Err(BenchError::Rival("Rapier: copies are not in order".into())),
+            }
+        }
+        Ok((RapierParts { beam, roots }, ms))
+    }
+}
+
+impl RapierParts<'_> {
+    /// Place (m) at rest of a particle, and its displacement (m).
+    fn corner(&self, body: &SoftBody, particle: u32) -> [DVec3; 2] {
+        let rest = self.beam.mesh.points[self.roots[particle as usize] as usize];
+        [rest, double(body.particle_position(particle as usize)) - rest]
+    }
+
+    /// Faces of one cell only that are none of the beam's.
+    fn wound(&self, body: &SoftBody) -> Vec<cut::WoundFace> {
+        let sorted = |mut face: [u32; 3]| {
+            face.sort_unstable();
+            face
+        };
+        let outside: BTreeSet<[u32; 3]> =
+            self.beam.mesh.surface_triangles().into_iter().map(sorted).collect();
+        let mut faces = BTreeMap::new();
+        for cell in body.cells() {
+            let [a, b, c, d] = cell.vertices;
+            for face in [[b, c, d], [a, d, c], [a, b, d], [a, c, b]] {
+                let entry = faces.entry(sorted(face)).or_insert((face, 0));
+                entry.1 += 1;
+            }
+        }
+        let alone = faces.into_values().filter(|(_, cells)| *cells == 1).map(|(face, _)| face);
+        let inside =
+            |face: &[u32; 3]| !outside.contains(&sorted(face.map(|p| self.roots[p as usize])));
+        alone.filter(inside).map(|face| face.map(|p| self.corner(body, p))).collect()
+    }
+
+    /// Elastic energy (J) by its own law, and kinetic energy.
+    fn energy(&self, body: &SoftBody) -> Result<f64> {
+        let corners = (0..self.roots.len() as u32).map(|p| self.corner(body, p));
+        let (rest, u): (Vec<DVec3>, Vec<DVec3>) = corners.map(|[rest, u]| (rest, u)).unzip();
+        let cells: Vec<[u32; 4]> = body.cells().iter().map(|cell| cell.vertices).collect();
+        let model = Model::Corotational;
+        let description = BodyDescription {
+            model,
+            ..BodyDescription::from_parts("beam", &rest, &cells, self.beam.material)
+        };
+        let mut simulation =
+            Simulation::new(SimulationOptions { threads: 1, ..Default::default() })?;
+        let own = simulation.add_body(&description)?;
+        simulation.set_state(own, &u, &vec![DVec3::ZERO; u.len()])?;
+        let moving = body.particles().iter().filter(|p| !p.is_pinned());
+        let kinetic = |p: &SoftBodyParticle| {
+            0.5 * f64::from(p.mass()) * double(p.velocity()).length_squared()
+        };
+        Ok(simulation.evaluate() + moving.map(kinetic).sum::<f64>())
+    }
+}
+
+impl Carver for RapierCut {
+    fn row(&self, beam: &CutBeam) -> CutRow {
+        let setting = setting(self.solver, self.iterations, cut::STEP, SUBSTEPS);
+        let mut row = beam.row("Rapier", VERSION, setting, "f32");
+        row.note =
+            "cuts along faces; energies by its law, from its positions and velocities".into();
+        row
+    }
+
+    fn carve(&mut self, beam: &CutBeam) -> Result<CutOutcome> {
+        let (mut world, body) = self.world(beam);
+        let (parts, cut_ms) = Self::cut(beam, &mut world, body)?;
+        let mut ms = Vec::new();
+        for _ in 0..cut::SETTLED[0] {
+            let begin = Instant::now();
+            world.step();
+            ms.push(begin.elapsed().as_secs_f64() * 1e3);
+        }
+        let wound = parts.wound(&world.soft_bodies[body]);
+        if wound.iter().flatten().any(|corner| !corner[1].is_finite()) {
+            return Err(BenchError::Rival("Rapier: the state is not finite".into()));
+        }
+        let (mut world, body) = self.world(beam);
+        for _ in 0..cut::SETTLED[1] {
+            world.step();
+        }
+        let roots = (0..beam.mesh.points.len() as u32).collect();
+        let before = RapierParts { beam, roots }.energy(&world.soft_bodies[body])?;
+        let (parts, _) = Self::cut(beam, &mut world, body)?;
+        let energy = [before, parts.energy(&world.soft_bodies[body])?];
+        Ok(CutOutcome { wound, energy, cut_ms, ms })
     }
 }

@@ -62,6 +62,7 @@ of_engine! {
     sinew::engine::step::StepError,
     sinew::engine::workers::WorkersError,
     sinew::models::body::BodyError,
+    sinew::models::cutting::CutError,
     sinew::models::element::membrane::RestTriangleError,
     sinew::models::element::precompute::RestTetrahedronError,
     sinew::models::material::MaterialError,

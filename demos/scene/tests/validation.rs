@@ -47,8 +47,8 @@ fn cuts_are_within_their_bounds() {
 #[ignore = "slow: a thousand cuts"]
 fn a_thousand_random_cuts_hold_together() {
     let report = changed("cutting/criteria", "thousand", |value| {
-        value["criteria"] =
-            json!([{ "name": "random cuts", "blocks": 100, "zero_mode_blocks": 100 }]);
+        value["criteria"] = json!([value["criteria"][0]]);
+        value["criteria"][0]["blocks"] = json!(100);
     });
     assert_eq!(report.counts(), [1, 0, 0], "{report}");
 }

@@ -269,7 +269,7 @@ pub(super) fn at_rest(rows: &mut CutRows) {
 pub(super) fn at_the_instant(rows: &mut CutRows) {
     let (root, threads) = (rows.case.root(), rows.threads());
     let results = root.get("results");
-    rows.add("marks and shares", |row| Ok(CutBlock::read(&root)?.compare_marks(&results, row)?));
+    rows.add("marks and shares", |row| CutBlock::read(&root)?.compare_marks(&results, row));
     rows.add("at the instant", |row| {
         let block = CutBlock::read(&root)?;
         block.size(row);
