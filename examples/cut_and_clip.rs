@@ -25,12 +25,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     steps(&mut simulation, 50)?;
 
     // cut: the edge of a scalpel, upright, goes across at 50 mm/s against 50 J/m^2
-    let edge = Edge {
-        ends: [DVec3::Z * 0.05, DVec3::Z * -0.05],
-        into: DVec3::Y,
-        toughness: 50.0,
-        travel: DVec3::ZERO,
-    };
+    let ends = [DVec3::Z * 0.05, DVec3::Z * -0.05];
+    let edge = Edge { ends, into: DVec3::Y, ..Edge::new(0.1, 50.0) };
     let at = |way: f64| DVec3::new(0.062, way - 0.005, 0.01);
     let scalpel = simulation.add_tool(Tool::blade("scalpel", edge, at(0.0)))?;
     let mut most = 0.0_f64;

@@ -50,9 +50,13 @@ namespace Sinew
         Pull = 6,
         /// <summary>A contact between bodies.</summary>
         Contact = 7,
+        /// <summary>A thread.</summary>
+        Thread = 8,
+        /// <summary>A clip.</summary>
+        Clip = 9,
     }
 
-    /// <summary>What can be read of a body.</summary>
+    /// <summary>What can be read of a body, thread or clip.</summary>
     public enum Quantity : uint
     {
         /// <summary>What `sinew_read` reads, three numbers a vertex: positions (m).</summary>
@@ -75,6 +79,28 @@ namespace Sinew
         VolumeRatios = 8,
         /// <summary>Area over that at rest, of triangles of the membrane, then quadrilaterals.</summary>
         AreaRatios = 9,
+        /// <summary>Of a body that tears, seven numbers: area (m^2, at rest) that tore, elements parted, vertices made,
+        /// tears that began without a wound, largest mean principal stress (Pa) where it may tear, pieces, and way (m)
+        /// that a tear may still go.</summary>
+        Tear = 10,
+        /// <summary>Of a thread or clip, seven numbers: largest tension (N), length (m), work of hands (J), energy (J)
+        /// lost, points lost, 1 if it broke, 1 if the step did not converge.</summary>
+        ThreadReport = 11,
+        /// <summary>Of each point that holds a thread or clip, its number.</summary>
+        ThreadHeld = 12,
+        /// <summary>Where these points are (m), three numbers each.</summary>
+        ThreadPoints = 13,
+        /// <summary>Tension (N) from one of them to the next.</summary>
+        ThreadTensions = 14,
+        /// <summary>Distances (m) from one of them to the next: across a wound, how far apart its lips are
+        /// there.</summary>
+        ThreadSpans = 15,
+        /// <summary>Free lengths (m) between them.</summary>
+        ThreadFree = 16,
+        /// <summary>Length (m) that slid through every point, held or not, towards the first.</summary>
+        ThreadSlid = 17,
+        /// <summary>Forces (N) on what holds its first and its last point, three numbers each.</summary>
+        ThreadEnds = 18,
     }
 
     /// <summary>What a tool does; several by `|`.</summary>
@@ -227,17 +253,24 @@ namespace Sinew
 
     /// <summary>What a cut did.</summary>
     [StructLayout(LayoutKind.Sequential)]
-    internal struct NativeCutReport
+    public partial struct CutReport
     {
         internal uint StructSize;
         internal uint Reserved;
-        internal UIntPtr Separated;
-        internal UIntPtr Copies;
-        internal UIntPtr Vertices;
-        internal UIntPtr Spare;
-        internal UIntPtr Pieces;
-        internal double LeastShare;
-        internal double Area;
+        /// <summary>Tetrahedra that it parted.</summary>
+        public UIntPtr Separated;
+        /// <summary>Copies of tetrahedra that it made.</summary>
+        public UIntPtr Copies;
+        /// <summary>Vertices that it made.</summary>
+        public UIntPtr Vertices;
+        /// <summary>Vertices that further cuts may make.</summary>
+        public UIntPtr Spare;
+        /// <summary>Connected pieces of the body now.</summary>
+        public UIntPtr Pieces;
+        /// <summary>Least share of a tetrahedron of the body now.</summary>
+        public double LeastShare;
+        /// <summary>Area (m^2, at rest) of one side of the wound.</summary>
+        public double Area;
     }
 
     /// <summary>A constraint.</summary>
@@ -299,6 +332,19 @@ namespace Sinew
         internal ulong OnBody;
         internal IntPtr OnTriangles;
         internal UIntPtr OnTriangleCount;
+        internal IntPtr Edge;
+        internal IntPtr Needle;
+    }
+
+    /// <summary>What a thread or clip goes through.</summary>
+    [StructLayout(LayoutKind.Sequential)]
+    public partial struct ThreadPoint
+    {
+        /// <summary>A body of linear tetrahedra, whose tissue at the place is meant; a tool, for the channel that its
+        /// needle went through; 0 for a place in space, such as a hand.</summary>
+        public ulong Of;
+        /// <summary>The place (m), in the present shape.</summary>
+        public Vec3 At;
     }
 
     /// <summary>A spring and a damper from vertices to a moving pose.</summary>
@@ -455,7 +501,7 @@ namespace Sinew
 
     internal static partial class Native
     {
-        internal const uint SINEW_ABI = 5;
+        internal const uint SINEW_ABI = 6;
         internal const uint SINEW_F64 = 0;
         internal const uint SINEW_F32 = 1;
         internal const uint SINEW_CPU = 0;
@@ -550,7 +596,7 @@ namespace Sinew
 
         [DllImport(Library, CallingConvention = C)]
         internal static extern int sinew_cut(SimulationHandle simulation, ulong body, double[] strip,
-            UIntPtr positionCount, ref NativeCutReport report);
+            UIntPtr positionCount, ref CutReport report);
 
         [DllImport(Library, CallingConvention = C)]
         internal static extern int sinew_skin_read(SimulationHandle simulation, ulong body, uint quantity,
@@ -676,6 +722,28 @@ namespace Sinew
 
         [DllImport(Library, CallingConvention = C)]
         internal static extern void sinew_snapshot_free(IntPtr snapshot);
+
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_thread_add(SimulationHandle simulation, uint kind, byte[] lines,
+            ThreadPoint[] points, UIntPtr pointCount, out ulong result);
+
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_thread_move(SimulationHandle simulation, ulong thread, uint point,
+            ref Vec3 position);
+
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_thread_draw(SimulationHandle simulation, ulong thread, uint end,
+            double length);
+
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_thread_tie(SimulationHandle simulation, ulong thread);
+
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_thread_cut(SimulationHandle simulation, ulong thread, uint segment,
+            out ulong first, out ulong second);
+
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_tear_set(SimulationHandle simulation, ulong body, byte[] lines);
 
         [DllImport(Library, CallingConvention = C)]
         internal static extern int sinew_tool_add(SimulationHandle simulation, ref NativeTool tool, out ulong result);

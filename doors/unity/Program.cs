@@ -92,12 +92,60 @@ static class Program
         }
     }
 
+    /// <summary>A block is cut, stitched and torn.</summary>
+    static void Wound()
+    {
+        var corner = new double[] { 0, 0, 0, 0.1, 0, 0, 0, 0.1, 0, 0.1, 0.1, 0, 0, 0, 0.1, 0.1, 0, 0.1, 0, 0.1, 0.1, 0.1, 0.1, 0.1 };
+        var cube = new uint[] { 0, 1, 3, 7, 0, 3, 2, 7, 0, 2, 6, 7, 0, 6, 4, 7, 0, 4, 5, 7, 0, 5, 1, 7 };
+        using (var mesh = MeshHandle.FromArrays(corner, cube))
+        using (var simulation = new Simulation(0.01, new Vec3(), 1))
+        {
+            var body = simulation.AddBody("cube", mesh, "liver", 0.0, 400);
+            simulation.Hold(body, "floor", new uint[] { 0, 1, 2, 3 });
+            var report = simulation.Cut(body, new[] { 0.052, -1, 0.2, 0.052, -1, 0.04, 0.052, 1, 0.2, 0.052, 1, 0.04 });
+            uint[] triangles, wound;
+            var points = simulation.Skin(body, out triangles, out wound);
+            int open = 0;
+            for (int t = 0; t < wound.Length; t++)
+            {
+                if (wound[t] == 0) { continue; }
+                open++;
+                Demand(Math.Abs(points[3 * triangles[3 * t]] - 0.052) < 1e-9, "a side of the wound");
+            }
+            Demand(open > 1 && report.Area > 0.005, "the wound");
+            var left = new ThreadPoint(body, new Vec3(0.03, 0.05, 0.09));
+            var right = new ThreadPoint(body, new Vec3(0.07, 0.05, 0.09));
+            var hand = new ThreadPoint(0, new Vec3(0.05, 0.05, 0.12));
+            var stitch = simulation.AddThread(Kind.Thread, "name = \"stitch\"\nstiffness = 20.0", left, right, hand);
+            simulation.AddThread(Kind.Clip, "name = \"clip\"\nstiffness = 1.0", left, right);
+            var edge = "ends = [[0, 0, 0.2], [0, 0, 0.05]]\ninto = [0, 1, 0]\ntoughness = 50.0";
+            var knife = simulation.AddBlade("knife", new Vec3(0.081, -0.005, 0), edge);
+            for (int i = 1; i <= 20; i++)
+            {
+                simulation.DrawThread(stitch, 1, 1e-3 * i);
+                simulation.MoveThread(stitch, 2, new Vec3(0.05, 0.05, 0.12 + 1e-4 * i));
+                simulation.MoveTool(knife, new Vec3(0.081, 0.002 * i - 0.005, 0));
+                simulation.Step(1);
+            }
+            Demand(simulation.Read(stitch, Quantity.ThreadReport)[0] > 0.0, "the tension");
+            Demand(simulation.Read(stitch, Quantity.ThreadSpans).Length == 2, "the spans");
+            Demand(simulation.ToolReport(knife).CutArea > 0.0, "the area of the knife");
+            simulation.TieThread(stitch);
+            simulation.Step(1);
+            Demand(simulation.CutThread(stitch, 0) == stitch, "the part that is left");
+            simulation.SetTear(body, "strength = 1.0");
+            Demand(simulation.Read(body, Quantity.Tear).Length == 7, "the tear");
+            simulation.SetTear(body, null);
+        }
+    }
+
     static int Main(string[] arguments)
     {
         var path = arguments.Length > 0 ? arguments[0] : "demos/meshes/liver.msh";
         Demand(Run(path, true) == Run(path, false), "two runs, two results");
         var corner = MeshHandle.FromArrays(new double[] { 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1 }, new uint[] { 0, 1, 2, 3 });
         corner.Dispose();
+        Wound();
         try { MeshHandle.FromFile("no.msh"); Demand(false, "a file that is not there"); }
         catch (SinewException error) { Demand(error.Code == Code.Io, "its code"); }
         return 0;

@@ -27,6 +27,11 @@ namespace Sinew
         public double Length { get { return Math.Sqrt(X * X + Y * Y + Z * Z); } }
     }
 
+    public partial struct ThreadPoint
+    {
+        public ThreadPoint(ulong of, Vec3 at) { Of = of; At = at; }
+    }
+
     public partial struct Pick
     {
         /// <summary>Whether it met anything.</summary>
@@ -186,8 +191,9 @@ namespace Sinew
 
         public void Dispose() { own.Dispose(); }
 
-        /// <summary>Adds a body of a tissue preset; youngModulus (Pa) 0 for that of the preset.</summary>
-        public ulong AddBody(string name, MeshHandle mesh, string preset, double youngModulus)
+        /// <summary>Adds a body of a tissue preset; youngModulus (Pa) 0 for that of the preset; spare: vertices kept for what cuts
+        /// make.</summary>
+        public ulong AddBody(string name, MeshHandle mesh, string preset, double youngModulus, int spare = 0)
         {
             using (var texts = new Pins(Native.Utf8(name), Native.Utf8(preset)))
             {
@@ -201,7 +207,7 @@ namespace Sinew
                     var body = new NativeBody
                     {
                         StructSize = (uint)Marshal.SizeOf(typeof(NativeBody)), Name = texts[0],
-                        Material = place.AddrOfPinnedObject()
+                        Material = place.AddrOfPinnedObject(), Spare = (UIntPtr)spare
                     };
                     ulong handle;
                     Native.Demand(Native.sinew_body_add(own, mesh, ref body, out handle));
@@ -239,7 +245,7 @@ namespace Sinew
             return handle;
         }
 
-        /// <summary>Takes a body, constraint, load, pressure, tool, pull or contact away. With a body goes what acts on nothing
+        /// <summary>Takes a body, constraint, load, pressure, tool, pull, contact, thread or clip away. With a body goes what acts on nothing
         /// else.</summary>
         public void Remove(ulong handle) { Native.Demand(Native.sinew_remove(own, handle)); }
 
@@ -303,6 +309,84 @@ namespace Sinew
                 }
             }
             finally { place.Free(); }
+        }
+
+        /// <summary>Adds a tool with an edge that cuts or a needle, in lines as below `edge` or `needle` in a scene; the other is
+        /// null.</summary>
+        public ulong AddBlade(string name, Vec3 position, string edge, string needle = null)
+        {
+            using (var texts = new Pins(Native.Utf8(name), Native.Utf8(edge), Native.Utf8(needle)))
+            {
+                var tool = new NativeTool
+                {
+                    StructSize = (uint)Marshal.SizeOf(typeof(NativeTool)), Name = texts[0], Position = position,
+                    Edge = edge == null ? IntPtr.Zero : texts[1], Needle = needle == null ? IntPtr.Zero : texts[2]
+                };
+                ulong handle;
+                Native.Demand(Native.sinew_tool_add(own, ref tool, out handle));
+                return handle;
+            }
+        }
+
+        /// <summary>Lays a thread or sets a clip (Kind.Thread, Kind.Clip); lines as in a scene: name, stiffness and so on.</summary>
+        public ulong AddThread(Kind kind, string lines, params ThreadPoint[] points)
+        {
+            ulong handle;
+            var count = (UIntPtr)points.Length;
+            Native.Demand(Native.sinew_thread_add(own, (uint)kind, Native.Utf8(lines), points, count, out handle));
+            return handle;
+        }
+
+        /// <summary>Moves a place in space that a thread goes through, by its number.</summary>
+        public void MoveThread(ulong thread, int point, Vec3 position)
+        {
+            Native.Demand(Native.sinew_thread_move(own, thread, (uint)point, ref position));
+        }
+
+        /// <summary>Draws a thread past its first (end 0) or last (1) point: the length (m) in all.</summary>
+        public void DrawThread(ulong thread, int end, double length)
+        {
+            Native.Demand(Native.sinew_thread_draw(own, thread, (uint)end, length));
+        }
+
+        public void TieThread(ulong thread) { Native.Demand(Native.sinew_thread_tie(own, thread)); }
+
+        /// <summary>Cuts a thread; the part behind the segment, or 0. The handle stands for the first part that is left.</summary>
+        public ulong CutThread(ulong thread, int segment)
+        {
+            ulong first, second;
+            Native.Demand(Native.sinew_thread_cut(own, thread, (uint)segment, out first, out second));
+            return second;
+        }
+
+        /// <summary>Lets a body tear, in lines as below `tear` in a scene; null: no more.</summary>
+        public void SetTear(ulong body, string lines)
+        {
+            Native.Demand(Native.sinew_tear_set(own, body, lines == null ? null : Native.Utf8(lines)));
+        }
+
+        /// <summary>Cuts a body that has spare vertices: both ends (m) of the edge of the blade, one position after another.</summary>
+        public CutReport Cut(ulong body, double[] strip)
+        {
+            var report = new CutReport { StructSize = (uint)Marshal.SizeOf(typeof(CutReport)) };
+            Native.Demand(Native.sinew_cut(own, body, strip, (UIntPtr)(strip.Length / 6), ref report));
+            return report;
+        }
+
+        /// <summary>What to draw of a body that may be cut: points (m), triangles, and of each 1 if a cut laid it open.</summary>
+        public double[] Skin(ulong body, out uint[] triangles, out uint[] wound)
+        {
+            UIntPtr needed;
+            ulong revision;
+            Native.Demand(Native.sinew_skin_read(own, body, Native.SINEW_SKIN_POINTS, null, UIntPtr.Zero, out needed));
+            var points = new double[(int)needed];
+            Native.Demand(Native.sinew_skin_read(own, body, Native.SINEW_SKIN_POINTS, points, needed, out needed));
+            Native.Demand(Native.sinew_skin_triangles(own, body, null, UIntPtr.Zero, out needed, out revision));
+            triangles = new uint[(int)needed];
+            Native.Demand(Native.sinew_skin_triangles(own, body, triangles, needed, out needed, out revision));
+            wound = new uint[triangles.Length / 3];
+            Native.Demand(Native.sinew_skin_wound(own, body, wound, (UIntPtr)wound.Length, out needed));
+            return points;
         }
 
         /// <summary>Moves a tool to a place (m): it is there at the end of the next step.</summary>
@@ -396,7 +480,7 @@ namespace Sinew
         /// <summary>Lines as below [solver] of a scene.</summary>
         public string Solver { set { Native.Demand(Native.sinew_set_solver(own, Native.Utf8(value))); } }
 
-        /// <summary>Numbers of a body in the order of its mesh.</summary>
+        /// <summary>Numbers of a body in the order of its mesh, or of a thread or clip.</summary>
         public double[] Read(ulong body, Quantity quantity)
         {
             UIntPtr needed;

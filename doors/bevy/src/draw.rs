@@ -29,11 +29,14 @@ use sinew::touch::set::ContactSet;
 pub struct SinewMeshSync {
     /// Normals are means over triangles, weighted by area (default). Without, triangles are flat.
     pub smooth_normals: bool,
+    /// Colour (linear red, green, blue, alpha) of what cuts laid open, as the attribute `COLOR`, by which materials multiply their
+    /// own; the outside is white. A mesh gets it when its body is cut. Without, that attribute is yours.
+    pub wound: Option<[f32; 4]>,
 }
 
 impl Default for SinewMeshSync {
     fn default() -> Self {
-        Self { smooth_normals: true }
+        Self { smooth_normals: true, wound: Some([0.4, 0.03, 0.03, 1.0]) }
     }
 }
 
@@ -193,7 +196,7 @@ pub fn sync_meshes(
             drawn.place((body, &surface), &positions[rows], (before, fraction), &transform);
         let Some(mut mesh) = meshes.get_mut(&mesh.0) else { continue };
         if is_new {
-            drawn.renew(&mut mesh, &surface, sync.smooth_normals);
+            drawn.renew(&mut mesh, &surface, sync);
         }
         drawn.find_normals(&surface.triangles);
         drawn.write(&mut mesh);
@@ -233,7 +236,8 @@ impl Drawn {
     }
 
     /// Attributes of the right length, and indices.
-    fn renew(&mut self, mesh: &mut Mesh, surface: &SinewSurface, smooth: bool) {
+    fn renew(&mut self, mesh: &mut Mesh, surface: &SinewSurface, sync: &SinewMeshSync) {
+        let smooth = sync.smooth_normals;
         (self.revision, self.smooth) = (surface.revision, smooth);
         let corners = surface.triangles.iter().flatten().copied();
         self.source.clear();
@@ -256,6 +260,15 @@ impl Drawn {
                 mesh.insert_attribute(attribute, vec![[0.0_f32; 3]; count]);
             }
         }
+        let Some(colour) = sync.wound.filter(|_| !surface.wound.is_empty()) else { return };
+        let mut colours = vec![[1.0_f32; 4]; count];
+        let wound = surface.triangles.iter().enumerate().filter(|(t, _)| surface.wound[*t]);
+        for (t, triangle) in wound {
+            for (k, &v) in triangle.iter().enumerate() {
+                colours[if smooth { v as usize } else { 3 * t + k }] = colour;
+            }
+        }
+        mesh.insert_attribute(Mesh::ATTRIBUTE_COLOR, colours);
     }
 
     fn find_normals(&mut self, triangles: &[[u32; 3]]) {

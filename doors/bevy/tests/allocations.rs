@@ -27,7 +27,9 @@ fn a_mesh_is_updated_without_an_allocation() {
         .entity_mut(body)
         .insert((SinewMeshSync::default(), SinewInterpolation::default()));
     let flat = held(&mut app, Transform::default());
-    app.world_mut().entity_mut(flat).insert(SinewMeshSync { smooth_normals: false });
+    app.world_mut()
+        .entity_mut(flat)
+        .insert(SinewMeshSync { smooth_normals: false, ..Default::default() });
     (0..5).for_each(|_| app.update());
 
     // on this thread, whose allocations are counted

@@ -1,7 +1,7 @@
 //! Bodies: from assets, what stops them, their state and their end.
 
 use crate::common::*;
-use bevy_app::FixedPostUpdate;
+use bevy_app::{App, FixedPostUpdate};
 use bevy_asset::io::memory::Dir;
 use bevy_asset::{AssetServer, Assets, Handle};
 use bevy_ecs::prelude::*;
@@ -14,9 +14,13 @@ use sinew::engine::schedule::SimulationSystems;
 use sinew::engine::topology::Topology;
 use sinew::engine::vertex::{Displacement, RestPosition};
 use sinew::models::body::BodyError;
+use sinew::models::cutting::held::material_point;
+use sinew::models::cutting::tear::check_tear;
 use sinew::models::resection::{Region, Removal, RemovalRequest};
 use sinew::prelude::*;
 use sinew::snapshot::{restore_snapshot, take_snapshot};
+use sinew::touch::thread::ThreadReport;
+use sinew::touch::tool::{ToolMotion, ToolReport};
 use sinew_bevy::*;
 use std::path::Path;
 use std::time::Duration;
@@ -231,6 +235,53 @@ fn cuts_are_told_and_change_the_surface() {
     app.update();
     assert!(messages::<Resected>(&mut app).is_empty());
     assert_eq!(app.world().get::<SinewSurface>(body).unwrap().revision, surface.revision + 1);
+}
+
+#[test]
+fn blades_needles_threads_and_tears_are_components() {
+    let mut app = app();
+    let body = held(&mut app, Transform::default());
+    app.world_mut().get_mut::<SinewBody>(body).unwrap().spare = 400;
+    (0..3).for_each(|_| app.update());
+    let index = app.world().get::<SinewBodyIndex>(body).unwrap().0;
+    let ends = [DVec3::Z * 0.05, DVec3::Z * 0.015];
+    let edge = Edge { ends, into: DVec3::Y, ..Edge::new(1.0, 50.0) };
+    let knife = Tool::blade("knife", edge, DVec3::new(0.051, -0.005, 0.0));
+    let needle = Needle { into: DVec3::NEG_Z, ..Needle::new(0.1, 1e-3, 20.0, 1.0) };
+    let pin = Tool::needle("pin", needle, DVec3::new(0.083, 0.042, 0.045));
+    let own = |tool: Tool, way: DVec3, app: &mut App| {
+        let curve = Curve::Points(vec![[0.02, 0.0], [0.5, 1.0]]);
+        let motion = ToolMotion::Translate(way, curve);
+        app.world_mut().spawn(Tool { motion, ..tool }).id()
+    };
+    let knife = own(knife, DVec3::Y * 0.1, &mut app);
+    let pin = own(pin, DVec3::Z * -0.03, &mut app);
+    (0..60).for_each(|_| app.update());
+    let [cut, felt] = [knife, pin].map(|tool| app.world().get::<ToolReport>(tool).unwrap());
+    assert!(cut.separated > 0 && cut.cut_area > 1e-4, "{cut:?}");
+    assert!(felt.punctures == 1 && felt.inserted > 0.015, "{felt:?}");
+    assert!(app.world().get::<SinewSurface>(body).unwrap().wound.contains(&true));
+    app.world_mut().despawn(knife);
+    // a stitch through both lips, and a body that tears
+    let mut points = Vec::new();
+    for x in [0.03, 0.07] {
+        let at = DVec3::new(x, 0.04, 0.03);
+        let (element, vertices, weights) =
+            material_point::<f64>(app.world_mut(), index, at).unwrap();
+        points.push(Hold::Tissue { body: index, element, vertices, weights });
+    }
+    let stitch = Thread { length: Some(0.03), ..Thread::new("stitch", points, 20.0) };
+    let stitch = app.world_mut().spawn(stitch).id();
+    app.update();
+    let report = app.world().get::<ThreadReport>(stitch).unwrap();
+    assert!(report.largest() > 0.0 && report.spans[0] < 0.041, "{report:?}");
+    let (radius, max_speed) = (None, None);
+    let tear = Tear { body: index, strength: 10.0, radius, max_speed };
+    let tear = check_tear(app.world_mut(), &tear).unwrap();
+    let tear = app.world_mut().spawn(tear).id();
+    (0..3).for_each(|_| app.update());
+    assert!(app.world().get::<TearReport>(tear).unwrap().separated > 0);
+    assert!(messages::<StepFailed>(&mut app).is_empty());
 }
 
 #[test]

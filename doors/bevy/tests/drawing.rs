@@ -128,6 +128,16 @@ fn both_sides_of_a_cut_are_drawn_and_move() {
     assert_eq!(mesh.count_vertices(), count + surface.made.len());
     let indices: Vec<u32> = mesh.indices().unwrap().iter().map(|i| i as u32).collect();
     assert_eq!(indices, surface.triangles.concat());
+    // its sides have a colour of their own, and points of their own for it
+    let wound = SinewMeshSync::default().wound.unwrap();
+    let Some(VertexAttributeValues::Float32x4(colours)) = mesh.attribute(Mesh::ATTRIBUTE_COLOR)
+    else {
+        panic!("no colours")
+    };
+    for (triangle, open) in surface.triangles.iter().zip(&surface.wound) {
+        let expected = if *open { wound } else { [1.0; 4] };
+        assert!(triangle.iter().all(|&v| colours[v as usize] == expected));
+    }
     // closed: nothing is missing along the wound
     let at = attribute(mesh, false);
     let corners = |t: &[u32; 3]| t.map(|v| at[v as usize]);
@@ -186,7 +196,9 @@ fn a_mesh_is_written_when_the_body_changed_and_indices_when_it_was_cut() {
 fn flat_triangles_have_their_own_normals() {
     let mut app = app();
     let body = held(&mut app, Transform::default());
-    app.world_mut().entity_mut(body).insert(SinewMeshSync { smooth_normals: false });
+    app.world_mut()
+        .entity_mut(body)
+        .insert(SinewMeshSync { smooth_normals: false, ..Default::default() });
     (0..5).for_each(|_| app.update());
     let surface = app.world().get::<SinewSurface>(body).unwrap().triangles.clone();
     let mesh = drawn(&app, body);

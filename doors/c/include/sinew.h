@@ -16,7 +16,7 @@
 #include <stdint.h>
 
 // Raised when a structure or the meaning of a function changes; functions are only added.
-#define SINEW_ABI 5
+#define SINEW_ABI 6
 
 // No error.
 #define SINEW_OK 0
@@ -74,6 +74,12 @@
 
 // A contact between bodies.
 #define SINEW_CONTACT 7
+
+// A thread.
+#define SINEW_THREAD 8
+
+// A clip.
+#define SINEW_CLIP 9
 
 // Number type of 64 bits (default).
 #define SINEW_F64 0
@@ -195,6 +201,35 @@
 // Area over that at rest, of triangles of the membrane, then quadrilaterals.
 #define SINEW_AREA_RATIOS 9
 
+// Of a body that tears, seven numbers: area (m^2, at rest) that tore, elements parted, vertices made, tears that began without
+// a wound, largest mean principal stress (Pa) where it may tear, pieces, and way (m) that a tear may still go.
+#define SINEW_TEAR 10
+
+// Of a thread or clip, seven numbers: largest tension (N), length (m), work of hands (J), energy (J) lost, points lost, 1 if it
+// broke, 1 if the step did not converge.
+#define SINEW_THREAD_REPORT 11
+
+// Of each point that holds a thread or clip, its number.
+#define SINEW_THREAD_HELD 12
+
+// Where these points are (m), three numbers each.
+#define SINEW_THREAD_POINTS 13
+
+// Tension (N) from one of them to the next.
+#define SINEW_THREAD_TENSIONS 14
+
+// Distances (m) from one of them to the next: across a wound, how far apart its lips are there.
+#define SINEW_THREAD_SPANS 15
+
+// Free lengths (m) between them.
+#define SINEW_THREAD_FREE 16
+
+// Length (m) that slid through every point, held or not, towards the first.
+#define SINEW_THREAD_SLID 17
+
+// Forces (N) on what holds its first and its last point, three numbers each.
+#define SINEW_THREAD_ENDS 18
+
 // A mesh; it never changes, and any number of threads may use it at once.
 typedef struct sinew_mesh sinew_mesh;
 
@@ -233,7 +268,7 @@ typedef struct sinew_file {
   size_t size;
 } sinew_file;
 
-// A body, constraint, load, pressure, tool, pull or contact of a simulation; 0 is never one.
+// A body, constraint, load, pressure, tool, pull, contact, thread or clip of a simulation; 0 is never one.
 typedef uint64_t sinew_handle;
 
 // A group of vertices.
@@ -536,6 +571,10 @@ typedef struct sinew_tool {
   const uint32_t *on_triangles;
   // Their number.
   size_t on_triangle_count;
+  // Its sharp edge, in lines as below `edge` of a tool in a scene, or NULL. It needs no parts then.
+  const char *edge;
+  // Its needle, in lines as below `needle`, or NULL.
+  const char *needle;
 } sinew_tool;
 
 // Forces on a tool and its contacts at the end of the last step.
@@ -673,6 +712,15 @@ typedef struct sinew_pick_result {
   // Its distance (m) from the origin of the ray.
   double distance;
 } sinew_pick_result;
+
+// What a thread or clip goes through.
+typedef struct sinew_thread_point {
+  // A body of linear tetrahedra, whose tissue at the place is meant; a tool, for the channel that its needle went
+  // through; 0 for a place in space, such as a hand.
+  sinew_handle of;
+  // The place (m), in the present shape.
+  double at[3];
+} sinew_thread_point;
 
 #ifdef __cplusplus
 extern "C" {
@@ -839,7 +887,7 @@ sinew_status sinew_group_vertices(const struct sinew_simulation *simulation,
                                   size_t capacity,
                                   size_t *needed);
 
-// Reads numbers of a body in the order of its mesh: `SINEW_POSITIONS` and so on. `needed` says how many numbers there are,
+// Reads numbers of a body in the order of its mesh, or of a thread or clip: `SINEW_POSITIONS` and so on. `needed` says how many numbers there are,
 // `out` may be NULL with capacity 0 to ask.
 sinew_status sinew_read(struct sinew_simulation *simulation,
                         sinew_handle body,
@@ -1053,6 +1101,45 @@ sinew_status sinew_pick(struct sinew_simulation *simulation,
                         const double *origin,
                         const double *direction,
                         struct sinew_pick_result *result);
+
+// Lays a thread through points, or sets a clip between two (`kind` is `SINEW_THREAD` or `SINEW_CLIP`), which takes hold in the
+// next step. `lines` as in a scene: `name`, `stiffness`, of threads `length`, `friction`, `grip` and `tails`, of clips `length`
+// and `strength`.
+sinew_status sinew_thread_add(struct sinew_simulation *simulation,
+                              uint32_t kind,
+                              const char *lines,
+                              const struct sinew_thread_point *points,
+                              size_t point_count,
+                              sinew_handle *out);
+
+// Moves a place in space that a thread goes through, by its number: it is there (m) at the end of the next step.
+sinew_status sinew_thread_move(struct sinew_simulation *simulation,
+                               sinew_handle thread,
+                               uint32_t point,
+                               const double *position);
+
+// Draws a thread past its first (`end` 0) or last (1) point: the length (m) in all by the end of the next step.
+sinew_status sinew_thread_draw(struct sinew_simulation *simulation,
+                               sinew_handle thread,
+                               uint32_t end,
+                               double length);
+
+// Ties the ends of a thread together, and lets hands go.
+sinew_status sinew_thread_tie(struct sinew_simulation *simulation, sinew_handle thread);
+
+// Cuts a thread between two points that hold it, by the number of the segment. The parts before and behind it, 0 where no
+// two points hold one; the first that is left has the handle of the thread.
+sinew_status sinew_thread_cut(struct sinew_simulation *simulation,
+                              sinew_handle thread,
+                              uint32_t segment,
+                              sinew_handle *first,
+                              sinew_handle *second);
+
+// Lets a body of linear tetrahedra with `spare` vertices tear. `lines` as below `tear` of a body in a scene: `strength`, `radius`,
+// `max_speed`; NULL: it tears no more.
+sinew_status sinew_tear_set(struct sinew_simulation *simulation,
+                            sinew_handle body,
+                            const char *lines);
 
 // What the last step did, as JSON that ends with a zero byte. `needed` says how many bytes that is; `out` may be NULL with
 // capacity 0 to ask.

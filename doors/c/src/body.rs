@@ -173,7 +173,7 @@ pub unsafe extern "C" fn sinew_group_vertices(
     })
 }
 
-/// Reads numbers of a body in the order of its mesh: `SINEW_POSITIONS` and so on. `needed` says how many numbers there are,
+/// Reads numbers of a body in the order of its mesh, or of a thread or clip: `SINEW_POSITIONS` and so on. `needed` says how many numbers there are,
 /// `out` may be NULL with capacity 0 to ask.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn sinew_read(

@@ -19,6 +19,7 @@ mod report;
 mod reports;
 mod simulation;
 mod snapshot;
+mod thread;
 mod touch;
 mod types;
 
@@ -30,5 +31,6 @@ pub use report::*;
 pub use reports::*;
 pub use simulation::*;
 pub use snapshot::*;
+pub use thread::*;
 pub use touch::*;
 pub use types::*;

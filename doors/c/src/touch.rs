@@ -2,8 +2,8 @@
 
 use super::act::pose;
 use super::call::{
-    fill, invalid, null, out_struct, quaternion, read, rotation, sinew_simulation, slice, tell,
-    text, three, times, vector, with,
+    fill, invalid, null, optional_text, out_struct, quaternion, read, rotation, sinew_simulation,
+    slice, tell, text, three, times, vector, with,
 };
 use super::reports::*;
 use super::simulation::add;
@@ -70,6 +70,8 @@ pub unsafe extern "C" fn sinew_tool_add(
         if t.stiffness != 0.0 {
             own.stiffness = Stiffness::Relative(t.stiffness);
         }
+        own.edge = optional_text("edge", t.edge)?.map(sinew_embed::edge).transpose()?;
+        own.needle = optional_text("needle", t.needle)?.map(sinew_embed::needle).transpose()?;
         if t.on_triangles.is_null() {
             return sim.add_tool(own, None);
         }

@@ -3,7 +3,7 @@
 use std::ffi::c_char;
 
 /// Raised when a structure or the meaning of a function changes; functions are only added.
-pub const SINEW_ABI: u32 = 5;
+pub const SINEW_ABI: u32 = 6;
 
 /// 0, or what kind of error `sinew_last_error` tells of.
 pub type sinew_status = i32;
@@ -33,7 +33,7 @@ pub const SINEW_BUSY: i32 = 10;
 /// The engine panicked, now or before; the simulation can only be freed.
 pub const SINEW_PANIC: i32 = 99;
 
-/// A body, constraint, load, pressure, tool, pull or contact of a simulation; 0 is never one.
+/// A body, constraint, load, pressure, tool, pull, contact, thread or clip of a simulation; 0 is never one.
 pub type sinew_handle = u64;
 
 /// Kinds for `sinew_find`: a body.
@@ -50,6 +50,10 @@ pub const SINEW_TOOL: u32 = 5;
 pub const SINEW_PULL: u32 = 6;
 /// A contact between bodies.
 pub const SINEW_CONTACT: u32 = 7;
+/// A thread.
+pub const SINEW_THREAD: u32 = 8;
+/// A clip.
+pub const SINEW_CLIP: u32 = 9;
 
 /// Number type of 64 bits (default).
 pub const SINEW_F64: u32 = 0;
@@ -426,6 +430,21 @@ pub struct sinew_tool {
     pub on_triangles: *const u32,
     /// Their number.
     pub on_triangle_count: usize,
+    /// Its sharp edge, in lines as below `edge` of a tool in a scene, or NULL. It needs no parts then.
+    pub edge: *const c_char,
+    /// Its needle, in lines as below `needle`, or NULL.
+    pub needle: *const c_char,
+}
+
+/// What a thread or clip goes through.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct sinew_thread_point {
+    /// A body of linear tetrahedra, whose tissue at the place is meant; a tool, for the channel that its needle went
+    /// through; 0 for a place in space, such as a hand.
+    pub of: sinew_handle,
+    /// The place (m), in the present shape.
+    pub at: [f64; 3],
 }
 
 /// A spring and a damper from vertices to a moving pose.
@@ -538,3 +557,23 @@ pub const SINEW_MASSES: u32 = 7;
 pub const SINEW_VOLUME_RATIOS: u32 = 8;
 /// Area over that at rest, of triangles of the membrane, then quadrilaterals.
 pub const SINEW_AREA_RATIOS: u32 = 9;
+/// Of a body that tears, seven numbers: area (m^2, at rest) that tore, elements parted, vertices made, tears that began without
+/// a wound, largest mean principal stress (Pa) where it may tear, pieces, and way (m) that a tear may still go.
+pub const SINEW_TEAR: u32 = 10;
+/// Of a thread or clip, seven numbers: largest tension (N), length (m), work of hands (J), energy (J) lost, points lost, 1 if it
+/// broke, 1 if the step did not converge.
+pub const SINEW_THREAD_REPORT: u32 = 11;
+/// Of each point that holds a thread or clip, its number.
+pub const SINEW_THREAD_HELD: u32 = 12;
+/// Where these points are (m), three numbers each.
+pub const SINEW_THREAD_POINTS: u32 = 13;
+/// Tension (N) from one of them to the next.
+pub const SINEW_THREAD_TENSIONS: u32 = 14;
+/// Distances (m) from one of them to the next: across a wound, how far apart its lips are there.
+pub const SINEW_THREAD_SPANS: u32 = 15;
+/// Free lengths (m) between them.
+pub const SINEW_THREAD_FREE: u32 = 16;
+/// Length (m) that slid through every point, held or not, towards the first.
+pub const SINEW_THREAD_SLID: u32 = 17;
+/// Forces (N) on what holds its first and its last point, three numbers each.
+pub const SINEW_THREAD_ENDS: u32 = 18;

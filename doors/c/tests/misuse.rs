@@ -103,6 +103,15 @@ fn null_is_an_argument_everywhere() {
         sinew_pull_add(sim, body, null(), null_mut());
         sinew_pull_move(none, 0, null(), null(), null());
         sinew_pull_force(none, 0, null_mut(), null_mut());
+        sinew_thread_add(none, SINEW_THREAD, null(), null(), 0, null_mut());
+        sinew_thread_add(sim, SINEW_CLIP, null(), null(), 0, null_mut());
+        sinew_thread_move(none, 0, 0, null());
+        sinew_thread_move(sim, 0, 0, null());
+        sinew_thread_draw(none, 0, 0, 0.0);
+        sinew_thread_tie(none, 0);
+        sinew_thread_cut(none, 0, 0, null_mut(), null_mut());
+        sinew_thread_cut(sim, 0, 0, null_mut(), null_mut());
+        sinew_tear_set(none, 0, null());
         sinew_pick(none, null(), null(), null_mut());
         sinew_pick(sim, null(), null(), null_mut());
         sinew_report_json(none, null_mut(), 0, null_mut());
@@ -166,6 +175,7 @@ fn wrong_handles_are_told() {
         vertex_count: 1
     });
     let mut report = sized!(sinew_tool_report {});
+    let [mut first, mut second] = [0; 2];
     let liver = c("liver");
     let material = sized!(sinew_material { preset: liver.as_ptr() });
     for handle in [0, u64::MAX, hold ^ 1, slab.body ^ (1 << 40), 3 << 56] {
@@ -201,6 +211,13 @@ fn wrong_handles_are_told() {
             sinew_pull_add(sim, handle, &pull, &mut wide);
             sinew_pull_move(sim, handle, null(), null(), null());
             sinew_pull_force(sim, handle, xyz.as_mut_ptr(), null_mut());
+            sinew_read(sim, handle, SINEW_THREAD_SPANS, null_mut(), 0, &mut number);
+            sinew_read(sim, handle, SINEW_TEAR, null_mut(), 0, &mut number);
+            sinew_thread_move(sim, handle, 0, xyz.as_ptr());
+            sinew_thread_draw(sim, handle, 0, 0.0);
+            sinew_thread_tie(sim, handle);
+            sinew_thread_cut(sim, handle, 0, &mut first, &mut second);
+            sinew_tear_set(sim, handle, null());
         }
         for (function, status) in table {
             assert_eq!(status, SINEW_HANDLE, "{function} {handle:x}: {}", said());
@@ -270,7 +287,7 @@ fn numbers_and_texts_that_cannot_be_used_are_told() {
     let mut seven = [0.0; 7];
     let odd = seven.as_mut_ptr().cast::<u8>().wrapping_add(1).cast::<f64>();
     unsafe {
-        argument(sinew_find(sim, 9, name.as_ptr(), &mut handle), "kind: 9 is none");
+        argument(sinew_find(sim, 99, name.as_ptr(), &mut handle), "kind: 99 is none");
         argument(sinew_find(sim, 1, name.as_ptr(), &mut handle), "unknown body `x`");
         argument(sinew_find(sim, 1, latin.as_ptr(), &mut handle), "it is not UTF-8");
         argument(sinew_set_dt(sim, f64::NAN), "step length dt = NaN s");

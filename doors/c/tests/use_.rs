@@ -579,3 +579,114 @@ fn a_body_is_cut_and_drawn() {
         }
     }
 }
+
+#[test]
+fn blades_needles_threads_and_tears_are_there() {
+    let slab = Slab::new(1);
+    let [name, liver, floor] = [c("other"), c("liver"), c("other-floor")];
+    let material = sized!(sinew_material { preset: liver.as_ptr() });
+    let described =
+        sized!(sinew_body { name: name.as_ptr(), material: &material, spare: 4 * slab.vertices });
+    let (sim, mut body, mut tool, mut pin, mut parts) = (slab.sim, 0, 0, 0, [7; 2]);
+    let edge =
+        c("ends = [[0.0, 0.0, 0.06], [0.0, 0.0, 0.02]]\ninto = [0.0, 1.0, 0.0]\ntoughness = 50.0");
+    let needle =
+        c("into = [0, 0, -1]\nlength = 0.1\ndiameter = 1e-3\ntoughness = 20.0\nfriction = 1.0");
+    let read = |handle, quantity| {
+        let mut needed = 0;
+        unsafe {
+            ok(sinew_read(sim, handle, quantity, null_mut(), 0, &mut needed));
+            let mut numbers = vec![f64::NAN; needed];
+            ok(sinew_read(sim, handle, quantity, numbers.as_mut_ptr(), needed, null_mut()));
+            numbers
+        }
+    };
+    unsafe {
+        let at = slab.read(SINEW_POSITIONS);
+        let group: Vec<u32> = (0..75).filter(|&v| at[3 * v as usize + 2] == 0.0).collect();
+        ok(sinew_remove(sim, slab.body));
+        ok(sinew_body_add(sim, slab.mesh, &described, &mut body));
+        ok(sinew_hold(sim, body, floor.as_ptr(), group.as_ptr(), 25, &mut 0));
+        let go = |tool, at: &dyn Fn(f64) -> [f64; 3], steps| {
+            for step in 1..=steps {
+                ok(sinew_tool_move(sim, tool, at(f64::from(step)).as_ptr(), null(), 0.0, 0));
+                ok(sinew_step(sim, 1));
+            }
+            let mut report = sized!(sinew_tool_report {});
+            ok(sinew_read_tool_report(sim, tool, &mut report));
+            report
+        };
+        // an edge cuts into it from above, against its toughness
+        let at = |way: f64| [0.045, 2.5e-3 * way - 0.005, 0.0];
+        let own =
+            sized!(sinew_tool { name: name.as_ptr(), edge: edge.as_ptr(), position: at(0.0) });
+        ok(sinew_tool_add(sim, &own, &mut tool));
+        let cut = go(tool, &at, 60);
+        assert!(cut.separated > 0 && cut.cut_vertices > 0 && cut.cut_area > 1e-3);
+        assert!((cut.fracture / cut.cut_area / 50.0 - 1.0).abs() < 1e-9);
+        ok(sinew_remove(sim, tool));
+        // a needle goes down beside the wound, and a thread takes its place
+        let at = |way: f64| [0.071, 0.052, 0.051 - 1e-3 * way];
+        let own =
+            sized!(sinew_tool { name: name.as_ptr(), needle: needle.as_ptr(), position: at(0.0) });
+        ok(sinew_tool_add(sim, &own, &mut pin));
+        let felt = go(pin, &at, 30);
+        assert!(felt.punctures == 1 && felt.inserted > 0.02, "{}", felt.inserted);
+        let point = |of, at| sinew_thread_point { of, at };
+        let [left, right] = [0.03, 0.06].map(|x| point(body, [x, 0.05, 0.04]));
+        let through = [left, point(pin, [0.0; 3]), point(0, [0.06, 0.05, 0.08])];
+        let lay = |kind, lines: &str, points: &[sinew_thread_point]| {
+            let (lines, mut made) = (c(lines), 0);
+            let (list, count) = (points.as_ptr(), points.len());
+            (sinew_thread_add(sim, kind, lines.as_ptr(), list, count, &mut made), made)
+        };
+        let lines = "name = \"stitch\"\nstiffness = 20.0";
+        for (kind, lines, points, why) in [
+            (SINEW_THREAD, lines, 1, "two points at least"),
+            (SINEW_THREAD, "name = \"stitch\"\nstifness = 20.0", 3, "stifness"),
+            (SINEW_TOOL, lines, 3, "neither of these"),
+            (SINEW_CLIP, lines, 3, "two points"),
+        ] {
+            let refused = (SINEW_ARGUMENT, 0);
+            assert_eq!(lay(kind, lines, &through[..points]), refused);
+            assert!(said().contains(why), "{}", said());
+        }
+        let (status, stitch) = lay(SINEW_THREAD, lines, &through);
+        ok(status);
+        let (status, clip) = lay(SINEW_CLIP, "name = \"clip\"\nstiffness = 5.0", &[left, right]);
+        ok(status);
+        ok(sinew_remove(sim, pin));
+        ok(sinew_step(sim, 1));
+        let last = read(stitch, SINEW_THREAD_HELD).len() - 1;
+        for step in 1..=10 {
+            ok(sinew_thread_draw(sim, stitch, 1, 1e-3 * f64::from(step)));
+            ok(sinew_thread_move(sim, stitch, last as u32, [0.06, 0.05, 0.081].as_ptr()));
+            ok(sinew_step(sim, 1));
+        }
+        let report = read(stitch, SINEW_THREAD_REPORT);
+        let tension = read(stitch, SINEW_THREAD_TENSIONS);
+        assert_eq!((report.len(), report[4]), (7, 0.0));
+        assert!(report[0] > 0.01 && report[2] > 0.0, "{report:?}");
+        assert_eq!(report[0], tension.iter().copied().fold(0.0, f64::max));
+        assert_eq!(report[1], read(stitch, SINEW_THREAD_SPANS).iter().sum::<f64>());
+        let counts = [SINEW_THREAD_POINTS, SINEW_THREAD_FREE, SINEW_THREAD_SLID, SINEW_THREAD_ENDS];
+        let counts = counts.map(|of| read(stitch, of).len());
+        assert_eq!(counts, [3 * (last + 1), last, last + 1, 6]);
+        assert!(read(clip, SINEW_THREAD_TENSIONS)[0] > 0.0);
+        ok(sinew_thread_tie(sim, stitch));
+        ok(sinew_step(sim, 1));
+        let [first, second] = &mut parts;
+        ok(sinew_thread_cut(sim, stitch, 0, first, second));
+        assert!(parts[0] == 0 && parts[1] == stitch, "{parts:?}");
+        // and it tears
+        assert_eq!(sinew_read(sim, body, SINEW_TEAR, null_mut(), 0, null_mut()), SINEW_ARGUMENT);
+        assert!(said().contains("does not tear"), "{}", said());
+        assert_eq!(sinew_tear_set(sim, body, c("strength = -1.0").as_ptr()), SINEW_ARGUMENT);
+        ok(sinew_tear_set(sim, body, c("strength = 10.0").as_ptr()));
+        ok(sinew_step(sim, 5));
+        let tear = read(body, SINEW_TEAR);
+        assert!(tear.len() == 7 && tear[0] > 0.0 && tear[1] > 0.0, "{tear:?}");
+        ok(sinew_tear_set(sim, body, null()));
+        assert_eq!(sinew_read(sim, body, SINEW_TEAR, null_mut(), 0, null_mut()), SINEW_ARGUMENT);
+    }
+}

@@ -86,6 +86,25 @@ pub enum Quantity {
     VolumeRatios = 8,
     /// [`Embedding::area_ratios`].
     AreaRatios = 9,
+    /// Of a body that tears, its `TearReport`: area, elements parted, vertices made, tears begun, stress, pieces and way.
+    Tear = 10,
+    /// Of a thread or clip, its `ThreadReport`: largest tension, length, work, dissipation, points lost, whether it broke, and whether
+    /// the step did not converge.
+    Thread = 11,
+    /// Numbers of the points that hold a thread or clip.
+    ThreadHeld = 12,
+    /// Their places.
+    ThreadPoints = 13,
+    /// Tensions between them.
+    ThreadTensions = 14,
+    /// Distances between them.
+    ThreadSpans = 15,
+    /// Free lengths between them.
+    ThreadFree = 16,
+    /// Lengths that slid through all its points.
+    ThreadSlid = 17,
+    /// Forces on its two ends.
+    ThreadEnds = 18,
 }
 
 impl Quantity {
@@ -103,6 +122,15 @@ impl Quantity {
             Masses,
             VolumeRatios,
             AreaRatios,
+            Tear,
+            Thread,
+            ThreadHeld,
+            ThreadPoints,
+            ThreadTensions,
+            ThreadSpans,
+            ThreadFree,
+            ThreadSlid,
+            ThreadEnds,
         ];
         all.into_iter().find(|own| *own as u32 == number)
     }
@@ -179,7 +207,7 @@ impl Embedding {
     pub(crate) fn body(&self, body: Handle) -> Result<usize> {
         match self.handles.get(body, Kind::Body)? {
             Target::Body(index) => Ok(index),
-            Target::Entity(_) | Target::ScenePull(_) => unreachable!("bodies are no entities"),
+            Target::Entity(_) | Target::Scene(_) => unreachable!("bodies are no entities"),
         }
     }
 
@@ -233,7 +261,8 @@ impl Embedding {
         Ok(values)
     }
 
-    /// Numbers of a body in the order of its mesh: three a vertex for vectors, else one a vertex or an element.
+    /// Numbers of a body in the order of its mesh: three a vertex for vectors, else one a vertex or an element; or of a tear, thread
+    /// or clip.
     pub fn numbers(&mut self, body: Handle, quantity: Quantity) -> Result<Cow<'_, [f64]>> {
         let vectors = |own: Vec<[f64; 3]>| Cow::Owned(own.into_flattened());
         Ok(match quantity {
@@ -247,6 +276,8 @@ impl Embedding {
             Quantity::Masses => self.masses(body)?.into(),
             Quantity::VolumeRatios => self.volume_ratios(body)?.into(),
             Quantity::AreaRatios => self.area_ratios(body)?.into(),
+            Quantity::Tear => self.tear_numbers(body)?.into(),
+            _ => self.thread_numbers(body, quantity)?.into(),
         })
     }
 

@@ -6,7 +6,10 @@ use sinew::identify::ElementMethod;
 use sinew::models::body::lumped::{HexahedronSprings, SpringRule, UniformSprings};
 use sinew::models::material::{self, YoungPoisson};
 use sinew::solvers::settings::SolverSettings;
+use sinew::touch::edge::Edge;
+use sinew::touch::needle::Needle;
 use sinew_scene::error::hint;
+use sinew_scene::scene::{EdgeEntry, NeedleEntry};
 
 /// What a word of scene files stands for, such as a [`Model`](crate::Model) by `"svk_comp"`; `kind` says in the error what was
 /// looked for.
@@ -52,11 +55,32 @@ pub fn preset(name: &str) -> Result<YoungPoisson> {
 /// # Errors
 /// When a key is unknown or a value out of range.
 pub fn solver_settings(text: &str) -> Result<SolverSettings> {
-    let problem = |error: String| EmbedError::from(InputError::invalid("solver settings", error));
-    let settings: SolverSettings = match text.trim_start().starts_with('{') {
-        true => serde_json::from_str(text).map_err(|e| problem(e.to_string()))?,
-        false => toml::from_str(text).map_err(|e| problem(e.message().replace('\n', ", ")))?,
-    };
+    let settings: SolverSettings = words("solver settings", text)?;
     settings.validate()?;
     Ok(settings)
+}
+
+/// What TOML or JSON says.
+pub(crate) fn words<T: DeserializeOwned>(what: &str, text: &str) -> Result<T> {
+    let problem = |error: String| EmbedError::from(InputError::invalid(what, error));
+    match text.trim_start().starts_with('{') {
+        true => serde_json::from_str(text).map_err(|e| problem(e.to_string())),
+        false => toml::from_str(text).map_err(|e| problem(e.message().replace('\n', ", "))),
+    }
+}
+
+/// The sharp edge of a tool from text: TOML as below `edge` of a tool in a scene, or JSON.
+///
+/// # Errors
+/// When a key is unknown or missing.
+pub fn edge(text: &str) -> Result<Edge> {
+    words::<EdgeEntry>("edge", text).map(|own| Edge::from(&own))
+}
+
+/// The needle of a tool from text, likewise.
+///
+/// # Errors
+/// When a key is unknown or missing.
+pub fn needle(text: &str) -> Result<Needle> {
+    words::<NeedleEntry>("needle", text).map(|own| Needle::from(&own))
 }

@@ -196,13 +196,18 @@ impl Embedding {
                 }
                 Kind::Tool => built.tools.iter().map(|t| (&t.name, t.entity)).collect(),
                 Kind::Contact => built.contacts.iter().map(|c| (&c.name, c.entity)).collect(),
-                Kind::Body | Kind::Pull => Vec::new(),
+                Kind::Body | Kind::Pull | Kind::Thread | Kind::Clip => Vec::new(),
             }
         };
         Kind::ALL.into_iter().for_each(|kind| entities(kind, named(kind)));
-        for (i, pull) in built.pulls.iter().enumerate() {
-            handles.add(Kind::Pull, &pull.name, Target::ScenePull(i));
-        }
+        let mut of_scene = |kind: Kind, names: Vec<&String>| {
+            for (i, name) in names.into_iter().enumerate() {
+                handles.add(kind, name, Target::Scene(i));
+            }
+        };
+        of_scene(Kind::Pull, built.pulls.iter().map(|own| &own.name).collect());
+        of_scene(Kind::Thread, built.strands.iter().map(|own| &own.name).collect());
+        of_scene(Kind::Clip, built.clips.iter().map(|own| &own.name).collect());
         let number = NUMBER.fetch_add(1, Ordering::Relaxed);
         Self { built, scene, handles, buffers, epoch: 1, poisoned: None, number }
     }
@@ -456,27 +461,34 @@ impl Embedding {
         Ok(self.handles.any(handle)?.1.to_string())
     }
 
-    /// Takes a body, constraint, load, pressure, tool, pull or contact away; its handle stands for nothing afterwards. With a
+    /// Takes a body, constraint, load, pressure, tool, pull, contact, thread or clip away; its handle stands for nothing afterwards. With a
     /// body goes what acts on nothing else ([`Simulation::remove_body`]).
     ///
     /// # Errors
     /// When there is no such thing.
     pub fn remove(&mut self, handle: Handle) -> Result<()> {
         let (kind, _, target) = self.handles.any(handle)?;
-        let simulation = &mut self.built.simulation;
+        let BuiltScene { simulation, tools, pulls, strands, clips, .. } = &mut self.built;
         match (kind, target) {
-            (Kind::Tool | Kind::Pull | Kind::Contact, Target::Entity(entity)) => {
-                self.built.tools.retain(|tool| tool.entity != entity);
+            (
+                Kind::Tool | Kind::Pull | Kind::Contact | Kind::Thread | Kind::Clip,
+                Target::Entity(entity),
+            ) => {
+                tools.retain(|tool| tool.entity != entity);
                 simulation.remove_contact(entity);
             }
             (_, Target::Entity(entity)) => {
                 simulation.remove_load_or_constraint(entity);
             }
-            (_, Target::ScenePull(index)) => {
+            (_, Target::Scene(index)) => {
                 // it stays in its place, where it does nothing any more
-                let pull = &mut self.built.pulls[index];
-                pull.until = f64::NEG_INFINITY;
-                if let Some(entity) = pull.entity() {
+                let (entity, until) = match kind {
+                    Kind::Thread => (strands[index].entity(), &mut strands[index].until),
+                    Kind::Clip => (clips[index].entity(), &mut clips[index].until),
+                    _ => (pulls[index].entity(), &mut pulls[index].until),
+                };
+                *until = f64::NEG_INFINITY;
+                if let Some(entity) = entity {
                     simulation.remove_contact(entity);
                 }
             }
@@ -509,7 +521,11 @@ impl Embedding {
     pub(crate) fn entity(&self, handle: Handle, kind: Kind) -> Result<Option<Entity>> {
         Ok(match self.handles.get(handle, kind)? {
             Target::Entity(entity) => Some(entity),
-            Target::ScenePull(index) => self.built.pulls[index].entity(),
+            Target::Scene(index) => match kind {
+                Kind::Thread => self.built.strands[index].entity(),
+                Kind::Clip => self.built.clips[index].entity(),
+                _ => self.built.pulls[index].entity(),
+            },
             Target::Body(_) => None,
         })
     }

@@ -15,6 +15,7 @@ use sinew::models::resection::RemovalError;
 use sinew::simulation::SimulationError;
 use sinew::snapshot::SnapshotError;
 use sinew::touch::field::DistanceFieldError as ShapeError;
+use sinew::touch::thread::ThreadError;
 use sinew::touch::tool::ToolError;
 use sinew_scene::error::SceneError;
 use std::fmt;
@@ -177,6 +178,7 @@ codes! {
     SimulationError => simulation;
     TargetError => |e| if matches!(e, TargetError::NoConstraint(_)) { Code::Handle } else { Code::Argument };
     ToolError => |e| if matches!(e, ToolError::NoTool(_)) { Code::Handle } else { Code::Argument };
+    ThreadError => |e| if matches!(e, ThreadError::NoThread(_)) { Code::Handle } else { Code::Argument };
     ShapeError => |_| Code::Mesh;
     RemovalError => |_| Code::Argument;
     CutError => |_| Code::Argument;

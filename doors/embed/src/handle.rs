@@ -4,7 +4,7 @@ use bevy_ecs::entity::Entity;
 use std::fmt;
 use std::sync::atomic::{AtomicU32, Ordering};
 
-/// A body, constraint, load, pressure, tool, pull or contact of a simulation. 0 is never one.
+/// A body, constraint, load, pressure, tool, pull, contact, thread or clip of a simulation. 0 is never one.
 ///
 /// It holds the kind, a place in a table and a serial number that no other handle of the process has, so that one of
 /// something that is gone or of another simulation is told.
@@ -28,11 +28,15 @@ pub enum Kind {
     Pull = 6,
     /// A contact between bodies.
     Contact = 7,
+    /// A thread.
+    Thread = 8,
+    /// A clip.
+    Clip = 9,
 }
 
 impl Kind {
     /// All kinds.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 9] = [
         Self::Body,
         Self::Constraint,
         Self::Load,
@@ -40,6 +44,8 @@ impl Kind {
         Self::Tool,
         Self::Pull,
         Self::Contact,
+        Self::Thread,
+        Self::Clip,
     ];
 
     /// In words.
@@ -52,6 +58,8 @@ impl Kind {
             Self::Tool => "tool",
             Self::Pull => "pull",
             Self::Contact => "contact",
+            Self::Thread => "thread",
+            Self::Clip => "clip",
         }
     }
 
@@ -109,8 +117,8 @@ pub(crate) enum Target {
     Body(usize),
     /// An entity, and the index of its body if it has one.
     Entity(Entity),
-    /// Index of a pull of the scene, which comes and goes.
-    ScenePull(usize),
+    /// Index of a pull, thread or clip among those of the scene, which come and go.
+    Scene(usize),
 }
 
 #[derive(Clone, Debug)]

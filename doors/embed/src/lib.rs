@@ -35,11 +35,12 @@ mod files;
 mod handle;
 mod mesh;
 mod snapshot;
+mod thread;
 mod touch;
 
 pub use act::{ConstraintSpec, TractionOn, Wrench};
 pub use body::{Quantity, Surface};
-pub use choice::{choice, preset, solver_settings, spring_rule};
+pub use choice::{choice, edge, needle, preset, solver_settings, spring_rule};
 pub use cut::Skin;
 pub use embedding::{Embedding, Energy, Options, Overrides, Report};
 pub use error::{Code, EmbedError, InputError, Result};
@@ -51,6 +52,7 @@ pub use mesh::{
     mesh_select,
 };
 pub use snapshot::Snapshot;
+pub use thread::ThreadPoint;
 pub use touch::{Pick, PullSpec};
 
 pub use serde::de::DeserializeOwned;
@@ -72,6 +74,7 @@ pub use sinew::models::body::sheet::{
 };
 pub use sinew::models::body::{BodyDescription, Evaluation, Integration, MassRule, Model};
 pub use sinew::models::cutting::CutReport;
+pub use sinew::models::cutting::tear::TearReport;
 pub use sinew::models::material::YoungPoisson;
 pub use sinew::models::material::field::{MaterialArrays, MaterialField};
 pub use sinew::models::resection::{Region, RemovalReport};
@@ -81,6 +84,7 @@ pub use sinew::touch::field::DistanceField;
 pub use sinew::touch::pair::{BodyContact, BodyContactReport};
 pub use sinew::touch::pull::PullReport;
 pub use sinew::touch::shape::Shape;
+pub use sinew::touch::thread::ThreadReport;
 pub use sinew::touch::tool::{
     Hinge, Part, PartReport, PathPoint, Points, Stiffness, Tool, ToolMotion, ToolPose, ToolReport,
 };

@@ -12,8 +12,9 @@ use sinew::engine::time::Gravity;
 use sinew::solvers::settings::SolverSettings;
 use sinew::touch::pair::BodyContact;
 use sinew::touch::pull::Pull;
+use sinew::touch::thread::{Clip, Thread};
 use sinew::touch::tool::Tool;
-use sinew_scene::assemble::SceneSnapshot;
+use sinew_scene::assemble::{BuiltScene, BuiltThread, SceneSnapshot};
 use std::collections::BTreeMap;
 
 /// A state of a simulation: everything that the steps to come depend on. Clones share their data.
@@ -129,11 +130,12 @@ impl Embedding {
         let mut query = world.query::<(
             Entity,
             &Order,
-            AnyOf<(&Constraint, &Load, &Pressure, &Tool, &Pull, &BodyContact)>,
+            AnyOf<(&Constraint, &Load, &Pressure, &Tool, &Pull, &BodyContact, &Thread, &Clip)>,
         )>();
         let mut found: Vec<(Order, Kind, String, Entity)> = query
             .iter(world)
-            .filter_map(|(entity, order, (constraint, load, pressure, tool, pull, contact))| {
+            .filter_map(|(entity, order, own)| {
+                let (constraint, load, pressure, tool, pull, contact, thread, clip) = own;
                 let names = [
                     (Kind::Constraint, constraint.map(|c| &c.name)),
                     (Kind::Load, load.map(|l| &l.name)),
@@ -141,6 +143,8 @@ impl Embedding {
                     (Kind::Tool, tool.map(|t| &t.name)),
                     (Kind::Pull, pull.map(|p| &p.name)),
                     (Kind::Contact, contact.map(|c| &c.name)),
+                    (Kind::Thread, thread.map(|t| &t.name)),
+                    (Kind::Clip, clip.map(|c| &c.name)),
                 ];
                 let named = names.into_iter().find_map(|(kind, name)| Some((kind, name?)));
                 named.map(|(kind, name)| (*order, kind, name.clone(), entity))
@@ -148,7 +152,10 @@ impl Embedding {
             .collect();
         found.sort_by_key(|(order, ..)| *order);
         for (_, kind, name, entity) in found {
-            let of_scene = self.built.pulls.iter().any(|pull| pull.entity() == Some(entity));
+            let BuiltScene { pulls, strands, clips, .. } = &self.built;
+            let lines = strands.iter().chain(clips).map(BuiltThread::entity);
+            let mut driven = pulls.iter().map(|pull| pull.entity()).chain(lines);
+            let of_scene = driven.any(|own| own == Some(entity));
             if !of_scene && !self.handles.lead_to(entity) {
                 self.handles.add(kind, name, Target::Entity(entity));
             }

@@ -43,13 +43,13 @@ pub struct Pick {
 
 impl Embedding {
     /// Entity of a tool, contact or pull that is there.
-    fn touching(&self, handle: Handle, kind: Kind) -> Result<Entity> {
+    pub(crate) fn touching(&self, handle: Handle, kind: Kind) -> Result<Entity> {
         let stale = || EmbedError::from(HandleError::Stale { handle, kind });
         self.entity(handle, kind)?.ok_or_else(stale)
     }
 
     /// Refuses what a graphics processor does not have.
-    fn can_touch(&self, kind: Kind) -> Result<()> {
+    pub(crate) fn can_touch(&self, kind: Kind) -> Result<()> {
         match self.backend() {
             Backend::Cpu => Ok(()),
             Backend::Gpu => {
@@ -168,7 +168,7 @@ impl Embedding {
     /// When there is no such pull, the scene moves it, or the pose cannot be used.
     pub fn move_pull(&mut self, pull: Handle, pose: impl Into<Pose>) -> Result<()> {
         let invalid = |problem: String| Err(InputError::invalid("pull", problem).into());
-        if let Target::ScenePull(index) = self.handles.get(pull, Kind::Pull)? {
+        if let Target::Scene(index) = self.handles.get(pull, Kind::Pull)? {
             let name = &self.built.pulls[index].name;
             return invalid(format!(
                 "`{name}` moves as the scene says and cannot be given targets"
@@ -189,7 +189,7 @@ impl Embedding {
     pub fn pull_report(&self, pull: Handle) -> Result<PullReport> {
         let simulation = &self.built.simulation;
         Ok(match self.handles.get(pull, Kind::Pull)? {
-            Target::ScenePull(index) => self.built.pulls[index].report(simulation),
+            Target::Scene(index) => self.built.pulls[index].report(simulation),
             Target::Entity(entity) => simulation.pull_report(entity).copied().unwrap_or_default(),
             Target::Body(_) => unreachable!("bodies are no pulls"),
         })

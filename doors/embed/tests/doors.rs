@@ -424,3 +424,124 @@ fn a_body_is_cut_and_what_is_drawn_of_it_follows() {
     let (mut sim, body, _) = held(&options());
     assert!(sim.cut(body, &strip).unwrap_err().text.contains("spare"));
 }
+
+/// A slab that can be cut, held below, and `length` m of the way through it from above cut at x = 45 mm.
+fn wounded() -> (Embedding, Handle) {
+    let (mut sim, mesh) = (Embedding::new(&options()).unwrap(), slab());
+    let own = BodyDescription::new("slab", &mesh, preset("liver").unwrap());
+    let own = BodyDescription { spare: mesh.points.len(), ..own };
+    let body = sim.add_body(&mesh, &own).unwrap();
+    let floor = sim.group(body, "z0").unwrap();
+    sim.add_constraint(body, &ConstraintSpec::hold("floor", &floor)).unwrap();
+    let edge = |y: f64| [DVec3::new(0.045, y, 0.06), DVec3::new(0.045, y, 0.02)];
+    sim.cut(body, &[edge(-0.01), edge(0.11)]).unwrap();
+    (sim, body)
+}
+
+#[test]
+fn threads_and_clips_are_laid_drawn_tied_and_cut() {
+    let (mut sim, body) = wounded();
+    let tissue = |at| ThreadPoint { of: body, at };
+    let hand = ThreadPoint { of: 0, at: [0.045, 0.05, 0.08] };
+    let through = [[0.03, 0.05, 0.04], [0.06, 0.05, 0.04]].map(tissue);
+    let points = [through[0], through[1], hand];
+    let words = |name: &str| format!("name = \"{name}\"\nstiffness = 20.0");
+    let lay = |sim: &mut Embedding, name: &str, points: &[ThreadPoint]| {
+        sim.add_thread(Kind::Thread, &words(name), points)
+    };
+    let stitch = lay(&mut sim, "stitch", &points).unwrap();
+    let clip =
+        sim.add_thread(Kind::Clip, "{\"name\": \"clip\", \"stiffness\": 0.5}", &through).unwrap();
+    assert_eq!(sim.thread_report(stitch).unwrap(), ThreadReport::default());
+    // no tissue there, a name that is taken, a body that is none; nothing is changed by them
+    let nowhere = lay(&mut sim, "other", &[tissue([9.0; 3]), hand]).unwrap_err();
+    assert!(nowhere.code == Code::Argument && nowhere.text.contains("point 1 of thread `other`"));
+    assert_eq!(lay(&mut sim, "stitch", &points).unwrap_err().code, Code::Argument);
+    let none = ThreadPoint { of: 77, at: [0.0; 3] };
+    assert_eq!(lay(&mut sim, "other", &[none, hand]).unwrap_err().code, Code::Handle);
+    assert!(sim.tie_thread(stitch).unwrap_err().text.contains("make a step"));
+    let start = sim.snapshot().unwrap();
+    for step in 1..=10 {
+        sim.draw_thread(stitch, 1, 3e-4 * f64::from(step)).unwrap();
+        sim.move_thread(stitch, 2, [0.045, 0.05, 0.08 + 1e-4 * f64::from(step)]).unwrap();
+        sim.step(1).unwrap();
+    }
+    let drawn = sim.thread_report(stitch).unwrap();
+    assert!(drawn.largest() > 0.01 && drawn.work > 0.0 && drawn.spans[0] < 0.03, "{drawn:?}");
+    assert!(sim.thread_report(clip).unwrap().largest() > 0.0);
+    let hash = sim.hash();
+    assert_eq!(sim.move_thread(stitch, 0, [0.0; 3]).unwrap_err().code, Code::Argument);
+    // tied, the handle stands for the loop; back before that it is the open one again
+    let before = sim.snapshot().unwrap();
+    sim.tie_thread(stitch).unwrap();
+    sim.step(3).unwrap();
+    let tied = sim.thread_report(stitch).unwrap();
+    assert!(tied.held.len() == 3 && tied.largest() > 0.005, "{tied:?}");
+    sim.restore(&before).unwrap();
+    assert_eq!((sim.hash(), sim.thread_report(stitch).unwrap()), (hash, drawn));
+    // cut between the lips: nothing is left of the first part, the second is drawn on
+    let parts = sim.cut_thread(stitch, 0).unwrap();
+    assert!(parts == [None, Some(stitch)]);
+    sim.step(1).unwrap();
+    assert_eq!(sim.thread_report(stitch).unwrap().held, [0, 1]);
+    sim.restore(&start).unwrap();
+    let long = [points[0], points[1], points[0], points[1]];
+    let long = lay(&mut sim, "long", &long).unwrap();
+    sim.step(1).unwrap();
+    let [Some(first), Some(second)] = sim.cut_thread(long, 1).unwrap() else { panic!("parts") };
+    assert_eq!((first, sim.name(second).unwrap()), (long, "long-2".into()));
+    assert_eq!(sim.find(Kind::Thread, "long-2").unwrap(), second);
+    for own in [stitch, clip, first, second] {
+        sim.remove(own).unwrap();
+        assert_eq!(sim.thread_report(own).unwrap_err().code, Code::Handle);
+    }
+    sim.step(1).unwrap();
+}
+
+#[test]
+fn needles_leave_channels_to_threads() {
+    let (mut sim, _) = wounded();
+    let own = "into = [0, 0, -1]\nlength = 0.1\ndiameter = 1e-3\ntoughness = 50.0\nfriction = 5.0";
+    let at = |way: f64| DVec3::new(0.071, 0.052, 0.051 - way);
+    let pin = sim.add_tool(Tool::needle("needle", needle(own).unwrap(), at(0.0)), None).unwrap();
+    let words = "name = \"thread\"\nstiffness = 20.0";
+    let channel = [ThreadPoint { of: pin, at: [0.0; 3] }];
+    let early = sim.add_thread(Kind::Thread, words, &channel).unwrap_err();
+    assert!(early.code == Code::Argument && early.text.contains("drive one in"), "{early}");
+    for step in 1..=60 {
+        sim.move_tool(pin, at(5e-4 * f64::from(step))).unwrap();
+        sim.step(1).unwrap();
+    }
+    let report = sim.tool_report(pin).unwrap();
+    assert!(report.punctures == 1 && near(report.inserted, 0.029, 0.3), "{report:?}");
+    let thread = sim.add_thread(Kind::Thread, words, &channel).unwrap();
+    sim.remove(pin).unwrap();
+    sim.step(2).unwrap();
+    let laid = sim.thread_report(thread).unwrap();
+    // from the surface on, up to the last point behind the tip
+    let [first, last] = [laid.points[0].z, laid.points[laid.points.len() - 1].z];
+    assert!((0.049..0.051).contains(&first) && (0.022..0.036).contains(&last), "{laid:?}");
+    assert!(needle("length = 0.1").unwrap_err().text.contains("into"));
+}
+
+#[test]
+fn tears_are_told() {
+    let (mut sim, body) = wounded();
+    assert_eq!(sim.tear_report(body).unwrap(), None);
+    assert_eq!(sim.set_tear(body, Some("strength = -1.0")).unwrap_err().code, Code::Argument);
+    sim.set_tear(body, Some("strength = 400.0")).unwrap();
+    assert_eq!(sim.tear_report(body).unwrap(), Some(TearReport::default()));
+    sim.remove(sim.find(Kind::Constraint, "floor").unwrap()).unwrap();
+    for (name, group, way) in [("left", "x0", -0.02), ("right", "x1", 0.02)] {
+        let side = sim.group(body, group).unwrap();
+        let motion = Motion::Translate(DVec3::X * way);
+        let spec = ConstraintSpec { motion, ..ConstraintSpec::hold(name, &side) };
+        let curve = Curve::Points(vec![[0.0, 0.0], [0.3, 1.0]]);
+        sim.add_constraint(body, &ConstraintSpec { curve, ..spec }).unwrap();
+    }
+    sim.step(40).unwrap();
+    let torn = sim.tear_report(body).unwrap().unwrap();
+    assert!(torn.area > 1e-3 && torn.separated > 0 && torn.pieces > 1, "{torn:?}");
+    sim.set_tear(body, None).unwrap();
+    assert_eq!(sim.tear_report(body).unwrap(), None);
+}

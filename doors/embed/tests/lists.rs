@@ -87,6 +87,8 @@ fn kept(path: &str, text: &str) {
 }
 
 const TOOL: &str = "solvers/contact/src/tool.rs";
+const THREAD: &str = "solvers/contact/src/thread.rs";
+const TEAR: &str = "models/src/cutting/tear.rs";
 
 /// Type in C, and how it is read, of a field of a report.
 fn plain_c(name: &str, of: &str) -> (&'static str, String) {
@@ -153,6 +155,9 @@ fn python(name: &str, of: &str, json: bool) -> (String, &'static str) {
         "u32" | "u64" | "usize" => ("int", ""),
         "bool" => ("bool", ""),
         "[f64; 3]" => ("list[float]", ""),
+        "[DVec3; 2]" => ("Floats", "(2, 3)"),
+        "Vec<DVec3>" => ("Floats", "(n, 3)"),
+        "Vec<f64>" if !json => ("Floats", "(n,)"),
         "Vec<f64>" => ("list[float | None]", ""),
         "Vec<u32>" | "Vec<u64>" | "Vec<MeshVertex>" => ("list[int]", ""),
         "Vec<[u32; 2]>" => ("list[list[int]]", ""),
@@ -181,6 +186,8 @@ fn reports_of_python() -> String {
         (TOOL, "ToolReport", "ToolReport", false),
         ("solvers/contact/src/pair.rs", "BodyContactReport", "ContactReport", false),
         ("solvers/contact/src/pull.rs", "PullReport", "PullReport", false),
+        (THREAD, "ThreadReport", "ThreadReport", false),
+        (TEAR, "TearReport", "TearReport", false),
         (engine, "Fallbacks", "Fallbacks", true),
         (engine, "ContactFigures", "ContactFigures", true),
         (engine, "VolumeReport", "Volume", true),
@@ -190,7 +197,7 @@ fn reports_of_python() -> String {
     ] {
         let (doc, fields) = structure(&source(path), own);
         let words = |doc: &str| unlinked(doc, |word| format!("`{word}`")).replace('`', "``");
-        let arrays = fields.iter().any(|field| field.of == "DVec3");
+        let arrays = fields.iter().any(|field| field.of.contains("DVec3"));
         let eq = if arrays { ", eq=False" } else { "" };
         let doc = wrapped(&format!("\"\"\"{}\"\"\"", words(&doc)), "    ");
         text += &format!("\n\n@dataclass(frozen=True{eq})\nclass {name}:\n{doc}");
@@ -254,6 +261,7 @@ fn struct_of_csharp(name: &str) -> String {
     match name {
         "sinew_tool_report" | "sinew_part_report" => pascal(name),
         "sinew_pick_result" => "Pick".into(),
+        "sinew_thread_point" | "sinew_cut_report" => pascal(name),
         _ => format!("Native{}", pascal(name)),
     }
 }
@@ -337,8 +345,13 @@ fn header_of_csharp() -> String {
     let mut left = constants(&source);
     for (doc, name, first, last) in [
         ("Kinds of errors.", "Code", "OK", "PANIC"),
-        ("Kinds of things that a handle may stand for.", "Kind : uint", "BODY", "CONTACT"),
-        ("What can be read of a body.", "Quantity : uint", "POSITIONS", "AREA_RATIOS"),
+        ("Kinds of things that a handle may stand for.", "Kind : uint", "BODY", "CLIP"),
+        (
+            "What can be read of a body, thread or clip.",
+            "Quantity : uint",
+            "POSITIONS",
+            "THREAD_ENDS",
+        ),
         ("What a tool does; several by `|`.", "ToolFlags : uint", "GRIP", "CAVITY"),
     ] {
         let place = |name: &str| left.iter().position(|own| own.name[6..] == *name).unwrap();

@@ -306,6 +306,8 @@ pub struct ToolIn {
     pub error_bar: bool,
     pub local_stiffness: bool,
     pub on: Option<(u64, Indices)>,
+    pub edge: Option<String>,
+    pub needle: Option<String>,
     pub begin: f64,
     pub until: f64,
 }

@@ -195,6 +195,8 @@ fn tool(spec: ToolIn) -> Result<(Tool, Option<(Handle, Vec<u32>)>)> {
     tool.stiffness = stiffness(&spec.stiffness);
     (tool.keeps_side, tool.error_bar) = (spec.keeps_side, spec.error_bar);
     tool.local_stiffness = spec.local_stiffness;
+    tool.edge = spec.edge.as_deref().map(edge).transpose()?;
+    tool.needle = spec.needle.as_deref().map(needle).transpose()?;
     (tool.from, tool.until) = (spec.begin, spec.until);
     Ok((tool, spec.on.map(|(body, triangles)| (body, triangles.0))))
 }
@@ -620,6 +622,55 @@ impl Engine {
     /// What a pull did, as JSON.
     fn pull_report(&self, pull: Handle) -> PyResult<String> {
         self.0.read(|own| Ok(json(&own.pull_report(pull)?)))
+    }
+
+    fn add_thread(
+        &self,
+        of: &str,
+        settings: &str,
+        points: Vec<(Handle, Vec3)>,
+    ) -> PyResult<Handle> {
+        let points: Vec<_> = points.into_iter().map(|(of, at)| ThreadPoint { of, at }).collect();
+        self.0.with(|own| own.add_thread(kind(of)?, settings, &points))
+    }
+
+    fn move_thread(&self, thread: Handle, point: usize, at: Vec3) -> PyResult<()> {
+        self.0.with(|own| own.move_thread(thread, point, at))
+    }
+
+    fn draw_thread(&self, thread: Handle, end: usize, length: f64) -> PyResult<()> {
+        self.0.with(|own| own.draw_thread(thread, end, length))
+    }
+
+    fn tie_thread(&self, thread: Handle) -> PyResult<()> {
+        self.0.with(|own| own.tie_thread(thread))
+    }
+
+    /// Handles and names of the parts.
+    fn cut_thread(
+        &self,
+        thread: Handle,
+        segment: usize,
+    ) -> PyResult<[Option<(Handle, String)>; 2]> {
+        self.0.with(|own| {
+            let parts = own.cut_thread(thread, segment)?;
+            let [a, b] = parts.map(|part| part.map(|handle| Ok((handle, own.name(handle)?))));
+            Ok([a.transpose()?, b.transpose()?])
+        })
+    }
+
+    /// What a thread or clip did, as JSON.
+    fn thread_report(&self, thread: Handle) -> PyResult<String> {
+        self.0.read(|own| Ok(json(&own.thread_report(thread)?)))
+    }
+
+    fn set_tear(&self, body: Handle, settings: Option<&str>) -> PyResult<()> {
+        self.0.with(|own| own.set_tear(body, settings))
+    }
+
+    /// What tears of a body did, as JSON, if it tears.
+    fn tear_report(&self, body: Handle) -> PyResult<Option<String>> {
+        self.0.read(|own| Ok(own.tear_report(body)?.as_ref().map(json)))
     }
 
     /// Body, vertices, weights, point (m) and distance (m) of what a ray meets first.

@@ -577,3 +577,63 @@ def test_a_cut_and_what_is_drawn_of_it():
         body.cut(strip[:1])
     with pytest.raises(sinew.ArgumentError, match="shape"):
         body.cut(strip[0])
+
+
+def test_blades_needles_threads_and_tears():
+    mesh = sinew.generate("box", size=(0.1, 0.1, 0.05), cells=(4, 4, 2))
+    sim = sinew.Simulation(dt=0.01, threads=1, gravity=(0, 0, 0))
+    body = sim.add_body("slab", mesh, sinew.preset("liver"), spare=4 * len(mesh.points))
+    sim.hold(body, "z0")
+
+    def drive(tool, at, steps):
+        for step in range(1, steps + 1):
+            tool.move(at(step))
+            sim.step()
+        return tool.report
+
+    edge = {"ends": np.array([(0, 0, 0.06), (0, 0, 0.02)]), "into": (0, 1, 0), "toughness": 50.0}
+    way = lambda step: (0.045, 2.5e-3 * step - 0.005, 0)
+    blade = sim.add_tool("knife", position=way(0), edge=edge)
+    cut = drive(blade, way, 60)
+    assert cut.separated > 0 and cut.cut_vertices > 0 and cut.fracture == pytest.approx(50 * cut.cut_area)
+    wounds = body.skin
+    assert wounds.wound.any() and np.allclose(wounds.rest[wounds.triangles[wounds.wound]][..., 0], 0.045, atol=1e-3)
+    blade.remove()
+    needle = {"into": (0, 0, -1), "length": 0.1, "diameter": 1e-3, "toughness": 20.0, "friction": 1.0}
+    way = lambda step: (0.071, 0.052, 0.051 - 1e-3 * step)
+    pin = sim.add_tool("pin", position=way(0), needle=needle)
+    with pytest.raises(sinew.ArgumentError, match="drive one in"):
+        sim.add_thread([pin, (0, 0, 1)], stiffness=20)
+    felt = drive(pin, way, 30)
+    assert felt.punctures == 1 and felt.inserted > 0.02 and felt.shaft_force > 0
+    left, right, hand = (body, (0.03, 0.05, 0.04)), (body, (0.06, 0.05, 0.04)), (0.06, 0.05, 0.08)
+    stitch = sim.add_thread([left, pin, hand], stiffness=20, friction=0.1)
+    clip = sim.add_clip(left, right, stiffness=5)
+    assert sim.strands == {"thread": stitch} and sim.clips == {"clip": clip}
+    pin.remove()
+    sim.step()
+    hand = len(stitch.report.held) - 1
+    for step in range(10):
+        stitch.draw(1e-3 * step)
+        stitch.move(hand, (0.06, 0.05, 0.081))
+        sim.step()
+    report = stitch.report
+    assert report.tension.max() > 0.01 and report.points.shape == (hand + 1, 3) and report.ends.shape == (2, 3)
+    assert report.length == pytest.approx(report.spans.sum()) and report.held == list(range(hand + 1))
+    assert clip.report.tension[0] > 0 and report.work > 0
+    stitch.tie()
+    sim.step()
+    assert stitch.cut(0) == (None, stitch)
+    for keys, text in [({"grip": -1.0}, "grip"), ({"frction": 1.0}, "frction")]:
+        with pytest.raises(sinew.ArgumentError, match=text):
+            sim.add_thread([left, right], stiffness=20, **keys)
+    with pytest.raises(sinew.ArgumentError, match="no linear tetrahedron"):
+        sim.add_clip(left, (body, (9, 9, 9)), stiffness=5)
+    assert body.tear is None
+    with pytest.raises(sinew.ArgumentError, match="strength"):
+        body.set_tear(-1.0)
+    body.set_tear(10.0, radius=0.05)
+    sim.step(5)
+    assert body.tear.area > 0 and body.tear.separated > 0
+    body.set_tear(None)
+    assert body.tear is None

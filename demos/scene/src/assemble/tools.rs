@@ -135,11 +135,12 @@ fn edge(key: &Key, entry: &ToolEntry, built: &mut BuiltScene) -> Result<Option<E
     {
         return Err(key.error(problem));
     }
-    let ends = key.at("ends");
-    let ends = [ends.finite(own.ends[0])?, ends.finite(own.ends[1])?];
-    let into = key.at("into").finite(own.into)?;
-    let travel = key.at("travel").finite(own.travel.unwrap_or_default())?;
-    let edge = Edge { ends, into, toughness: own.toughness, travel };
+    for end in own.ends {
+        key.at("ends").finite(end)?;
+    }
+    key.at("into").finite(own.into)?;
+    key.at("travel").finite(own.travel.unwrap_or_default())?;
+    let edge = Edge::from(own);
     match edge.problem() {
         Some(problem) => {
             Err(key.value(problem, "correct it (see `[[tool]]` in demos/scenes/README.md)"))
@@ -152,13 +153,7 @@ fn edge(key: &Key, entry: &ToolEntry, built: &mut BuiltScene) -> Result<Option<E
 fn needle(key: &Key, entry: &ToolEntry, mode: Mode) -> Result<Option<Needle>, SceneError> {
     let Some(own) = &entry.needle else { return Ok(None) };
     in_time(key, "needle", mode)?;
-    let needle = Needle {
-        tip: own.tip.unwrap_or_default().into(),
-        into: own.into.into(),
-        centre: own.centre.map(DVec3::from),
-        puncture: own.puncture,
-        ..Needle::new(own.length, own.diameter, own.toughness, own.friction)
-    };
+    let needle = Needle::from(own);
     match needle.problem() {
         Some(problem) => {
             Err(key.value(problem, "correct it (see `[[tool]]` in demos/scenes/README.md)"))

@@ -2,6 +2,7 @@
 
 use bevy_ecs::prelude::*;
 use glam::{DMat3, DQuat, DVec3, Vec3};
+use sinew::touch::needle::Needle;
 use sinew::touch::shape::Shape;
 use sinew::touch::tool::{Tool, ToolPose, ToolReport};
 use sinew_render::colour::{ColourMap, Rgb};
@@ -41,6 +42,9 @@ impl Force {
 
 /// Height and half the thickness of a blade over the length of its edge.
 const BLADE: [f32; 2] = [0.6, 0.01];
+
+/// Rods along a curved needle.
+const CURVED: u32 = 32;
 
 /// The tools of a run so far.
 #[derive(Default)]
@@ -114,6 +118,16 @@ impl Tools {
                 let at = pose.position + pose.rotation * middle;
                 placed.push(place(shape, (at, pose.rotation * turn)));
             }
+            if let Some(needle) = &tool.needle {
+                let (parts, half) = shaft(needle);
+                let shape = *self.known.entry((entity, usize::MAX)).or_insert_with(|| {
+                    self.shapes.push(Rigid::rounded_box(half, half.z, METAL));
+                    self.shapes.len() as u32 - 1
+                });
+                placed.extend(parts.into_iter().map(|(at, turn)| {
+                    place(shape, (pose.position + pose.rotation * at, pose.rotation * turn))
+                }));
+            }
             let least = LEAST_SHARE * report.area * report.pressure;
             if stepped && report.force.length() > least {
                 // that of pressure ends at the surface, what friction draws along begins there
@@ -151,6 +165,20 @@ pub(super) fn append(series: &mut Vec<Series>, name: &str, time: f64, value: f64
 
 fn place(shape: u32, (at, turn): (DVec3, DQuat)) -> Placed {
     Placed { shape, at: at.as_vec3().to_array(), turn: turn.as_quat().to_array() }
+}
+
+/// Rods along the shaft of a needle, one of a straight one, and half their sizes (m): where they meet, their round ends do.
+fn shaft(needle: &Needle) -> (Vec<(DVec3, DQuat)>, Vec3) {
+    let count = if needle.centre.is_some() { CURVED } else { 1 };
+    let at = |i: u32| needle.place(needle.length * f64::from(i) / f64::from(count));
+    let way = |i: u32| (at(i) - at(i + 1), 0.5 * (at(i) + at(i + 1)));
+    let rods = (0..count).map(|i| {
+        let (along, middle) = way(i);
+        (middle, DQuat::from_rotation_arc(DVec3::X, along.normalize_or(DVec3::X)))
+    });
+    let radius = 0.5 * needle.diameter as f32;
+    let half = 0.5 * way(0).0.length() as f32 + if count > 1 { radius } else { 0.0 };
+    (rods.collect(), Vec3::new(half.max(radius), radius, radius))
 }
 
 /// Triangles of a shape; those of half-spaces come when it is known how large they have to be.

@@ -31,4 +31,6 @@ pub use shape::{
     ShapeDocument, ShapeKey, SheetCells, SheetShape, SolidCells, SpecimenShape, SphereShape,
 };
 pub use thread::{ClipEntry, ThreadEntry};
-pub use touch::{ContactEntry, PartEntry, PullEntry, ToolEntry, ToolShape, TouchedEntry};
+pub use touch::{
+    ContactEntry, EdgeEntry, NeedleEntry, PartEntry, PullEntry, ToolEntry, ToolShape, TouchedEntry,
+};

@@ -2,7 +2,10 @@
 
 use super::conditions::{CurveEntry, Selection};
 use super::shape::Rotation;
+use glam::DVec3;
 use serde::{Deserialize, Serialize};
+use sinew::touch::edge::Edge;
+use sinew::touch::needle::Needle;
 use std::path::PathBuf;
 
 /// Shape of a tool or of a part of one.
@@ -160,6 +163,13 @@ pub struct EdgeEntry {
     pub travel: Option<[f64; 3]>,
 }
 
+impl From<&EdgeEntry> for Edge {
+    fn from(own: &EdgeEntry) -> Self {
+        let (ends, travel) = (own.ends.map(DVec3::from), own.travel.unwrap_or_default().into());
+        Self { ends, into: own.into.into(), toughness: own.toughness, travel }
+    }
+}
+
 /// The needle of a tool.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -180,6 +190,15 @@ pub struct NeedleEntry {
     pub puncture: Option<f64>,
     /// Friction (N/m) of the shaft, by length in tissue.
     pub friction: f64,
+}
+
+impl From<&NeedleEntry> for Needle {
+    fn from(own: &NeedleEntry) -> Self {
+        let centre = own.centre.map(DVec3::from);
+        let (tip, into) = (own.tip.unwrap_or_default().into(), own.into.into());
+        let made = Self::new(own.length, own.diameter, own.toughness, own.friction);
+        Self { tip, into, centre, puncture: own.puncture, ..made }
+    }
 }
 
 /// A body, or some of its faces; at most one key beside `body`.

@@ -121,6 +121,18 @@ pub struct ToolSummary {
     pub depth: f64,
     /// Largest way (m) that it stayed behind its target.
     pub lag: f64,
+    /// Area (m^2) that its edge swept through tissue against its toughness.
+    pub cut_area: f64,
+    /// Energy (J) that this took, or the tip of its needle.
+    pub fracture: f64,
+    /// Elements that its edge parted.
+    pub separated: u32,
+    /// Vertices that this made.
+    pub cut_vertices: u32,
+    /// Surfaces that gave way to its needle.
+    pub punctures: u32,
+    /// Largest length (m) of its needle in tissue.
+    pub inserted: f64,
 }
 
 /// A pull of a run.
@@ -217,6 +229,9 @@ impl Touched {
             (own.work, own.dissipation) = (now.work, now.dissipation);
             own.torque = now.torque.to_array();
             (own.depth, own.lag) = (own.depth.max(now.depth), own.lag.max(now.lag));
+            (own.cut_area, own.fracture) = (now.cut_area, now.fracture);
+            (own.separated, own.cut_vertices) = (now.separated, now.cut_vertices);
+            (own.punctures, own.inserted) = (now.punctures, own.inserted.max(now.inserted));
         }
         for (own, pull) in self.pulls.iter_mut().zip(&built.pulls) {
             let now = pull.report(simulation);
@@ -254,6 +269,25 @@ impl Touched {
             let friction = short(tool.friction);
             let words = format!("{}; friction = {friction}; {}", tool.what, tool.force.words());
             block.line(format!("tool {}", tool.name), words);
+            if tool.separated > 0 {
+                let words = format!(
+                    "{} tetrahedra parted, {} vertices more; {} cm^2 against toughness, {} J",
+                    tool.separated,
+                    tool.cut_vertices,
+                    short(tool.cut_area * 1e4),
+                    short(tool.fracture)
+                );
+                block.line("  cut", words);
+            }
+            if tool.inserted > 0.0 {
+                let words = format!(
+                    "{} punctures, up to {} mm in tissue, {} J at its tip",
+                    tool.punctures,
+                    short(tool.inserted * 1e3),
+                    short(tool.fracture)
+                );
+                block.line("  needle", words);
+            }
             for (i, part) in tool.parts.iter().enumerate() {
                 block.line(format!("  part {i}"), part.words());
             }

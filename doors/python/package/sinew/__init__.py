@@ -39,10 +39,12 @@ from ._reports import (
     PullReport,
     Removal,
     Report,
+    TearReport,
+    ThreadReport,
     ToolReport,
     Volume,
 )
-from ._simulation import Batch, Body, Constraint, Contact, Load, Pressure, Pull, Simulation, Tool
+from ._simulation import Batch, Body, Clip, Constraint, Contact, Load, Pressure, Pull, Simulation, Thread, Tool
 from ._types import (
     Axes,
     Box,
@@ -84,6 +86,7 @@ __all__ = [
     "Body",
     "Box",
     "Capsule",
+    "Clip",
     "Constraint",
     "Contact",
     "ContactFigures",
@@ -124,6 +127,9 @@ __all__ = [
     "Sphere",
     "StepError",
     "Stiffness",
+    "TearReport",
+    "Thread",
+    "ThreadReport",
     "Tool",
     "ToolReport",
     "Volume",

@@ -191,6 +191,79 @@ class PullReport:
     """Whether the step that these forces are of did not converge: they are not to be relied on."""
 
 
+@dataclass(frozen=True, eq=False)
+class ThreadReport:
+    """State of a thread or clip at the end of the last step."""
+
+    held: list[int]
+    """Points that hold it, by their numbers, ascending, and where they are (m)."""
+
+    points: Floats
+    """Places (m) of these; (n, 3)."""
+
+    tension: Floats
+    """Tension (N) from one of them to the next; (n,)."""
+
+    spans: Floats
+    """Distances (m) from one of them to the next: where a segment crosses a wound, how far apart its lips are there;
+    (n,)."""
+
+    length: float
+    """Sum of these (m)."""
+
+    free: Floats
+    """Free lengths (m) between them; (n,)."""
+
+    slid: Floats
+    """Length (m) that slid through every point, held or not, since it took hold, towards the first; 0 at knots;
+    (n,)."""
+
+    ends: Floats
+    """Force (N) on what holds its first and its last point; (2, 3)."""
+
+    lost: int
+    """Points that it lost: elements that held them were removed, or its end slipped off."""
+
+    broken: bool
+    """It broke, and does nothing any more."""
+
+    work: float
+    """Work (J) of hands that move and draw it, by the forces at the end of every step or explicit substep."""
+
+    dissipation: float
+    """Energy (J) that friction took, and what was stored when it broke."""
+
+    unconverged: bool
+    """Whether the step that these forces are of did not converge: they are not to be relied on."""
+
+
+@dataclass(frozen=True)
+class TearReport:
+    """What tears of a body did up to the last step."""
+
+    area: float
+    """Area (m^2, at rest) of one side of what tore."""
+
+    separated: int
+    """Elements that tears parted."""
+
+    vertices: int
+    """Vertices that they made."""
+
+    begun: int
+    """Tears that began without a wound."""
+
+    stress: float
+    """Largest averaged principal stress (Pa) at the ends of wounds, and where a tear may begin if it is above the
+    strength there, as the last step began."""
+
+    pieces: int
+    """Connected pieces of the body when it last tore."""
+
+    way: float
+    """Way (m) that a tear may still go at its largest speed."""
+
+
 @dataclass(frozen=True)
 class Fallbacks:
     """Bodies that took the safe step instead of linearised BDF2, by reason. Integrators that converge BDF2 count their

@@ -17,7 +17,7 @@ from . import _native
 from . import _reports as reports
 from . import _types as types
 from ._errors import ArgumentError
-from ._mesh import Mesh, floats, indices, vector
+from ._mesh import Mesh, floats, indices, toml, vector
 from ._native import Snapshot
 from ._reports import Floats, Report
 from ._types import Axes, Curve, Energy, Material, Membrane, Part, Pick, Pose, Run, Shape, Sine, Skin, Stiffness, Wrench
@@ -362,6 +362,18 @@ class Body(_Thing):
         del report["time"]
         return reports.Cut(**report)
 
+    def set_tear(self, strength: float | None, *, radius: float | None = None, max_speed: float | None = None) -> None:
+        """Lets it tear where the tension, averaged over a ball of ``radius`` (m, at rest; 1.2 mean edges without), is above
+        ``strength`` (Pa), no faster than ``max_speed`` (m/s; that of shear waves without). ``None``: it tears no more."""
+        own = {"strength": strength, "radius": radius, "max_speed": max_speed}
+        self._own.set_tear(self.handle, None if strength is None else _lines(own))
+
+    @property
+    def tear(self) -> reports.TearReport | None:
+        """What its tears did up to the last step; ``None`` when it does not tear."""
+        report = self._own.tear_report(self.handle)
+        return None if report is None else reports.TearReport(**json.loads(report))
+
     @property
     def skin(self) -> Skin:
         """What to draw of it, cut or not: its outside and both sides of its wounds."""
@@ -474,6 +486,62 @@ class Pull(_Removable):
         """What it did in the last step."""
         report: reports.PullReport = types.of_json(reports.PullReport, self._own.pull_report(self.handle))
         return report
+
+
+class _Line(_Removable):
+    __slots__ = ()
+
+    @property
+    def report(self) -> reports.ThreadReport:
+        """What it did in the last step."""
+        report: reports.ThreadReport = types.of_json(reports.ThreadReport, self._own.thread_report(self.handle))
+        return report
+
+
+class Thread(_Line):
+    """A thread through tissue."""
+
+    __slots__ = ()
+    _kind = "thread"
+
+    def move(self, point: int, at: ArrayLike) -> None:
+        """Moves a place in space that it goes through, by its number: it is there (m) at the end of the next step."""
+        self._own.move_thread(self.handle, point, vector("at", at))
+
+    def draw(self, length: float, end: int = 1) -> None:
+        """Draws it past its first (0) or last (1) point: the length (m) in all by the end of the next step."""
+        self._own.draw_thread(self.handle, end, float(length))
+
+    def tie(self) -> None:
+        """Ties its ends together, and lets hands go."""
+        self._own.tie_thread(self.handle)
+
+    def cut(self, segment: int) -> tuple[Thread | None, Thread | None]:
+        """Cuts it between two points that hold it, by the number of the segment: the parts before and behind it, ``None`` where
+        no two points hold one. This one is then the first part that is left."""
+        before, behind = (part and Thread(self.simulation, *part) for part in self._own.cut_thread(self.handle, segment))
+        return before, behind
+
+
+class Clip(_Line):
+    """A clip, staple or knot between two points of tissue."""
+
+    __slots__ = ()
+    _kind = "clip"
+
+
+def _thread_point(point: Any) -> tuple[int, Any]:
+    """A place of tissue or in space, or the channel of a needle."""
+    if isinstance(point, Tool):
+        return point.handle, (0.0, 0.0, 0.0)
+    if isinstance(point, tuple) and isinstance(point[0], Body):
+        return point[0].handle, vector("point", point[1])
+    return 0, vector("point", point)
+
+
+def _lines(own: Mapping[str, Any]) -> str:
+    """Keys of scenes that are given, as TOML."""
+    return "\n".join(f"{key} = {toml(value)}" for key, value in own.items() if value is not None)
 
 
 def _choices(**own: Any) -> _Spec:
@@ -643,6 +711,16 @@ class Simulation:
         return self._list(Contact)
 
     @property
+    def strands(self) -> dict[str, Thread]:
+        """Threads through tissue by name; ``threads`` counts those of the processor."""
+        return self._list(Thread)
+
+    @property
+    def clips(self) -> dict[str, Clip]:
+        """Clips by name."""
+        return self._list(Clip)
+
+    @property
     def pulls(self) -> dict[str, Pull]:
         """Pulls by name."""
         return self._list(Pull)
@@ -786,7 +864,7 @@ class Simulation:
     def add_tool(
         self,
         name: str,
-        parts: Shape | Part | Sequence[Shape | Part],
+        parts: Shape | Part | Sequence[Shape | Part] = (),
         position: ArrayLike = (0.0, 0.0, 0.0),
         rotation: ArrayLike = _NO_TURN,
         opening: float = 0.0,
@@ -805,10 +883,12 @@ class Simulation:
         error_bar: bool = False,
         local_stiffness: bool = False,
         on: Body | tuple[Body, Vertices] | None = None,
+        edge: Mapping[str, Any] | None = None,
+        needle: Mapping[str, Any] | None = None,
         begin: float = -math.inf,
         until: float = math.inf,
     ) -> Tool:
-        """Adds a rigid tool of one or more parts.
+        """Adds a rigid tool of one or more parts, or with an ``edge`` or a ``needle``, keys as in scenes, for bodies with ``spare``.
 
         It stays where ``Tool.move`` and ``Tool.place`` say, follows a ``path``, or goes ``by`` a translation (m) as ``over`` or
         ``curve`` say. ``hinge``: point (m) and axis of jaws. ``points`` that touch: "auto", "vertex", or 2 to 8 for points on
@@ -834,6 +914,8 @@ class Simulation:
             error_bar=error_bar,
             local_stiffness=local_stiffness,
             on=None if on is None else (on[0].handle, indices("triangles", on[0].faces(on[1]), 3)),
+            edge=None if edge is None else _lines(edge),
+            needle=None if needle is None else _lines(needle),
             begin=float(begin),
             until=float(until),
         )
@@ -862,6 +944,33 @@ class Simulation:
         shares = floats("weights", np.asarray(weights, np.float64))
         handle = self._own.add_pull(body.handle, own, which, shares, (float(stiffness), float(damping)))
         return Pull(self, handle, own)
+
+    def add_thread(
+        self, points: Sequence[tuple[Body, ArrayLike] | Tool | ArrayLike], *, stiffness: float, name: str | None = None, **keys: Any
+    ) -> Thread:
+        """Lays a thread of stiffness EA (N) through points: (body, place) for tissue at a place (m) in the present shape, a tool
+        for the channel that its needle went through, a place for a hand. Keys are those of scenes: ``length`` (m), ``friction``,
+        ``grip`` (N), ``tails`` (m)."""
+        return self._lay(Thread, points, {**keys, "stiffness": stiffness}, name)
+
+    def add_clip(
+        self,
+        a: tuple[Body, ArrayLike] | ArrayLike,
+        b: tuple[Body, ArrayLike] | ArrayLike,
+        *,
+        stiffness: float,
+        length: float = 0.0,
+        strength: float | None = None,
+        name: str | None = None,
+    ) -> Clip:
+        """Draws two points, as those of threads, together by a spring (N/m) once they are farther apart than ``length`` (m); it
+        breaks above ``strength`` (N)."""
+        return self._lay(Clip, [a, b], {"stiffness": stiffness, "length": length, "strength": strength}, name)
+
+    def _lay(self, kind: type[Any], points: Sequence[Any], keys: Mapping[str, Any], name: str | None) -> Any:
+        own = self._name(kind._kind, name, None)
+        ends = [_thread_point(point) for point in points]
+        return kind(self, self._own.add_thread(kind._kind, _lines({**keys, "name": own}), ends), own)
 
     def pick(self, origin: ArrayLike, direction: ArrayLike) -> Pick | None:
         """The first point of a surface that a ray from ``origin`` (m) meets."""

@@ -368,7 +368,7 @@ def asdict(own: Any) -> dict[str, Any]:
 
 
 def _arrays(kind: type[Any], own: Mapping[str, Any]) -> Any:
-    arrays = {k: np.array(v, np.float64) if isinstance(v, list) else v for k, v in own.items()}
+    arrays = {k: np.array(v, np.float64) if isinstance(v, list) and k != "held" else v for k, v in own.items()}
     return kind(**arrays)
 
 
