@@ -19,11 +19,8 @@ pub unsafe extern "C" fn sinew_thread_add(
     out: *mut sinew_handle,
 ) -> sinew_status {
     add(simulation, out, |sim| {
-        let kind = match kind {
-            SINEW_THREAD => Kind::Thread,
-            SINEW_CLIP => Kind::Clip,
-            other => return Err(invalid("kind", format!("{other} is neither of these"))),
-        };
+        let known = Kind::ALL.into_iter().find(|own| *own as u32 == kind);
+        let kind = known.ok_or_else(|| invalid("kind", format!("{kind} is none")))?;
         let points = slice("points", points, point_count)?.iter();
         let points = points.map(|own| ThreadPoint { of: own.of, at: own.at });
         sim.add_thread(kind, text("lines", lines)?, &points.collect::<Vec<_>>())

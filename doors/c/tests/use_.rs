@@ -644,7 +644,7 @@ fn blades_needles_threads_and_tears_are_there() {
         for (kind, lines, points, why) in [
             (SINEW_THREAD, lines, 1, "two points at least"),
             (SINEW_THREAD, "name = \"stitch\"\nstifness = 20.0", 3, "stifness"),
-            (SINEW_TOOL, lines, 3, "neither of these"),
+            (SINEW_TOOL, lines, 3, "no thread or clip"),
             (SINEW_CLIP, lines, 3, "two points"),
         ] {
             let refused = (SINEW_ARGUMENT, 0);

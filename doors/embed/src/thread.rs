@@ -90,24 +90,32 @@ impl Embedding {
         points: &[ThreadPoint],
     ) -> Result<Handle> {
         self.can_touch(kind)?;
-        let (name, entity) = if kind == Kind::Clip {
-            let own: ClipWords = words("clip", settings)?;
-            self.name_is_free(kind, &own.name)?;
-            let line = format!("clip `{}`", own.name);
-            let holds = <[Hold; 2]>::try_from(self.holds(&line, points)?);
-            let problem = "it needs two points of tissue or in space";
-            let holds = holds.map_err(|_| InputError::invalid(line, problem))?;
-            let ClipWords { name, stiffness, length, strength } = own;
-            let clip = Clip { length, strength, ..Clip::new(&name, holds, stiffness) };
-            (name, self.built.simulation.add_clip(clip)?)
-        } else {
-            let own: ThreadWords = words("thread", settings)?;
-            self.name_is_free(kind, &own.name)?;
-            let holds = self.holds(&format!("thread `{}`", own.name), points)?;
-            let ThreadWords { name, stiffness, length, friction, grip, tails } = own;
-            let made = Thread::new(&name, holds, stiffness);
-            let thread = Thread { length, friction, grip, tails, ..made };
-            (name, self.built.simulation.add_thread(thread)?)
+        let (name, entity) = match kind {
+            Kind::Clip => {
+                let own: ClipWords = words("clip", settings)?;
+                self.name_is_free(kind, &own.name)?;
+                let line = format!("clip `{}`", own.name);
+                let holds = <[Hold; 2]>::try_from(self.holds(&line, points)?);
+                let problem = "it needs two points of tissue or in space";
+                let holds = holds.map_err(|_| InputError::invalid(line, problem))?;
+                let ClipWords { name, stiffness, length, strength } = own;
+                let clip = Clip { length, strength, ..Clip::new(&name, holds, stiffness) };
+                (name, self.built.simulation.add_clip(clip)?)
+            }
+            Kind::Thread => {
+                let own: ThreadWords = words("thread", settings)?;
+                self.name_is_free(kind, &own.name)?;
+                let holds = self.holds(&format!("thread `{}`", own.name), points)?;
+                let ThreadWords { name, stiffness, length, friction, grip, tails } = own;
+                let made = Thread::new(&name, holds, stiffness);
+                let thread = Thread { length, friction, grip, tails, ..made };
+                (name, self.built.simulation.add_thread(thread)?)
+            }
+            _ => {
+                return Err(
+                    InputError::invalid("kind", format!("a {kind} is no thread or clip")).into()
+                );
+            }
         };
         Ok(self.handles.add(kind, name, Target::Entity(entity)))
     }
