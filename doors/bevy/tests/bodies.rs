@@ -249,10 +249,10 @@ fn blades_needles_threads_and_tears_are_components() {
     let knife = Tool::blade("knife", edge, DVec3::new(0.051, -0.005, 0.0));
     let needle = Needle { into: DVec3::NEG_Z, ..Needle::new(0.1, 1e-3, 20.0, 1.0) };
     let pin = Tool::needle("pin", needle, DVec3::new(0.083, 0.042, 0.045));
-    let own = |tool: Tool, way: DVec3, app: &mut App| {
+    let own = |mut tool: Tool, way: DVec3, app: &mut App| {
         let curve = Curve::Points(vec![[0.02, 0.0], [0.5, 1.0]]);
-        let motion = ToolMotion::Translate(way, curve);
-        app.world_mut().spawn(Tool { motion, ..tool }).id()
+        tool.motion = ToolMotion::Translate(way, curve);
+        app.world_mut().spawn(tool).id()
     };
     let knife = own(knife, DVec3::Y * 0.1, &mut app);
     let pin = own(pin, DVec3::Z * -0.03, &mut app);
