@@ -654,8 +654,11 @@ impl Engine {
     ) -> PyResult<[Option<(Handle, String)>; 2]> {
         self.0.with(|own| {
             let parts = own.cut_thread(thread, segment)?;
-            let [a, b] = parts.map(|part| part.map(|handle| Ok((handle, own.name(handle)?))));
-            Ok([a.transpose()?, b.transpose()?])
+            let named = |part: Option<Handle>| -> Result<Option<(Handle, String)>> {
+                part.map(|handle| Ok((handle, own.name(handle)?))).transpose()
+            };
+            let [a, b] = parts.map(named);
+            Ok([a?, b?])
         })
     }
 
