@@ -14,7 +14,7 @@
 //!   of their material. They have rows that the body was given when it was built ([`BodyDescription::spare`]).
 //! - Copies are numbered after all tetrahedra of the mesh, in the order in which they came. A removal takes the material that
 //!   has the number that it names; regions hold a copy where its own material is.
-//! - Chips of less than 1e-8 of an element are parted, but get no ghosts: they go on with the vertices that moved them.
+//! - Chips of less than 1e-8 of an element are parted, but get no copies: the largest rest of their element moves them.
 //! - A blade that ends inside leaves elements at its end that it has entered: they are parted to their far side if it crossed
 //!   one of their edges. So the mechanical cut may be up to an element longer than the blade, or shorter.
 //! - A body at its rest shape does not gape when it is cut: what opens wounds is tension, from loads, muscles or a shape at
