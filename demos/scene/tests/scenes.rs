@@ -329,7 +329,7 @@ fn scissors_cut_into_a_sheet() {
     assert!((0.75..1.02).contains(&share), "{share}");
     assert_eq!(area[at(0.9)], *area.last().unwrap(), "it cuts while it opens");
     let (area, fracture) = (area.last().unwrap(), fracture.last().unwrap());
-    assert!((fracture / (30.0 * area) - 1.0).abs() < 1e-9);
+    assert!((fracture / (30.0 * area) - 1.0).abs() < 1e-8); // the table has nine digits
     assert!(work.last().unwrap() > fracture);
     let held = table.vector("right.reaction", "N");
     assert!(held.last().unwrap().x < 0.7 * held[at(0.39)].x, "{:?}", held[at(0.39)]);
