@@ -277,8 +277,7 @@ fn begin(own: &mut Blade, edge: f64) {
     own.before = own.state.points.iter().map(|point| point.cut_to).collect();
 }
 
-/// Where every point of an edge has cut to in the step before, and whether that is a way through tissue or free space, not with what
-/// holds it.
+/// Where every point of an edge has cut to in the step before, and whether that is for this body to say.
 fn advance(own: &mut Blade, body: usize, view: &BladeView) -> Vec<(DVec3, bool)> {
     let mut places = Vec::new();
     for number in 0..own.state.points.len() {
