@@ -49,8 +49,9 @@ fn a_thousand_random_cuts_hold_together() {
     let report = changed("cutting/criteria", "thousand", |value| {
         value["criteria"] = json!([value["criteria"][0]]);
         value["criteria"][0]["blocks"] = json!(100);
+        value["criteria"][0]["zero_mode_blocks"] = json!(100);
     });
-    assert_eq!(report.counts(), [1, 0, 0], "{report}");
+    assert_eq!(report.counts(), [2, 0, 0], "{report}");
 }
 
 /// What is out of its bound fails, a miss that is known does not, and one that is none any more does.

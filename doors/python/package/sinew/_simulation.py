@@ -951,7 +951,7 @@ class Simulation:
         """Lays a thread of stiffness EA (N) through points: (body, place) for tissue at a place (m) in the present shape, a tool
         for the channel that its needle went through, a place for a hand. Keys are those of scenes: ``length`` (m), ``friction``,
         ``grip`` (N), ``tails`` (m)."""
-        return self._lay(Thread, points, {**keys, "stiffness": stiffness}, name)
+        return Thread(self, *self._lay(Thread._kind, points, {**keys, "stiffness": stiffness}, name))
 
     def add_clip(
         self,
@@ -965,12 +965,13 @@ class Simulation:
     ) -> Clip:
         """Draws two points, as those of threads, together by a spring (N/m) once they are farther apart than ``length`` (m); it
         breaks above ``strength`` (N)."""
-        return self._lay(Clip, [a, b], {"stiffness": stiffness, "length": length, "strength": strength}, name)
+        keys = {"stiffness": stiffness, "length": length, "strength": strength}
+        return Clip(self, *self._lay(Clip._kind, [a, b], keys, name))
 
-    def _lay(self, kind: type[Any], points: Sequence[Any], keys: Mapping[str, Any], name: str | None) -> Any:
-        own = self._name(kind._kind, name, None)
+    def _lay(self, kind: str, points: Sequence[Any], keys: Mapping[str, Any], name: str | None) -> tuple[int, str]:
+        own = self._name(kind, name, None)
         ends = [_thread_point(point) for point in points]
-        return kind(self, self._own.add_thread(kind._kind, _lines({**keys, "name": own}), ends), own)
+        return self._own.add_thread(kind, _lines({**keys, "name": own}), ends), own
 
     def pick(self, origin: ArrayLike, direction: ArrayLike) -> Pick | None:
         """The first point of a surface that a ray from ``origin`` (m) meets."""
