@@ -597,7 +597,7 @@ def test_blades_needles_threads_and_tears():
     cut = drive(blade, way, 60)
     assert cut.separated > 0 and cut.cut_vertices > 0 and cut.fracture == pytest.approx(50 * cut.cut_area)
     wounds = body.skin
-    assert wounds.wound.any() and np.allclose(wounds.rest[wounds.triangles[wounds.wound]][..., 0], 0.045, atol=1e-3)
+    assert wounds.wound.any() and np.allclose(wounds.rest[wounds.triangles[wounds.wound]][..., 0], 0.045, atol=2e-3)  # edges are 25 mm; tissue gives way to the side
     blade.remove()
     needle = {"into": (0, 0, -1), "length": 0.1, "diameter": 1e-3, "toughness": 20.0, "friction": 1.0}
     way = lambda step: (0.071, 0.052, 0.051 - 1e-3 * step)
