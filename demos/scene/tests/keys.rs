@@ -20,8 +20,18 @@ const OUTPUT: [(&str, &str); 3] = [
 /// Vectors whose numbers are one key: of directions the length does not count, points of planes and axes may lie anywhere
 /// in these, and a body that meets nothing may stand anywhere. What counts of them by rounding alone would count on some
 /// machines only.
-const VECTORS: [&str; 9] =
-    ["direction", "axis", "centre", "hinge", "hinge_axis", "into", "normal", "point", "translate"];
+const VECTORS: [&str; 10] = [
+    "at",
+    "direction",
+    "axis",
+    "centre",
+    "hinge",
+    "hinge_axis",
+    "into",
+    "normal",
+    "point",
+    "translate",
+];
 
 /// Steps of a run: enough for tools to reach what they touch, most of them in few.
 fn steps(name: &str) -> f64 {
@@ -130,8 +140,10 @@ fn for_each_number(value: &mut Value, path: &str, change: &mut dyn FnMut(&str, &
 }
 
 /// Other values of a number, near ones first.
-fn others(value: &Value) -> Vec<Value> {
+fn others(path: &str, value: &Value) -> Vec<Value> {
     match value {
+        // there are enough of them, or too few
+        Value::Integer(_) if path.ends_with(".spare") => vec![1.into()],
         Value::Integer(count) => vec![(count + 1).into(), (count - 1).into()],
         Value::Float(x) => {
             let near = if *x == 0.0 { 1e-4 } else { x * 1.001 };
@@ -150,7 +162,7 @@ fn silent(name: &str, chosen: impl Fn(&str) -> bool) -> Vec<String> {
     let mut paths = Vec::new();
     for_each_number(&mut scene.clone(), "", &mut |path, value| {
         if chosen(path) && !OUTPUT.iter().any(|(own, _)| path.starts_with(own)) {
-            paths.push((path.to_string(), others(value)));
+            paths.push((path.to_string(), others(path, value)));
         }
     });
     let loaded = LoadedScene::parse(&text_of(&scene), &scene_folder().join("keys.toml")).unwrap();
