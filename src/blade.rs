@@ -253,7 +253,9 @@ fn cut_body<S: Scalar>(
             own.state.report.separated += cut.separated.len() as u32;
             own.state.report.vertices += cut.vertices as u32;
         }
-        for (point, (place, _)) in own.state.points.iter_mut().zip(places) {
+        // what another body holds is for that one to say
+        let moved = own.state.points.iter_mut().zip(places).filter(|(_, (_, moves))| *moves);
+        for (point, (place, _)) in moved {
             (point.cut_to, point.from) = (place, place);
         }
         let [low, high] = own.bounds();
