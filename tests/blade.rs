@@ -244,3 +244,68 @@ fn a_blade_leaves_no_bridges() {
         }
     }
 }
+
+/// The sides of a blade hold the lips of its wound apart, each on its own side, and rub on them.
+#[test]
+fn flanks_hold_lips_apart() {
+    const LENGTH: f64 = 0.03;
+    let mut dragged = Vec::new();
+    for (thickness, friction) in [(0.0, 0.0), (0.002, 0.0), (0.002, 0.3)] {
+        let (mut simulation, body, blade) = scene(6, 0.0, Precision::F64);
+        let blade = simulation.current(blade);
+        let integrator = Integrator::Safe;
+        simulation.set_solver(SolverSettings {
+            integrator,
+            mass_damping: 10.0,
+            ..SolverSettings::default()
+        });
+        let edge = simulation.world().get::<Tool>(blade).unwrap().edge.unwrap();
+        let mut tool = simulation.world_mut().get_mut::<Tool>(blade).unwrap();
+        tool.friction = friction;
+        if thickness > 0.0 {
+            tool.parts.push(edge.flanks(LENGTH, thickness).unwrap());
+        }
+        simulation.step().unwrap();
+        draw(&mut simulation, blade, DVec3::Y * 0.045, 60, &mut |_| ());
+        simulation.steps(60);
+        let report = simulation.tool_report(blade).unwrap().clone();
+        assert!(!report.unconverged && report.lag == 0.0 && !report.pierced, "{report:?}");
+        // depth of the lips in the blade, by where they lie on it
+        let skin = simulation.skin(body).unwrap();
+        let middle = report.position - DVec3::Y * (0.5 * LENGTH);
+        let (mut most, mut sides) = (0.0_f64, [0; 2]);
+        for (t, _) in skin.triangles.iter().zip(&skin.wound).filter(|(_, wound)| **wound) {
+            let [a, b, c] = t.map(|p| skin.points[p as usize]);
+            let outward = (b - a).cross(c - a).normalize_or_zero();
+            for at in [a, b, c] {
+                let local = at - middle;
+                let [u, v] = [local.y / (0.5 * LENGTH), local.z / 0.02];
+                if outward.x.abs() < 0.7 || u.abs() > 0.6 || v.abs() > 0.6 {
+                    continue;
+                }
+                let half = 0.5 * thickness * (1.0 - u * u) * (1.0 - v * v);
+                let away = -outward.x.signum() * local.x;
+                most = most.max(half - away);
+                sides[usize::from(outward.x < 0.0)] += 1;
+            }
+        }
+        assert!(sides.iter().all(|count| *count > 20), "{sides:?}");
+        assert!(most < 0.1 * 0.002, "{thickness}: {most} m");
+        // what presses from both sides cancels: the blade is in the middle
+        let pressing = report.pressure * report.area;
+        assert_eq!(pressing > 0.0, thickness > 0.0);
+        assert!(report.force.x.abs() <= 0.1 * pressing, "{report:?}");
+        let forth = report.friction.y;
+        draw(&mut simulation, blade, DVec3::Y * -0.01, 40, &mut |_| ());
+        dragged.push([forth, simulation.tool_report(blade).unwrap().friction.y]);
+    }
+    // friction acts against the way, there and back
+    assert_eq!(dragged[..2], [[0.0; 2]; 2]);
+    assert!(dragged[2][0] < -0.05 && dragged[2][1] > 0.05, "{dragged:?}");
+    let edge = Edge::new(0.04, 0.0);
+    for (length, thickness) in [(0.0, 1e-3), (0.01, f64::NAN)] {
+        assert!(edge.flanks(length, thickness).unwrap_err().contains("must be positive"));
+    }
+    let scissors = Edge { travel: DVec3::X, ..edge };
+    assert!(scissors.flanks(0.01, 1e-3).unwrap_err().contains("jaws"));
+}

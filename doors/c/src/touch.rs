@@ -70,7 +70,9 @@ pub unsafe extern "C" fn sinew_tool_add(
         if t.stiffness != 0.0 {
             own.stiffness = Stiffness::Relative(t.stiffness);
         }
-        own.edge = optional_text("edge", t.edge)?.map(sinew_embed::edge).transpose()?;
+        if let Some(text) = optional_text("edge", t.edge)? {
+            sinew_embed::give_edge(&mut own, text)?;
+        }
         own.needle = optional_text("needle", t.needle)?.map(sinew_embed::needle).transpose()?;
         if t.on_triangles.is_null() {
             return sim.add_tool(own, None);

@@ -8,6 +8,7 @@ use sinew::models::material::{self, YoungPoisson};
 use sinew::solvers::settings::SolverSettings;
 use sinew::touch::edge::Edge;
 use sinew::touch::needle::Needle;
+use sinew::touch::tool::Tool;
 use sinew_scene::error::hint;
 use sinew_scene::scene::{EdgeEntry, NeedleEntry};
 
@@ -69,12 +70,16 @@ pub(crate) fn words<T: DeserializeOwned>(what: &str, text: &str) -> Result<T> {
     }
 }
 
-/// The sharp edge of a tool from text: TOML as below `edge` of a tool in a scene, or JSON.
+/// Gives a tool the sharp edge that a text tells, and its flanks: TOML as below `edge` of a tool in a scene, or JSON.
 ///
 /// # Errors
-/// When a key is unknown or missing.
-pub fn edge(text: &str) -> Result<Edge> {
-    words::<EdgeEntry>("edge", text).map(|own| Edge::from(&own))
+/// When a key is unknown or missing, or the flanks cannot be used.
+pub fn give_edge(tool: &mut Tool, text: &str) -> Result<()> {
+    let own = words::<EdgeEntry>("edge", text)?;
+    let flanks = own.flanks().map_err(|problem| InputError::invalid("edge.flanks", problem))?;
+    tool.edge = Some(Edge::from(&own));
+    tool.parts.extend(flanks);
+    Ok(())
 }
 
 /// The needle of a tool from text, likewise.

@@ -40,7 +40,7 @@ mod touch;
 
 pub use act::{ConstraintSpec, TractionOn, Wrench};
 pub use body::{Quantity, Surface};
-pub use choice::{choice, edge, needle, preset, solver_settings, spring_rule};
+pub use choice::{choice, give_edge, needle, preset, solver_settings, spring_rule};
 pub use cut::Skin;
 pub use embedding::{Embedding, Energy, Options, Overrides, Report};
 pub use error::{Code, EmbedError, InputError, Result};

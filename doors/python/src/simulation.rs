@@ -195,7 +195,9 @@ fn tool(spec: ToolIn) -> Result<(Tool, Option<(Handle, Vec<u32>)>)> {
     tool.stiffness = stiffness(&spec.stiffness);
     (tool.keeps_side, tool.error_bar) = (spec.keeps_side, spec.error_bar);
     tool.local_stiffness = spec.local_stiffness;
-    tool.edge = spec.edge.as_deref().map(edge).transpose()?;
+    if let Some(text) = &spec.edge {
+        give_edge(&mut tool, text)?;
+    }
     tool.needle = spec.needle.as_deref().map(needle).transpose()?;
     (tool.from, tool.until) = (spec.begin, spec.until);
     Ok((tool, spec.on.map(|(body, triangles)| (body, triangles.0))))

@@ -9,11 +9,12 @@
 
 use crate::needle::NeedleState;
 use bevy_ecs::prelude::*;
-use glam::DVec3;
+use glam::{DMat3, DQuat, DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 use sinew_engine::row::VertexRow;
 
-use crate::tool::ToolPose;
+use crate::shape::Shape;
+use crate::tool::{Part, ToolPose};
 
 /// Elastic slip at the limit over the mean edge of the tissue.
 pub const YIELD: f64 = 0.05;
@@ -39,6 +40,31 @@ impl Edge {
     pub fn new(length: f64, toughness: f64) -> Self {
         let end = DVec3::Y * (length / 2.0);
         Self { ends: [-end, end], into: DVec3::X, toughness, travel: DVec3::ZERO }
+    }
+
+    /// The sides of a blade that reaches so far (m) behind this edge and is so thick (m), for a tool that cuts with it; they take the
+    /// friction of the tool.
+    ///
+    /// # Errors
+    /// When the edge or a number cannot be used.
+    pub fn flanks(&self, length: f64, thickness: f64) -> Result<Part, String> {
+        let problem = || "its edge must not be along the way it cuts".to_owned();
+        let [into, across] = self.across().ok_or_else(problem)?;
+        if self.travel != DVec3::ZERO {
+            return Err("the edge of scissors has no sides of its own: give the jaws shapes".into());
+        }
+        let along = self.ends[1] - self.ends[0];
+        let half = DVec2::new(0.5 * length, 0.5 * along.length());
+        let shape = Shape::Blade { half, thickness };
+        let axes = DMat3::from_cols(into, across.cross(into), across);
+        match shape.problem() {
+            Some(problem) => Err(problem),
+            None => Ok(Part {
+                at: 0.5 * (self.ends[0] + self.ends[1]) - half.x * into,
+                rotation: DQuat::from_mat3(&axes),
+                ..shape.into()
+            }),
+        }
     }
 
     /// The error in it, if there is one.

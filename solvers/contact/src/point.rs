@@ -562,6 +562,13 @@ impl PartNow {
     /// The same of the part as it is now, drawn in. Where the nearest surface is that of the wrong side, the distance
     /// is that to the surface along the remembered normal, or into the solid.
     pub fn gap(&self, at: DVec3, side: &Side) -> (f64, DVec3) {
+        let inverse = self.now.rotation.inverse();
+        if side.outward != DVec3::ZERO
+            && let Some((distance, gradient)) =
+                self.of.shape.from_side(inverse * (at - self.now.centre), inverse * side.outward)
+        {
+            return (distance + self.drawn_in, self.now.rotation * gradient);
+        }
         let (distance, gradient) = self.nearest(at, &self.now);
         let direction = side.direction();
         // a surface with two sides has only the remembered one to go by

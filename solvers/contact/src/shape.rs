@@ -1,7 +1,7 @@
 //! Shapes of tools: signed distance, negative inside, and its gradient, in the frame of the shape.
 
 use crate::field::DistanceField;
-use glam::{DQuat, DVec3};
+use glam::{DQuat, DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
@@ -32,7 +32,19 @@ pub enum Shape {
     HalfSpace,
     /// A closed mesh.
     Field(Arc<DistanceField>),
+    /// The sides of a blade that cuts along the x axis and whose edge is along the y axis: thickest in the middle, without
+    /// thickness at its rim. They touch the faces of solids that are turned towards them, such as the lips of a wound, and push
+    /// each to its own side, and touch nothing else ([`Edge::flanks`](crate::edge::Edge::flanks)).
+    Blade {
+        /// Half sizes (m) along x and y.
+        half: DVec2,
+        /// Thickness (m) in the middle.
+        thickness: f64,
+    },
 }
+
+/// Least cosine between the direction across a blade and the normal of a face that its sides touch.
+const FACING: f64 = 0.5;
 
 impl Shape {
     /// The error in its sizes, if there is one.
@@ -60,8 +72,34 @@ impl Shape {
                         })
                     })
             }
+            Self::Blade { half, thickness } => positive("thickness", *thickness)
+                .or_else(|| positive("half size", half.min_element())),
             Self::HalfSpace | Self::Field(_) => None,
         }
+    }
+
+    /// Half the thickness (m) of a blade at a place, and its gradient; none beside the blade.
+    fn half_thickness(half: DVec2, thickness: f64, y: DVec3) -> Option<(f64, DVec2)> {
+        let at = DVec2::new(y.x, y.y) / half;
+        let left = DVec2::ONE - at * at;
+        let middle = 0.5 * thickness;
+        let slope = -2.0 * middle * at * DVec2::new(left.y, left.x) / half;
+        (left.min_element() > 0.0).then(|| (middle * left.x * left.y, slope))
+    }
+
+    /// Signed distance (m) from a side of a blade to a point of a face whose outward normal is `outward`, and its gradient; none where
+    /// the face is turned to no side, or this is no blade.
+    pub(crate) fn from_side(&self, y: DVec3, outward: DVec3) -> Option<(f64, DVec3)> {
+        let Self::Blade { half, thickness } = self else { return None };
+        if outward.z.abs() < FACING {
+            return Some((f64::INFINITY, DVec3::Z));
+        }
+        let Some((height, slope)) = Self::half_thickness(*half, *thickness, y) else {
+            return Some((f64::INFINITY, DVec3::Z));
+        };
+        // the solid behind the face is on that side
+        let side = -outward.z.signum();
+        Some((side * y.z - height, DVec3::new(-slope.x, -slope.y, side)))
     }
 
     /// Signed distance (m) at `y`, negative inside, and its gradient, of length one for all but fields.
@@ -99,6 +137,16 @@ impl Shape {
             }
             Self::HalfSpace => (y.z, DVec3::Z),
             Self::Field(field) => field.distance(y),
+            Self::Blade { half, thickness } => match Self::half_thickness(*half, *thickness, y) {
+                Some((height, slope)) => {
+                    (y.z.abs() - height, DVec3::new(-slope.x, -slope.y, sign(y.z)))
+                }
+                None => {
+                    let beyond = (y.truncate().abs() - half).max(DVec2::ZERO);
+                    let sides = DVec2::new(sign(y.x), sign(y.y));
+                    round((beyond * sides).extend(y.z), 0.0)
+                }
+            },
         }
     }
 
@@ -144,6 +192,7 @@ impl Shape {
             Self::Sphere { radius } => *radius,
             Self::Capsule { half_length, radius } => half_length + radius,
             Self::Box { half, .. } => half.length(),
+            Self::Blade { half, thickness } => half.extend(0.5 * thickness).length(),
             Self::HalfSpace => f64::INFINITY,
             Self::Field(field) => {
                 let [low, high] = field.bounds();
@@ -158,6 +207,8 @@ impl Shape {
         match self {
             Self::Sphere { radius } | Self::Capsule { radius, .. } => *radius,
             Self::Box { half, .. } => half.min_element(),
+            // which side a point belongs to is known, however thin it is
+            Self::Blade { half, .. } => half.min_element(),
             Self::HalfSpace => f64::INFINITY,
             Self::Field(field) => {
                 let [low, high] = field.bounds();
@@ -185,6 +236,7 @@ impl Shape {
                 let [low, high] = turned(centre, rotation, inner);
                 return [low - *rounding, high + *rounding];
             }
+            Self::Blade { half, thickness } => (DVec3::ZERO, half.extend(0.5 * thickness)),
             Self::HalfSpace => {
                 return [DVec3::splat(f64::NEG_INFINITY), DVec3::splat(f64::INFINITY)];
             }
@@ -264,6 +316,45 @@ mod tests {
         }
     }
 
+    /// The distance from a side has its gradient, both sides are alike, and a face on the wrong side is drawn back.
+    #[test]
+    fn sides_of_a_blade_push_each_face_to_its_own_side() {
+        let blade = Shape::Blade { half: DVec2::new(0.9, 0.5), thickness: 0.2 };
+        let h = 1e-6;
+        for i in 0..200 {
+            let turn = f64::from(i) * 2.399_963;
+            let at = DVec3::new(
+                0.8 * libm::cos(turn),
+                0.4 * libm::sin(turn),
+                0.003 * f64::from(i - 100),
+            );
+            for side in [-1.0, 1.0] {
+                let of = |y| blade.from_side(y, DVec3::new(0.3, 0.2, -side)).unwrap();
+                let (distance, gradient) = of(at);
+                assert!(gradient.z * side > 0.0);
+                let height = 0.1 * (1.0 - at.x * at.x / 0.81) * (1.0 - at.y * at.y / 0.25);
+                assert!((distance - (side * at.z - height)).abs() < 1e-12);
+                for axis in DVec3::AXES {
+                    let difference = (of(at + h * axis).0 - of(at - h * axis).0) / (2.0 * h);
+                    assert!((difference - gradient.dot(axis)).abs() < 1e-6, "{at}");
+                }
+                // the same as for any point where it is on its own side
+                if at.z * side > 0.0 {
+                    assert!((blade.distance(at).0 - distance).abs() < 1e-12);
+                }
+            }
+            // beside it, and faces that are turned elsewhere
+            assert_eq!(blade.from_side(at + DVec3::X * 1.8, DVec3::Z).unwrap().0, f64::INFINITY);
+            assert_eq!(blade.from_side(at, DVec3::X).unwrap().0, f64::INFINITY);
+        }
+        let beside = blade.distance(DVec3::new(1.2, 0.9, 0.0));
+        assert!(
+            (beside.0 - 0.5).abs() < 1e-12
+                && (beside.1 - DVec3::new(0.6, 0.8, 0.0)).length() < 1e-12
+        );
+        assert_eq!(Shape::HalfSpace.from_side(DVec3::ZERO, DVec3::Z), None);
+    }
+
     #[test]
     fn bounds_hold_the_shape() {
         let rotation = DQuat::from_xyzw(0.1, 0.5, -0.3, 0.7).normalize();
@@ -292,5 +383,7 @@ mod tests {
         let problem = Shape::Box { half: DVec3::ONE, rounding: 2.0 }.problem().unwrap();
         assert!(problem.contains("at most its smallest half size"), "{problem}");
         assert_eq!(Shape::HalfSpace.problem(), None);
+        let blade = Shape::Blade { half: DVec2::ONE, thickness: 0.0 };
+        assert!(blade.problem().unwrap().contains("thickness is 0 m"));
     }
 }

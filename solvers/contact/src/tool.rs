@@ -94,9 +94,9 @@ impl Part {
         if self.cavity { (-distance, -gradient) } else { (distance, gradient) }
     }
 
-    /// Whether it fills a bounded place: what is neither a cavity nor a half-space.
+    /// Whether it fills a bounded place: what is neither a cavity, a half-space nor the sides of a blade.
     pub fn is_bounded(&self) -> bool {
-        !self.cavity && !matches!(self.shape, Shape::HalfSpace)
+        !self.cavity && !matches!(self.shape, Shape::HalfSpace | Shape::Blade { .. })
     }
 
     /// The axis-parallel box (m) that holds all places where no body may be, when the shape stands at `centre`, turned by
@@ -118,6 +118,9 @@ impl Part {
                 "a half-space has no inside that could be a cavity: turn its normal round instead"
                     .into(),
             );
+        }
+        if self.cavity && matches!(self.shape, Shape::Blade { .. }) {
+            return Some("the sides of a blade have no inside that could be a cavity".into());
         }
         if !(self.at.is_finite() && self.jaw.is_finite()) {
             return Some("its place is not finite".into());
@@ -327,7 +330,7 @@ impl Tool {
         Self::of_parts(name, vec![part], position.into())
     }
 
-    /// A blade without thickness at `position` (m): an edge alone, whose sides touch nothing.
+    /// A blade without thickness at `position` (m): an edge alone, whose sides touch nothing ([`Edge::flanks`] are sides that do).
     pub fn blade(name: impl Into<String>, edge: Edge, position: DVec3) -> Self {
         Self::of_parts(name, Vec::new(), position.into()).with_edge(edge)
     }

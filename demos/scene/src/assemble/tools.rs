@@ -94,14 +94,14 @@ fn parts(key: &Key, entry: &ToolEntry) -> Result<(Vec<Part>, String), SceneError
     let nothing = entry.parts.is_empty() && given(&own).iter().all(|(_, given)| !given);
     if let Some(edge) = entry.edge.as_ref().filter(|_| nothing) {
         let length = short(DVec3::from(edge.ends[0]).distance(edge.ends[1].into()));
-        return Ok((Vec::new(), format!("a blade, edge {length} m")));
+        return Ok((flanks(key, entry)?, format!("a blade, edge {length} m")));
     }
     if let Some(needle) = entry.needle.as_ref().filter(|_| nothing) {
         return Ok((Vec::new(), format!("a needle, {} m", short(needle.length))));
     }
     if entry.parts.is_empty() {
         let (part, words) = shape(key, &own)?;
-        return Ok((vec![part], words));
+        return Ok(([vec![part], flanks(key, entry)?].concat(), words));
     }
     if let Some(name) = given(&own).into_iter().find_map(|(name, given)| given.then_some(name)) {
         let found = format!("both `{name}` and `parts` are given");
@@ -121,7 +121,15 @@ fn parts(key: &Key, entry: &ToolEntry) -> Result<(Vec<Part>, String), SceneError
         parts.push(Part { at, rotation, jaw, ..shaped });
         words.push(own);
     }
+    parts.extend(flanks(key, entry)?);
     Ok((parts, words.join(" and ")))
+}
+
+/// The sides of a blade.
+fn flanks(key: &Key, entry: &ToolEntry) -> Result<Vec<Part>, SceneError> {
+    let found = entry.edge.as_ref().map(EdgeEntry::flanks).transpose();
+    let problem = |problem| key.at("edge").at("flanks").value(problem, "correct it");
+    Ok(found.map_err(problem)?.flatten().into_iter().collect())
 }
 
 /// The sharp edge.

@@ -103,7 +103,8 @@ impl Tools {
                 });
                 placed.push(place(shape, tool.part_pose(i, &pose)));
             }
-            if let Some(edge) = &tool.edge
+            let has_sides = tool.parts.iter().any(|part| matches!(part.shape, Shape::Blade { .. }));
+            if let Some(edge) = tool.edge.as_ref().filter(|_| !has_sides)
                 && let Some([into, across]) = edge.across()
             {
                 let shape = *self.known.entry((entity, usize::MAX)).or_insert_with(|| {
@@ -195,6 +196,10 @@ fn rigid(shape: &Shape) -> Rigid {
         }
         Shape::Box { half, rounding } => {
             Rigid::rounded_box(half.as_vec3(), *rounding as f32, METAL)
+        }
+        Shape::Blade { half, thickness } => {
+            let half = half.extend(0.5 * thickness).as_vec3();
+            Rigid::rounded_box(half, half.min_element(), METAL)
         }
         Shape::HalfSpace => Rigid { plate: true, ..Rigid::default() },
         Shape::Field(field) => {

@@ -32,5 +32,6 @@ pub use shape::{
 };
 pub use thread::{ClipEntry, ThreadEntry};
 pub use touch::{
-    ContactEntry, EdgeEntry, NeedleEntry, PartEntry, PullEntry, ToolEntry, ToolShape, TouchedEntry,
+    ContactEntry, EdgeEntry, FlanksEntry, NeedleEntry, PartEntry, PullEntry, ToolEntry, ToolShape,
+    TouchedEntry,
 };

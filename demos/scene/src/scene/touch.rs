@@ -6,6 +6,7 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use sinew::touch::edge::Edge;
 use sinew::touch::needle::Needle;
+use sinew::touch::tool::Part;
 use std::path::PathBuf;
 
 /// Shape of a tool or of a part of one.
@@ -161,6 +162,30 @@ pub struct EdgeEntry {
     /// Way (m, in the frame of the tool) that it makes while the jaws close from their first opening to none; for scissors.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub travel: Option<[f64; 3]>,
+    /// The sides of the blade, which touch the lips of its wound; none without.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub flanks: Option<FlanksEntry>,
+}
+
+/// The sides of a blade.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FlanksEntry {
+    /// How far (m) they reach behind the edge.
+    pub length: f64,
+    /// Thickness (m) of the blade in its middle.
+    pub thickness: f64,
+}
+
+impl EdgeEntry {
+    /// The sides of the blade, if it has any.
+    ///
+    /// # Errors
+    /// When a number cannot be used.
+    pub fn flanks(&self) -> Result<Option<Part>, String> {
+        let of = |own: &FlanksEntry| Edge::from(self).flanks(own.length, own.thickness);
+        self.flanks.as_ref().map(of).transpose()
+    }
 }
 
 impl From<&EdgeEntry> for Edge {

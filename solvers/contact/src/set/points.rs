@@ -3,6 +3,7 @@
 use super::lines::known_rows;
 use super::*;
 use crate::edge::YIELD;
+use crate::shape::Shape;
 
 /// Share of the force between a part of a tool and a body by points that it met from inside, above which it is taken to have
 /// gone through the surface.
@@ -50,7 +51,11 @@ impl ContactSet {
         let (now, part, skin) = (&self.tools[tool], &self.parts[part], &self.skins[body].skin);
         let [low, high] = part.bounds(&part.end);
         let within = skin.hull[0].cmple(low).all() && high.cmple(skin.hull[1]).all();
-        now.tool.faces.is_none() && part.drawn_in == 0.0 && within && skin.encloses(part.end.centre)
+        now.tool.faces.is_none()
+            && part.of.is_bounded()
+            && part.drawn_in == 0.0
+            && within
+            && skin.encloses(part.end.centre)
     }
 
     /// Whether a part that comes no nearer than `gap` (m) to points of a body went through the surface of that body, by the
@@ -148,7 +153,8 @@ impl ContactSet {
         let slack = part.longest_way() + 1e-9 * skin.edge;
         let thin = part.of.shape.thickness() < skin.edge;
         // from outside of a cavity the nearest side leads back
-        let keeps_side = now.tool.keeps_side && !part.of.cavity;
+        let is_blade = matches!(part.of.shape, Shape::Blade { .. });
+        let keeps_side = is_blade || now.tool.keeps_side && !part.of.cavity;
         let point = |(key_rows, number), own, outward, [area, young]: [f64; 2]| {
             let key = PointKey {
                 body: body as u32,
