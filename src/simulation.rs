@@ -41,7 +41,9 @@ use sinew_engine::vertex::{Displacement, Mass, Velocity};
 use sinew_engine::workers::{Threads, Workers, WorkersError};
 use sinew_models::axes::description::AxesError;
 use sinew_models::body::change::set_material;
+use sinew_models::body::present::Resection;
 use sinew_models::body::{BodyDescription, BodyError, spawn_body};
+use sinew_models::cutting::faces::have_parts;
 use sinew_models::laws::pressure::activate as activate_pressure;
 use sinew_models::material::field::{FieldError, MaterialField};
 use sinew_models::traction::loaded_faces;
@@ -499,14 +501,21 @@ impl Simulation {
     ///
     /// # Errors
     /// When a triangle names a vertex that no element uses, or has an edge that none has; `name` says in
-    /// the error who asked.
+    /// the error who asked. Faces of linear tetrahedra that a cut parted have what is left of them.
     pub fn face_rows(
         &self,
         body: BodyHandle,
         name: &str,
         triangles: &[[u32; 3]],
     ) -> Result<Vec<[VertexRow; 3]>, SimulationError> {
-        self.rows_of_faces(body, name, triangles)
+        let rows = |t: &[u32; 3]| {
+            let rows = self.rows(body, name, t)?;
+            Ok([rows[0], rows[1], rows[2]])
+        };
+        let faces = triangles.iter().map(rows).collect::<Result<Vec<_>, SimulationError>>()?;
+        let resection = self.world().get_resource::<Resection>();
+        let parts = have_parts(self.topology(), resection, &faces);
+        self.rows_of_faces(body, name, triangles, &parts)
     }
 
     fn rows_of_faces<const N: usize>(
@@ -514,6 +523,7 @@ impl Simulation {
         body: BodyHandle,
         name: &str,
         cells: &[[u32; N]],
+        has_parts: &[bool],
     ) -> Result<Vec<[VertexRow; N]>, SimulationError> {
         let mut faces = Vec::with_capacity(cells.len());
         let parted = self.parted_elements(body);
@@ -526,7 +536,9 @@ impl Simulation {
             // of a quadrilateral both diagonals too: elements couple all their vertices
             let mut pairs = (0..N).flat_map(|i| (0..i).map(move |j| (i, j)));
             let is_on = |element: &Vec<VertexRow>| rows.iter().all(|row| element.contains(row));
-            if parted.iter().any(is_on) || !pairs.all(|(i, j)| is_edge((rows[i], rows[j]))) {
+            let is_whole =
+                || !parted.iter().any(is_on) && pairs.all(|(i, j)| is_edge((rows[i], rows[j])));
+            if has_parts.get(triangle) != Some(&true) && !is_whole() {
                 let (body, name) = (topology.bodies[body.0].name.clone(), name.into());
                 let vertices = [vertices[0], vertices[1], vertices[2]];
                 return Err(SimulationError::Face { name, body, triangle, vertices });
@@ -570,8 +582,8 @@ impl Simulation {
         on: &Surface,
         traction: DVec3,
     ) -> Result<Vec<LoadedFace>, SimulationError> {
-        let triangles = self.rows_of_faces(body, name, &on.triangles)?;
-        let quads = self.rows_of_faces(body, name, &on.quads)?;
+        let triangles = self.rows_of_faces(body, name, &on.triangles, &[])?;
+        let quads = self.rows_of_faces(body, name, &on.quads, &[])?;
         Ok(loaded_faces(&mut self.world, &triangles, &quads, traction))
     }
 

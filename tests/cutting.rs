@@ -4,7 +4,6 @@
 use crate::common::rich_axes::rich;
 use crate::common::*;
 use glam::DVec3;
-use sinew::engine::load::Pressure;
 use sinew::engine::mesh::generate::{box_hexahedra, box_tets, jitter_interior};
 use sinew::engine::scalar::Scalar;
 use sinew::engine::vertex::{Displacement, Mass, RestPosition, Velocity};
@@ -131,37 +130,6 @@ fn cuts_and_removals_in_turns() {
         hashes.push(simulation.state_hash());
     }
     assert_eq!(hashes[0], hashes[1]);
-}
-
-#[test]
-fn a_pressure_stays_on_whole_faces() {
-    let mesh = block(4);
-    let side = |axis: usize, at: f64| {
-        let mut faces = mesh.surface_triangles();
-        faces.retain(|t| t.iter().all(|&v| (mesh.points[v as usize][axis] - at).abs() < 1e-9));
-        faces
-    };
-    for (faces, refused) in [(side(2, 0.06), true), (side(0, 0.0), false)] {
-        let (mut simulation, body) = cuttable(&mesh, options(Precision::F64, 1), Model::StVK);
-        clamp(&mut simulation, body, &mesh, "z0");
-        let on = simulation.face_rows(body, "top", &faces).unwrap();
-        let (name, pressure, curve) = ("top".into(), 100.0, Curve::Constant);
-        let pressure = Pressure { name, faces: on, pressure, curve };
-        simulation.add_pressure(pressure);
-        let before = (simulation.topology().revision, simulation.state_hash());
-        let result = simulation.cut(body, &oblique());
-        if refused {
-            assert!(result.unwrap_err().to_string().contains("pressure `top`"));
-            assert_eq!(before, (simulation.topology().revision, simulation.state_hash()));
-        } else {
-            result.unwrap();
-            simulation.step().unwrap();
-            // nothing can act on a face that was parted
-            let error = simulation.face_rows(body, "late", &side(2, 0.06)).unwrap_err();
-            assert!(error.to_string().contains("as far as these are whole"), "{error}");
-            assert!(simulation.face_rows(body, "late", &side(0, 0.0)).is_ok());
-        }
-    }
 }
 
 #[test]

@@ -19,21 +19,21 @@ use sinew::models::frame::moduli::{ClusterIndex, ClusterPressure};
 use sinew::models::resection::{Region, Removal};
 use sinew::prelude::*;
 
-const SIDE: f64 = 0.06;
+pub(crate) const SIDE: f64 = 0.06;
 
-fn block(cells: usize) -> Mesh {
+pub(crate) fn block(cells: usize) -> Mesh {
     let mesh = box_tets(DVec3::splat(SIDE), [cells; 3]).unwrap();
     jitter_interior(&mesh, 0.2, 5).unwrap()
 }
 
 /// Right through a block along x, oblique in the other directions.
-fn lengthwise() -> [[DVec3; 2]; 2] {
+pub(crate) fn lengthwise() -> [[DVec3; 2]; 2] {
     let edge = |x: f64| [DVec3::new(x, 0.0237, 0.08), DVec3::new(x, 0.0337, -0.02)];
     [edge(-0.02), edge(0.08)]
 }
 
 /// Ends inside.
-fn halfway() -> [[DVec3; 2]; 2] {
+pub(crate) fn halfway() -> [[DVec3; 2]; 2] {
     let edge = |y: f64| [DVec3::new(0.033, y, 0.08), DVec3::new(0.026, y, 0.025)];
     [edge(-0.02), edge(0.08)]
 }
@@ -47,7 +47,7 @@ fn bricks(cells: usize) -> Mesh {
     box_hexahedra(DVec3::splat(SIDE), [cells; 3]).unwrap()
 }
 
-fn cuttable(mesh: &Mesh, model: Model) -> BodyDescription<'_> {
+pub(crate) fn cuttable(mesh: &Mesh, model: Model) -> BodyDescription<'_> {
     let body = BodyDescription::new("block", mesh, soft(1e4, 0.3));
     BodyDescription { model, spare: 6 * mesh.points.len(), ..body }
 }
@@ -68,10 +68,10 @@ fn with_axes(mesh: &Mesh, model: Model) -> BodyDescription<'_> {
 }
 
 /// Mass (kg), place at rest (m), displacement (m), velocity (m/s) and elastic force (N) of a row.
-type Row = (f64, DVec3, DVec3, DVec3, DVec3);
+pub(crate) type Row = (f64, DVec3, DVec3, DVec3, DVec3);
 
 /// All rows of a simulation of one body, ghosts among them.
-fn rows(simulation: &mut Simulation) -> Vec<Row> {
+pub(crate) fn rows(simulation: &mut Simulation) -> Vec<Row> {
     fn of<S: Scalar>(simulation: &mut Simulation) -> Vec<Row> {
         simulation.elastic_forces(BodyHandle(0));
         let world = simulation.world_mut();
@@ -93,7 +93,7 @@ fn rows(simulation: &mut Simulation) -> Vec<Row> {
 }
 
 /// Mass, kinetic energy, momentum, angular momentum, and what forces add up to.
-fn sums(simulation: &mut Simulation) -> Vec<f64> {
+pub(crate) fn sums(simulation: &mut Simulation) -> Vec<f64> {
     let mut sums = vec![0.0; 14];
     for (m, x, u, v, f) in rows(simulation) {
         let x = x + u;
@@ -112,7 +112,7 @@ fn activate(simulation: &mut Simulation, body: BodyHandle, activation: f64) {
 }
 
 /// A mesh with its vertices numbered backwards, seen in a mirror if asked for.
-fn renumbered(mesh: &Mesh, mirror: bool) -> Mesh {
+pub(crate) fn renumbered(mesh: &Mesh, mirror: bool) -> Mesh {
     let last = mesh.points.len() as u32 - 1;
     let turned = |t: &[u32; 4]| {
         let [a, b, c, d] = t.map(|v| last - v);
@@ -276,7 +276,7 @@ fn patch(description: &BodyDescription, f: DMat3, strip: &[[DVec3; 2]]) -> [f64;
 }
 
 /// Stretch along x with sides free of stress, for St Venant-Kirchhoff elasticity of Poisson's ratio 0.3.
-fn pulled() -> DMat3 {
+pub(crate) fn pulled() -> DMat3 {
     let along: f64 = 1.1;
     let strain = 0.5 * (along * along - 1.0);
     let side = (1.0 - 2.0 * 0.3 * strain).sqrt();

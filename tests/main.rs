@@ -12,6 +12,7 @@ mod contact;
 mod cross;
 mod cutting;
 mod cutting_elements;
+mod cutting_faces;
 mod determinism;
 mod documents;
 mod elements;

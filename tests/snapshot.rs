@@ -441,6 +441,11 @@ fn cuts_of(name: &str, mesh: &Mesh, beam: &BodyDescription) {
         let other = simulation.add_body(&BodyDescription::new("other", &other, soft(2e5, 0.3)));
         clamp(&mut simulation, body, mesh, "x0");
         clamp(&mut simulation, other.unwrap(), mesh, "x0");
+        if mesh.hexahedra.is_empty() && mesh.middles.is_empty() {
+            let mut side = mesh.surface_triangles();
+            side.retain(|t| t.iter().all(|&v| mesh.points[v as usize].y < 1e-9));
+            blow(&mut simulation, body, &side, 500.0, Curve::Constant);
+        }
         simulation
     };
     let act = |simulation: &mut Simulation, step: u64| {

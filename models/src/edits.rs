@@ -162,7 +162,7 @@ impl EditImage {
             rows_again(world, resection.clone());
         }
         bending::refresh::<S>(world, None);
-        pressure::refresh::<S>(world);
+        pressure::refresh::<S>(world, None);
         muscle::apply_all::<S>(world);
     }
 }

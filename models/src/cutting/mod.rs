@@ -35,6 +35,7 @@
 mod axes;
 pub mod blade;
 mod columns;
+pub mod faces;
 pub mod held;
 mod hexahedra;
 pub mod material;
@@ -426,7 +427,9 @@ fn open<S: Scalar>(
         return Err(CutError::Spare { body: name(), needed, left });
     };
     report.spare = left;
-    check_faces(world, &old, own, &changed)?;
+    if material.order != Order::Linear {
+        check_faces(world, &old, own, &changed)?;
+    }
     let parted: Vec<u32> =
         report.separated.iter().map(|&e| own.element_of[kind][e as usize]).collect();
     let can_copy = |&e: &u32| {
@@ -513,7 +516,7 @@ fn divide<S: Scalar>(
     };
     let pieces = own.pieces;
     bending::refresh::<S>(world, Some(resection));
-    pressure::refresh::<S>(world);
+    pressure::refresh::<S>(world, Some(resection));
     (pieces, energy)
 }
 
@@ -540,7 +543,7 @@ fn rest_of(world: &mut World, rows: &BodyRows) -> Vec<DVec3> {
     all.get(own).unwrap_or(&[]).iter().map(|x| x.0).collect()
 }
 
-/// Refuses a pressure on faces of elements that come apart.
+/// Refuses a pressure on faces of elements with Gauss points that come apart.
 fn check_faces(
     world: &mut World,
     rows: &BodyRows,

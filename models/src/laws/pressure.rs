@@ -26,6 +26,15 @@
 //!
 //! A [`Pressure`] names flat triangles. Those that lie in the face of a ten-node tetrahedron, between three of its vertices, are
 //! taken for what they cover of that face: three corners for all of it, others for a quarter.
+//!
+//! A face that a blade parted is loaded in parts, each by the vertices that move it ([`crate::cutting`]). They are moved linearly, so that
+//! with `n_i` three times the first moments of a part over the area of the face, 1 where it is whole,
+//!
+//! ```text
+//! f_i = n_i p/3 a     m = sum n_i u_i / 3     K_12 = -p/12 skew(n_1 (x_1 - x_0) + n_2 (x_2 - x_0)), cyclic
+//! ```
+//!
+//! Where a wound meets the surface the rim is free to move.
 
 use bevy_ecs::prelude::*;
 use sinew_engine::columns::single_table;
@@ -51,42 +60,61 @@ use sinew_engine::workers::Workers;
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Instant;
 
+use crate::body::present::Resection;
+use crate::cutting::faces::face_parts;
 use crate::element::face::{self, PAIRS, PARTS, POINTS, Points, skew};
 use crate::element::membrane::TriangleTangent;
 use crate::frame::columns::{LawColumns, TangentSum, add_vertices, evaluate_span, load_vertices};
 use crate::frame::row::{self, Elements, InRecovery, LawRow, PlacedLaw, mark};
 use crate::frame::triangles::add_tangent;
 
-/// Volume (m^3) that a triangle of rest edges `X_1 - X_0`, `X_2 - X_0` sweeps from rest to displacements
+/// Volume (m^3) that the part `n` of a triangle of rest edges `X_1 - X_0`, `X_2 - X_0` sweeps from rest to displacements
 /// `u`, positive along its normal.
 ///
 /// ```
 /// use sinew_models::laws::pressure::swept_volume;
 /// // A right triangle lifted by 2, then another whose one corner is lifted by 3.
 /// let edges = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
-/// assert_eq!(swept_volume(&edges, &[[0.0, 0.0, 2.0]; 3]), 1.0);
-/// assert_eq!(swept_volume(&edges, &[[0.0, 0.0, 3.0], [0.0; 3], [0.0; 3]]), 0.5);
+/// let whole = [1.0; 3];
+/// assert_eq!(swept_volume(&edges, &[[0.0, 0.0, 2.0]; 3], whole), 1.0);
+/// assert_eq!(swept_volume(&edges, &[[0.0, 0.0, 3.0], [0.0; 3], [0.0; 3]], whole), 0.5);
 /// ```
 #[inline(always)]
-pub fn swept_volume<R: Real>(edges: &[[R; 3]; 2], u: &[[R; 3]; 3]) -> R {
+pub fn swept_volume<R: Real>(edges: &[[R; 3]; 2], u: &[[R; 3]; 3], n: [R; 3]) -> R {
     let w = [sub(u[1], u[0]), sub(u[2], u[0])];
     // a point in the middle, of half the area of the edges
-    R::from_f64(1.0 / 6.0) * face::swept(add(u[0], add(u[1], u[2])), edges, &w)
+    let [a, b, c] = [scale(u[0], n[0]), scale(u[1], n[1]), scale(u[2], n[2])];
+    R::from_f64(1.0 / 6.0) * face::swept(add(a, add(b, c)), edges, &w)
 }
 
-/// Force (N) of `pressure` (Pa) on each of the three vertices.
+/// Forces (N) of `pressure` (Pa) on the part `n` at the three vertices.
 #[inline(always)]
-pub fn force<R: Real>(edges: &[[R; 3]; 2], u: &[[R; 3]; 3], pressure: R) -> [R; 3] {
+pub fn forces<R: Real>(
+    edges: &[[R; 3]; 2],
+    u: &[[R; 3]; 3],
+    pressure: R,
+    n: [R; 3],
+) -> [[R; 3]; 3] {
     let d = deformed(edges, u);
-    scale(cross(d[0], d[1]), R::from_f64(1.0 / 6.0) * pressure)
+    let third = scale(cross(d[0], d[1]), R::from_f64(1.0 / 6.0) * pressure);
+    [scale(third, n[0]), scale(third, n[1]), scale(third, n[2])]
 }
 
-/// Symmetric tangent of `pressure` (Pa), N/m.
+/// Symmetric tangent of `pressure` (Pa) on the part `n`, N/m.
 #[inline(always)]
-pub fn tangent<R: Real>(edges: &[[R; 3]; 2], u: &[[R; 3]; 3], pressure: R) -> TriangleTangent<R> {
+pub fn tangent<R: Real>(
+    edges: &[[R; 3]; 2],
+    u: &[[R; 3]; 3],
+    pressure: R,
+    [l, m, n]: [R; 3],
+) -> TriangleTangent<R> {
     let [a, b] = deformed(edges, u);
     let c = R::from_f64(-1.0 / 12.0) * pressure;
-    let arms = [add(a, b), sub(add(a, a), b), sub(a, add(b, b))];
+    let arms = [
+        add(scale(a, m), scale(b, n)),
+        sub(scale(a, l + n), scale(b, n)),
+        sub(scale(a, m), scale(b, l + m)),
+    ];
     let mut off = [[R::ZERO; 9]; 3];
     for i in 0..3 {
         off[i] = skew(scale(arms[i], c));
@@ -125,9 +153,12 @@ fn activate_law<S: Scalar>(world: &mut World, law: PlacedLaw) {
 struct PressureFaces<S> {
     /// What they were made of.
     sources: Vec<(Order, Pressure)>,
-    revision: u64,
-    /// Flat ones, vertex rows ascending within a triangle, block `i` opposite vertex `i`.
+    /// Revision of the topology, and the changes of bodies that were cut.
+    revision: [u64; 2],
+    /// Flat ones and parts of them, vertex rows ascending within a triangle, block `i` opposite vertex `i`.
     flat: FaceColumns<S, 3, 3, 2>,
+    /// Three times the moments of each over the area of its face.
+    parts: [Vec<S>; 3],
     /// Those of ten-node tetrahedra, rows of corners ascending, blocks of [`PAIRS`].
     curved: FaceColumns<S, 6, 15, 5>,
     /// What the ranges of the law's buffer are.
@@ -194,7 +225,7 @@ impl<S: Scalar, const V: usize, const P: usize, const E: usize> FaceColumns<S, V
 }
 
 /// A face by its vertex rows.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, PartialOrd)]
 struct Face<const V: usize, const P: usize> {
     /// One of the [`PARTS`] of a curved face, 0 for a flat one.
     part: u8,
@@ -202,6 +233,15 @@ struct Face<const V: usize, const P: usize> {
     blocks: [u32; P],
     /// Whether it looks the other way than the triangle that was named.
     flipped: bool,
+    /// Three times the moments of what is left of a flat one.
+    moments: [f64; 3],
+}
+
+impl<const V: usize, const P: usize> Face<V, P> {
+    /// Their order; parts of the same vertices come as they were found.
+    fn key(&self) -> (u8, [u32; V], [u32; P], bool) {
+        (self.part, self.nodes, self.blocks, self.flipped)
+    }
 }
 
 /// Puts the law into the force schedule of a world; call it when a [`Pressure`] is added. Changes of
@@ -226,10 +266,10 @@ fn activate_law_of_pressure<S: Scalar>(world: &mut World) {
     collect_faces::<S>(world);
 }
 
-/// Makes the faces fit at once what bodies lost.
-pub(crate) fn refresh<S: Scalar>(world: &mut World) {
+/// Makes the faces fit at once what bodies lost and how they were cut. `resection`: what knows it, in place of that of the world.
+pub(crate) fn refresh<S: Scalar>(world: &mut World, resection: Option<&Resection>) {
     if world.contains_resource::<PressureFaces<S>>() {
-        collect_faces::<S>(world);
+        collect::<S>(world, resection);
     }
 }
 
@@ -237,12 +277,18 @@ fn pressures_changed<S: Scalar>(world: &mut World) -> bool {
     world.is_resource_changed::<PressureFaces<S>>()
 }
 
-/// Makes the faces fit the entities and the rows of bodies, if they do not.
 fn collect_faces<S: Scalar>(world: &mut World) {
+    collect::<S>(world, None);
+}
+
+/// Makes the faces fit the entities and the rows of bodies, if they do not.
+fn collect<S: Scalar>(world: &mut World, resection: Option<&Resection>) {
     let mut entities = world.query::<(&Order, &Pressure)>();
     let mut sources: Vec<(Order, &Pressure)> = entities.iter(world).map(|(o, p)| (*o, p)).collect();
     sources.sort_by_key(|(order, _)| *order);
-    let revision = world.resource::<Topology>().revision;
+    let topology = world.resource::<Topology>();
+    let cut = topology.bodies.iter().filter(|rows| !rows.copies.portions.is_empty());
+    let revision = [topology.revision, cut.map(|rows| rows.changes).sum()];
     let known = world.resource::<PressureFaces<S>>();
     let same = known.sources.iter().map(|(order, p)| (*order, p)).eq(sources.iter().copied());
     if same && known.revision == revision {
@@ -257,22 +303,31 @@ fn collect_faces<S: Scalar>(world: &mut World) {
     let mut rests = world.query::<&RestPosition>();
     let rest = single_table(rests.contiguous_iter(world)).unwrap_or(&[]);
     let topology = world.resource::<Topology>();
+    let resection = resection.or_else(|| world.get_resource::<Resection>());
     let mut reach = PressureReach::default();
     for (source, (_, pressure)) in (0..).zip(&sources) {
         reach.0.push(reach_of(pressure, topology, rest));
         let (mut flat, mut bent) = (Vec::new(), Vec::new());
-        for face in &pressure.faces {
+        let parts = face_parts(topology, resection, &pressure.faces);
+        for (face, parts) in pressure.faces.iter().zip(parts) {
             let t = face.map(|row| row.0);
             // an edge that no element has any more carries nothing
-            match curved.get(&sorted(t)) {
-                Some(face) => bent.extend(face.seen_from(t, topology)),
-                None => flat.extend(ascending(t, topology)),
+            match (curved.get(&sorted(t)), parts) {
+                (Some(face), _) => bent.extend(face.seen_from(t, topology)),
+                (None, None) => flat.extend(ascending(t, [1.0; 3], topology)),
+                (None, Some(parts)) => flat.extend(parts.iter().filter_map(|part| {
+                    ascending(part.nodes, part.moments.map(|m| 3.0 * m), topology)
+                })),
             }
         }
-        flat.sort_unstable();
-        bent.sort_unstable();
+        flat.sort_by_key(Face::key);
+        bent.sort_by_key(Face::key);
         let (first, first_curved) = (faces.flat.nodes.len(), faces.curved.nodes.len());
-        flat.iter().for_each(|face| faces.flat.push(face, rest));
+        for face in &flat {
+            faces.flat.push(face, rest);
+            let of = faces.parts.iter_mut().zip(face.moments);
+            of.for_each(|(column, moment)| column.push(S::from_f64(moment)));
+        }
         bent.iter().for_each(|face| faces.curved.push(face, rest));
         let nodes = &faces.flat.nodes;
         let spans = Span::cut(first..nodes.len(), topology, |i| &nodes[i]);
@@ -296,13 +351,14 @@ fn collect_faces<S: Scalar>(world: &mut World) {
     world.insert_resource(faces);
 }
 
-/// A triangle with its rows in ascending order, the blocks of its edges, and whether that turned it
+/// A triangle with its rows in ascending order, their moments, the blocks of its edges, and whether that turned it
 /// over; `None` when an edge is in no element.
-fn ascending(t: [u32; 3], topology: &Topology) -> Option<Face<3, 3>> {
+fn ascending(t: [u32; 3], moments: [f64; 3], topology: &Topology) -> Option<Face<3, 3>> {
     let nodes = sorted(t);
     let [a, b, c] = nodes;
     let blocks = [topology.block(b, c)?, topology.block(a, c)?, topology.block(a, b)?];
-    Some(Face { part: 0, nodes, blocks, flipped: !is_turned(t, nodes) })
+    let moments = nodes.map(|v| moments[t.iter().position(|own| *own == v).unwrap_or(0)]);
+    Some(Face { part: 0, nodes, blocks, flipped: !is_turned(t, nodes), moments })
 }
 
 /// Rest area of the faces times the extents of their bodies (m^3).
@@ -355,7 +411,7 @@ impl Cover {
             *block = topology.block(nodes[a], nodes[b])?;
         }
         let own = PARTS[usize::from(part)].map(|i| nodes[i]);
-        Some(Face { part, nodes, blocks, flipped: !is_turned(triangle, own) })
+        Some(Face { part, nodes, blocks, flipped: !is_turned(triangle, own), moments: [1.0; 3] })
     }
 }
 
@@ -423,7 +479,8 @@ fn evaluate<S: Scalar>(
             let request = if recovers { &volume } else { &own };
             match part {
                 None => {
-                    let loaded = FlatFaces { faces: &faces.flat, displacement, pressure };
+                    let parts = faces.parts.each_ref().map(|part| &part[..]);
+                    let loaded = FlatFaces { faces: &faces.flat, parts, displacement, pressure };
                     evaluate_span(&loaded, request, &workers, span);
                 }
                 Some(part) => {
@@ -453,8 +510,17 @@ fn evaluate<S: Scalar>(
 /// Flat faces under one pressure (Pa).
 struct FlatFaces<'a, S> {
     faces: &'a FaceColumns<S, 3, 3, 2>,
+    parts: [&'a [S]; 3],
     displacement: &'a [[S; 4]],
     pressure: S,
+}
+
+impl<S: Scalar> FlatFaces<'_, S> {
+    #[inline(always)]
+    fn part<L: Lanes<Scalar = S>>(&self, first: usize) -> [L; 3] {
+        let [l, m, n] = self.parts;
+        [L::load(&l[first..]), L::load(&m[first..]), L::load(&n[first..])]
+    }
 }
 
 impl<S: Scalar> LawColumns<S> for FlatFaces<'_, S> {
@@ -462,18 +528,18 @@ impl<S: Scalar> LawColumns<S> for FlatFaces<'_, S> {
     #[inline(always)]
     fn add_energy<L: Lanes<Scalar = S>>(&self, first: usize, sums: &mut [f64; MAX_LANES]) {
         let (edges, u, sign) = self.faces.shape::<L>(self.displacement, first);
-        (sign * swept_volume(&edges, &u)).accumulate(sums);
+        (sign * swept_volume(&edges, &u, self.part(first))).accumulate(sums);
     }
     #[inline(always)]
     fn add_forces<L: Lanes<Scalar = S>>(&self, first: usize, to: &mut [[S; 4]], row: usize) {
         let (edges, u, sign) = self.faces.shape::<L>(self.displacement, first);
-        let f = force(&edges, &u, sign * L::splat(self.pressure));
-        add_vertices([f; 3], to, row, &self.faces.nodes[first..]);
+        let f = forces(&edges, &u, sign * L::splat(self.pressure), self.part(first));
+        add_vertices(f, to, row, &self.faces.nodes[first..]);
     }
     #[inline(always)]
     fn add_tangent<L: Lanes<Scalar = S>>(&self, first: usize, to: &mut TangentSum<S>) {
         let (edges, u, sign) = self.faces.shape::<L>(self.displacement, first);
-        let t = tangent(&edges, &u, sign * L::splat(self.pressure));
+        let t = tangent(&edges, &u, sign * L::splat(self.pressure), self.part(first));
         add_tangent(&t, to.span, &self.faces.nodes, &self.faces.blocks, first);
     }
 }

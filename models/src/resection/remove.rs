@@ -192,8 +192,9 @@ impl Resection {
         if too_many && compact::compact::<S>(world, self) {
             report.compacted = true;
         }
-        if report.compacted || report.pressure_faces > 0 {
-            pressure::refresh::<S>(world);
+        let is_cut = self.bodies[body].as_ref().is_some_and(|own| own.material.is_some());
+        if report.compacted || report.pressure_faces > 0 || is_cut {
+            pressure::refresh::<S>(world, Some(self));
         }
         results.push(Ok(report));
         results

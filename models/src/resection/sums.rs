@@ -159,8 +159,9 @@ impl BodyResection {
 
     /// Takes the faces that no element has any more out of pressures and tractions; how many there were.
     pub(super) fn drop_faces(&self, world: &mut World, body: usize) -> usize {
-        let rows = world.resource::<Topology>().bodies[body].vertices.clone();
-        let is_gone = |face: &[VertexRow; 3]| {
+        let own = world.resource::<Topology>().bodies[body].clone();
+        let rows = &own.vertices;
+        let has_none = |face: &[VertexRow; 3]| {
             if !rows.contains(&face[0].0) {
                 return false;
             }
@@ -175,16 +176,24 @@ impl BodyResection {
                 }),
             }
         };
+        // copies may have what is left of a face, by other rows
+        let is_gone = |faces: &[[VertexRow; 3]]| -> Vec<bool> {
+            let parts = self.face_parts(&own, faces);
+            faces.iter().zip(parts).map(|(face, own)| own.is_none() && has_none(face)).collect()
+        };
         let mut dropped = 0;
         for mut pressure in world.query::<&mut Pressure>().iter_mut(world) {
             let before = pressure.faces.len();
-            pressure.bypass_change_detection().faces.retain(|face| !is_gone(face));
+            let mut gone = is_gone(&pressure.faces).into_iter();
+            pressure.bypass_change_detection().faces.retain(|_| gone.next() != Some(true));
             dropped += before - pressure.faces.len();
         }
         for (mut load, mut faces) in world.query::<(&mut Load, &mut LoadedFaces)>().iter_mut(world)
         {
             let before = faces.0.len();
-            faces.0.retain(|face| !is_gone(&face.corners));
+            let corners: Vec<_> = faces.0.iter().map(|face| face.corners).collect();
+            let mut gone = is_gone(&corners).into_iter();
+            faces.0.retain(|_| gone.next() != Some(true));
             if faces.0.len() < before {
                 load.forces = faces.forces();
                 dropped += before - faces.0.len();

@@ -1,0 +1,180 @@
+//! Faces of linear tetrahedra that a blade parts, and what lies on them. A face is moved linearly by three vertices or ghosts, so that
+//! first moments of its parts are all that forces on them and masses need to know.
+
+use sinew_engine::row::VertexRow;
+use sinew_engine::topology::{BodyRows, Topology};
+use std::collections::{BTreeMap, BTreeSet};
+
+use super::material::{Element, Material, Order};
+use super::{kind_of, row_of};
+use crate::body::present::{BodyResection, Resection};
+
+/// Part of a face of the mesh that the same three vertices or ghosts move.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct FacePart {
+    /// They, in the order of the vertices of the face.
+    pub nodes: [u32; 3],
+    /// Integrals of their shape functions over it, as parts of the area of the whole face: a third each if it is that.
+    pub moments: [f64; 3],
+}
+
+/// Triangle of the material on a face of the mesh.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct FaceCell {
+    /// Vertices of the face, ascending.
+    pub face: [u32; 3],
+    /// Element that has it.
+    pub element: u32,
+    /// What that moves the vertices of the face by, and the moments of the triangle.
+    pub part: FacePart,
+    /// Another element has it, too, and comes first.
+    pub is_twin: bool,
+}
+
+/// A point by its vertices and the bits of their weights: points on either side of a face that was opened have different numbers.
+type Place = ([u32; 4], [u64; 4]);
+
+impl Material {
+    /// The triangles on some faces, given by their vertices, ascending, of elements that are left.
+    pub(super) fn face_cells(
+        &self,
+        faces: &BTreeSet<[u32; 3]>,
+        is_left: impl Fn(u32) -> bool,
+    ) -> Vec<FaceCell> {
+        let mut is_near = vec![false; self.vertices as usize];
+        faces.iter().flatten().for_each(|&v| is_near[v as usize] = true);
+        let mut known = BTreeSet::<[Place; 3]>::new();
+        let mut found = Vec::new();
+        for cell in &self.cells {
+            let element = &self.elements[cell.element as usize];
+            let near = element.vertices.iter().filter(|v| is_near[**v as usize]);
+            if near.count() < 3 || !is_left(cell.element) {
+                continue;
+            }
+            for opposite in 0..4 {
+                let face = Self::face_of(element, opposite);
+                if !faces.contains(&face) {
+                    continue;
+                }
+                let weights = cell.corners.map(|p| {
+                    let point = &self.points[p as usize];
+                    (point.weights_in(element.vertices)[opposite] == 0.0)
+                        .then(|| point.weights_in([face[0], face[1], face[2], u32::MAX]))
+                });
+                let on = (0..4).filter(|&i| weights[i].is_some()).collect::<Vec<usize>>();
+                let &[i, j, k] = &on[..] else { continue };
+                let [a, b, c] = [i, j, k].map(|i| weights[i].unwrap_or_default());
+                let minor = |x: usize, y: usize| b[x] * c[y] - b[y] * c[x];
+                let area = (a[0] * minor(1, 2) + a[1] * minor(2, 0) + a[2] * minor(0, 1)).abs();
+                let mut places = [i, j, k].map(|i| {
+                    let point = &self.points[cell.corners[i] as usize];
+                    (point.vertices, point.weights.map(f64::to_bits))
+                });
+                places.sort_unstable();
+                let node = |v: u32| {
+                    let at = element.vertices.iter().position(|&own| own == v);
+                    element.nodes[at.unwrap_or(0)]
+                };
+                let moments = [0, 1, 2].map(|i| area * ((a[i] + b[i] + c[i]) / 3.0));
+                found.push(FaceCell {
+                    face,
+                    element: cell.element,
+                    part: FacePart { nodes: face.map(node), moments },
+                    is_twin: !known.insert(places),
+                });
+            }
+        }
+        found
+    }
+
+    /// Vertices, ascending, of the face of an element opposite one of its vertices.
+    pub(super) fn face_of(element: &Element, opposite: usize) -> [u32; 3] {
+        let [a, b, c] = [[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]][opposite];
+        let mut face = [a, b, c].map(|i| element.vertices[i]);
+        face.sort_unstable();
+        face
+    }
+}
+
+impl BodyResection {
+    /// What of faces of a body that was cut is left, by the vertices of the mesh, ascending.
+    fn parts(
+        &self,
+        rows: &BodyRows,
+        faces: &BTreeSet<[u32; 3]>,
+    ) -> BTreeMap<[u32; 3], Vec<FacePart>> {
+        let mut parts = BTreeMap::<[u32; 3], Vec<FacePart>>::new();
+        let Some(material) = self.material.as_ref().filter(|own| own.order == Order::Linear) else {
+            return parts;
+        };
+        let kind = kind_of(rows);
+        let is_left =
+            |e: u32| self.connectivity.is_present(kind, self.element_of[kind][e as usize]);
+        for FaceCell { face, part, .. } in
+            material.face_cells(faces, is_left).into_iter().filter(|cell| !cell.is_twin)
+        {
+            let all = parts.entry(face).or_default();
+            match all.iter_mut().find(|own| own.nodes == part.nodes) {
+                Some(own) => (0..3).for_each(|i| own.moments[i] += part.moments[i]),
+                None => all.push(part),
+            }
+        }
+        parts
+    }
+
+    /// The parts of those of some faces that elements of a body that was cut have: rows of their corners in the order in which those of
+    /// the face are, and their moments. `None` for all others.
+    pub(crate) fn face_parts(
+        &self,
+        rows: &BodyRows,
+        faces: &[[VertexRow; 3]],
+    ) -> Vec<Option<Vec<FacePart>>> {
+        let vertices = |face: &[VertexRow; 3]| {
+            let is_own = face.iter().all(|row| rows.vertices.contains(&row.0));
+            is_own.then(|| face.map(|row| rows.vertex(row).0))
+        };
+        let ascending = |mut face: [u32; 3]| {
+            face.sort_unstable();
+            face
+        };
+        let asked = faces.iter().filter_map(vertices).map(ascending).collect();
+        let parts = self.parts(rows, &asked);
+        let of = |face: &[VertexRow; 3]| {
+            let face = vertices(face)?;
+            let key = ascending(face);
+            let at = face.map(|v| key.iter().position(|own| *own == v).unwrap_or(0));
+            let turned = |part: &FacePart| FacePart {
+                nodes: at.map(|i| rows.vertices.start + row_of(rows, part.nodes[i])),
+                moments: at.map(|i| part.moments[i]),
+            };
+            Some(parts.get(&key)?.iter().map(turned).collect())
+        };
+        faces.iter().map(of).collect()
+    }
+}
+
+/// The same of faces of any bodies.
+pub(crate) fn face_parts(
+    topology: &Topology,
+    resection: Option<&Resection>,
+    faces: &[[VertexRow; 3]],
+) -> Vec<Option<Vec<FacePart>>> {
+    let mut all = vec![None; faces.len()];
+    let bodies = resection.map_or(&[][..], |resection| &resection.bodies);
+    for (rows, own) in topology.bodies.iter().zip(bodies) {
+        let Some(own) = own.as_ref().filter(|own| own.material.is_some()) else { continue };
+        for (all, own) in all.iter_mut().zip(own.face_parts(rows, faces)) {
+            *all = all.take().or(own);
+        }
+    }
+    all
+}
+
+/// Whether a cut left elements of some faces a part of them.
+pub fn have_parts(
+    topology: &Topology,
+    resection: Option<&Resection>,
+    faces: &[[VertexRow; 3]],
+) -> Vec<bool> {
+    face_parts(topology, resection, faces).iter().map(Option::is_some).collect()
+}
