@@ -536,7 +536,7 @@ impl Simulation {
             // of a quadrilateral both diagonals too: elements couple all their vertices
             let mut pairs = (0..N).flat_map(|i| (0..i).map(move |j| (i, j)));
             let is_on = |element: &Vec<VertexRow>| rows.iter().all(|row| element.contains(row));
-            let is_whole =
+            let mut is_whole =
                 || !parted.iter().any(is_on) && pairs.all(|(i, j)| is_edge((rows[i], rows[j])));
             if has_parts.get(triangle) != Some(&true) && !is_whole() {
                 let (body, name) = (topology.bodies[body.0].name.clone(), name.into());
@@ -885,13 +885,13 @@ impl Simulation {
     fn ratios(&mut self, body: BodyHandle, kinds: [ElementKind; 2]) -> Vec<f64> {
         let rows = &self.topology().bodies[body.0];
         let [first, second] = kinds.map(|kind| rows.mesh_elements(kind));
-        let sources = rows.copies.sources.clone();
+        let sources = kinds.map(|kind| rows.sources(kind).to_vec());
         let mut result = vec![f64::INFINITY; first + second];
         self.each_element(body, |e| {
             if let Some(list) = kinds.iter().position(|kind| *kind == e.kind) {
                 // of an element that was cut the smallest of its copies
                 let copy = (e.index as usize).checked_sub([first, second][list]);
-                let index = copy.map_or(e.index, |copy| sources[copy]);
+                let index = copy.map_or(e.index, |copy| sources[list][copy]);
                 let own = &mut result[list * first + index as usize];
                 *own = own.min(e.smallest());
             }

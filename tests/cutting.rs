@@ -7,7 +7,7 @@ use glam::DVec3;
 use sinew::engine::mesh::generate::{box_hexahedra, box_tets, jitter_interior};
 use sinew::engine::scalar::Scalar;
 use sinew::engine::vertex::{Displacement, Mass, RestPosition, Velocity};
-use sinew::models::body::sheet::MembraneDescription;
+use sinew::models::body::sheet::{Bending, MembraneDescription, MembraneModel};
 use sinew::models::body::{Evaluation, Integration, MassRule};
 use sinew::models::cutting::{CutError, MaterialSkin};
 use sinew::models::resection::{Region, Removal};
@@ -143,7 +143,12 @@ fn what_cannot_be_cut_is_told() {
     let mut curved = mesh.with_second_order();
     let last = curved.points.len() - 1;
     curved.points[last] += 1e-4;
-    let skin = mesh.surface_triangles();
+    let (skin, across) = (mesh.surface_triangles(), [[0, 3, 12]]);
+    let membrane = MembraneDescription::new(&skin, 0.001, material);
+    let free = MembraneDescription { triangles: &across, ..membrane };
+    let stiff = MembraneDescription { bending: Some(Bending::default()), ..membrane };
+    let springs = MembraneDescription { model: MembraneModel::MassSpring, ..membrane };
+    let quads = MembraneDescription { triangles: &[], quads: &[[0, 1, 5, 4]], ..membrane };
     let cases = [
         (BodyDescription { spare: 0, ..plain.clone() }, "no vertices to spare"),
         (BodyDescription { spare: 5, ..plain.clone() }, "5 are spare"),
@@ -154,13 +159,10 @@ fn what_cannot_be_cut_is_told() {
             "proportional to a volume",
         ),
         (BodyDescription { masses: MassRule::Equal, ..plain.clone() }, "equal masses"),
-        (
-            BodyDescription {
-                membrane: Some(MembraneDescription::new(&skin, 0.001, material)),
-                ..plain.clone()
-            },
-            "without membranes",
-        ),
+        (BodyDescription { membrane: Some(free), ..plain.clone() }, "no face of its tetrahedra"),
+        (BodyDescription { membrane: Some(stiff), ..plain.clone() }, "without bending"),
+        (BodyDescription { membrane: Some(springs), ..plain.clone() }, "springs of its membrane"),
+        (BodyDescription { membrane: Some(quads), ..plain.clone() }, "only triangles"),
         (BodyDescription { integration: Integration::Reduced, ..bricks.clone() }, "reduced"),
         (BodyDescription { masses: MassRule::Nodal, ..bricks.clone() }, "masses at corners"),
         (BodyDescription { axes: Some(rich(&hexahedra)), ..bricks.clone() }, "linear tetrahedra"),

@@ -248,7 +248,7 @@ fn clusters_part_with_the_material() {
 
 /// Forces on all inner vertices and ghosts of a block under a uniform deformation whose stress has nothing across a cut right
 /// through, over the largest force; and the same of the sums over each vertex and its ghosts.
-fn patch(description: &BodyDescription, f: DMat3, strip: &[[DVec3; 2]]) -> [f64; 2] {
+pub(crate) fn patch(description: &BodyDescription, f: DMat3, strip: &[[DVec3; 2]]) -> [f64; 2] {
     let (mut simulation, body) = alone(options(Precision::F64, 2), description);
     let n = simulation.positions(body).len();
     assert_eq!(n, description.points.len());

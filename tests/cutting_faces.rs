@@ -1,19 +1,30 @@
-//! What lies on faces of linear tetrahedra that a blade parts: pressures.
+//! What lies on faces of linear tetrahedra that a blade parts: pressures and membranes.
 
 use crate::common::*;
 use crate::cutting_elements::*;
 use glam::DVec3;
+use sinew::engine::connectivity::ElementKind;
 use sinew::engine::law::{EvaluationRequest, TangentKind};
-use sinew::engine::load::SweptVolumes;
+use sinew::engine::load::{Pressure, SweptVolumes};
 use sinew::engine::matrix::Tangent;
 use sinew::engine::mesh::Surface;
+use sinew::engine::mesh::generate::box_tets;
 use sinew::engine::row::MeshVertex;
 use sinew::engine::scalar::Scalar;
 use sinew::engine::schedule::ForceSchedule;
+use sinew::engine::topology::Topology;
 use sinew::engine::vertex::Displacement;
+use sinew::models::body::sheet::{MembraneDescription, MembraneModel};
 use sinew::models::laws::pressure::swept_volume;
-use sinew::models::resection::Region;
+use sinew::models::resection::{Region, Removal};
 use sinew::prelude::*;
+
+/// Faces at the top of a block, outward.
+fn top_of(mesh: &Mesh) -> Vec<[u32; 3]> {
+    let mut top = mesh.surface_triangles();
+    top.retain(|t| t.iter().all(|&v| mesh.points[v as usize].z > SIDE - 1e-9));
+    top
+}
 
 /// Displaces all rows (m), ghosts as well.
 fn displace(simulation: &mut Simulation, u: &[DVec3]) {
@@ -74,7 +85,8 @@ fn forces_and_stiffness(simulation: &mut Simulation, v: &[DVec3]) -> (Vec<DVec3>
     let tangent = Some(TangentKind::Exact);
     world.insert_resource(EvaluationRequest { energy: false, force: false, tangent });
     world.run_schedule(ForceSchedule);
-    let (matrix, edges) = (&world.resource::<Tangent<f64>>().matrix, &simulation.topology().edges);
+    let (matrix, edges) =
+        (&world.resource::<Tangent<f64>>().matrix, &world.resource::<Topology>().edges);
     let product = |m: &[f64; 9], a: usize, b: usize| -> f64 {
         (0..9).map(|i| v[a][i / 3] * m[i] * v[b][i % 3]).sum()
     };
@@ -114,9 +126,8 @@ fn is_that_of_the_skin(simulation: &mut Simulation, pressure: f64, tolerance: f6
         let (expected, volume) = of_skin(simulation, pressure);
         let swept = simulation.world().resource::<SweptVolumes>().0[0][1];
         assert!((swept - volume).abs() < tolerance * SIDE * SIDE * 2e-3, "{swept} {volume}");
-        let air = simulation.find::<Pressure>("air").unwrap();
-        let air = simulation.world().get::<Pressure>(air).unwrap().clone();
         let entity = simulation.find::<Pressure>("air").unwrap();
+        let air = simulation.world().get::<Pressure>(entity).unwrap().clone();
         simulation.remove_load_or_constraint(entity);
         let bare = at(simulation, step);
         simulation.add_pressure(air);
@@ -141,8 +152,7 @@ fn a_pressure_acts_on_what_is_left_of_faces() {
         for (precision, tolerance) in [(Precision::F64, 1e-12), (Precision::F32, 3e-5)] {
             let (mut simulation, body) =
                 alone(options(precision, 2), &cuttable(&mesh, Model::StVK));
-            let mut top = mesh.surface_triangles();
-            top.retain(|t| t.iter().all(|&v| mesh.points[v as usize].z > SIDE - 1e-9));
+            let top = top_of(&mesh);
             let pressure = 5e3;
             blow(&mut simulation, body, &top, pressure, Curve::Constant);
             simulation.evaluate();
@@ -183,4 +193,174 @@ fn a_pressure_acts_on_what_is_left_of_faces() {
             }
         }
     }
+}
+
+/// Triangles of a mesh of boxes whose vertices have all this height.
+fn level(mesh: &Mesh, z: f64) -> Vec<[u32; 3]> {
+    let at = |v: &u32| (mesh.points[*v as usize].z - z).abs() < 1e-9;
+    let faces = mesh.tetrahedra.iter().flat_map(|&[a, b, c, d]| {
+        [[b, c, d], [a, c, d], [a, b, d], [a, b, c]].map(|mut face| {
+            face.sort_unstable();
+            face
+        })
+    });
+    let mut level: Vec<[u32; 3]> = faces.filter(|face| face.iter().all(at)).collect();
+    level.sort_unstable();
+    level.dedup();
+    level
+}
+
+/// A block of little stiffness in a skin, with a membrane through its middle.
+fn skinned(mesh: &Mesh) -> Vec<[u32; 3]> {
+    let mut skin = mesh.surface_triangles();
+    skin.extend(level(mesh, SIDE / 2.0));
+    skin
+}
+
+#[test]
+fn membranes_at_the_instant() {
+    let mesh = box_tets(DVec3::splat(SIDE), [4; 3]).unwrap();
+    let skin = skinned(&mesh);
+    let models = MembraneModel::ALL.into_iter().filter(|model| *model != MembraneModel::MassSpring);
+    for model in models {
+        let membrane = MembraneDescription::new(&skin, 2e-3, soft(1e5, 0.3));
+        let membrane = Some(MembraneDescription { model, ..membrane });
+        for (precision, tolerance) in [(Precision::F64, 1e-12), (Precision::F32, 3e-5)] {
+            let body = BodyDescription { membrane, ..cuttable(&mesh, Model::StVK) };
+            let (mut simulation, body) = alone(options(precision, 2), &body);
+            let (u, v) = (random_field(mesh.points.len(), 3), random_field(mesh.points.len(), 4));
+            let u: Vec<_> = u.iter().map(|u| *u * 1e-3).collect();
+            simulation.set_state(body, &u, &v).unwrap();
+            let state = |simulation: &mut Simulation| {
+                let (energy, sums) = (simulation.evaluate(), sums(simulation));
+                (energy, sums)
+            };
+            let before = state(&mut simulation);
+            let count = simulation.remaining(body, ElementKind::Triangle).len();
+            for strip in [lengthwise(), halfway()] {
+                simulation.cut(body, &strip).unwrap();
+                let after = state(&mut simulation);
+                let what = format!("{model:?} {precision:?}: {before:?} {after:?}");
+                assert!((after.0 / before.0 - 1.0).abs() < tolerance, "{what}");
+                let forces = rows(&mut simulation).iter().map(|row| row.4.length()).sum::<f64>();
+                for (i, (a, b)) in after.1.iter().zip(&before.1).enumerate() {
+                    let size = match i {
+                        0 | 1 => *b,
+                        2..8 => before.1[0],
+                        _ => forces,
+                    };
+                    assert!((a - b).abs() < tolerance * size, "{i} {what}");
+                }
+            }
+            let parted = simulation.remaining(body, ElementKind::Triangle).len();
+            assert!(parted > count + 20, "{parted} {count}");
+        }
+    }
+}
+
+/// A membrane through a body that is pulled along a cut: nothing acts on inner vertices and ghosts.
+#[test]
+fn patch_of_a_membrane() {
+    let mesh = box_tets(DVec3::splat(SIDE), [6; 3]).unwrap();
+    let inner = level(&mesh, SIDE / 2.0);
+    let plain = cuttable(&mesh, Model::StVK);
+    let membrane = MembraneDescription::new(&inner, 2e-3, soft(1e5, 0.3));
+    let borne = BodyDescription { membrane: Some(membrane), ..plain };
+    let [alone, sums] = patch(&borne, pulled(), &lengthwise());
+    assert!(alone < 1e-10 && sums < 1e-10, "{alone} {sums}");
+}
+
+/// Skin under tension on something much softer: the wound gapes as far as the skin was stretched; without it hardly.
+#[test]
+fn a_wound_gapes_where_skin_was_stretched() {
+    let mesh = box_tets(DVec3::splat(SIDE), [4; 3]).unwrap();
+    let top = level(&mesh, SIDE);
+    let solid = BodyDescription::new("fat", &mesh, soft(200.0, 0.3));
+    let solid = BodyDescription { spare: 500, model: Model::NeoHookean, ..solid };
+    let skin = Some(MembraneDescription::new(&top, 1e-3, soft(1e6, 0.3)));
+    let gape = [None, skin].map(|membrane| {
+        let body = BodyDescription { membrane, ..solid.clone() };
+        let (mut simulation, body) = alone(options(Precision::F64, 2), &body);
+        simulation.set_gravity(DVec3::ZERO);
+        let stretched: Vec<DVec3> =
+            mesh.points.iter().map(|x| DVec3::X * 0.1 * (x.x - SIDE / 2.0)).collect();
+        simulation.displace(body, &stretched);
+        for side in ["x0", "x1"] {
+            clamp(&mut simulation, body, &mesh, side);
+        }
+        let settings = solver!(Integrator::Safe, mass_damping = 10.0);
+        simulation.set_solver(settings);
+        let beside = [0.25, 0.75].map(|part| {
+            let at = DVec3::new(part * SIDE, SIDE / 2.0, SIDE);
+            vertices(&mesh.points, |x| x.distance(at) < 1e-9)[0] as usize
+        });
+        let width = |simulation: &mut Simulation| {
+            let x = simulation.positions(body);
+            x[beside[1]].x - x[beside[0]].x
+        };
+        simulation.steps(50);
+        let before = width(&mut simulation);
+        let edge = |y: f64| [DVec3::new(0.033, y, 0.08), DVec3::new(0.031, y, 0.05)];
+        assert!(!simulation.cut(body, &[edge(-0.02), edge(0.08)]).unwrap().copies.is_empty());
+        simulation.steps(100);
+        assert_eq!(simulation.volume_report().inverted, 0);
+        width(&mut simulation) - before
+    });
+    // each half of the skin is a tenth too short, of which a vertex in its middle has half
+    let full = 0.05 * SIDE;
+    assert!(gape[1] > 0.8 * full && gape[1] < 1.1 * full, "{gape:?}");
+    assert!(gape[0] < 0.5 * gape[1], "{gape:?}");
+}
+
+/// Cuts, removals of what is on the body and of what it is of: as a body that was divided at once, whatever the number of threads;
+/// a pressure stays on skin whose tissue is gone.
+#[test]
+fn membranes_are_cut_and_removed() {
+    let mesh = box_tets(DVec3::splat(SIDE), [4; 3]).unwrap();
+    let skin = skinned(&mesh);
+    let membrane = Some(MembraneDescription::new(&skin, 1e-3, soft(1e5, 0.3)));
+    let description = BodyDescription { membrane, ..cuttable(&mesh, Model::NeoHookean) };
+    let mut hashes = Vec::new();
+    for threads in [1, 3] {
+        let (mut simulation, body) = alone(options(Precision::F64, threads), &description);
+        clamp(&mut simulation, body, &mesh, "z0");
+        let pressure = 200.0;
+        blow(&mut simulation, body, &top_of(&mesh), pressure, Curve::Constant);
+        simulation.integrate_by(Integrator::Safe);
+        let mut next = random_numbers(5);
+        for _ in 0..6 {
+            let mut point = || DVec3::from([0; 3].map(|_| next(1000) as f64 * SIDE * 1e-3));
+            let (a, b, c) = (point(), point(), point());
+            let mass =
+                |simulation: &mut Simulation| rows(simulation).iter().map(|r| r.0).sum::<f64>();
+            let before = mass(&mut simulation);
+            simulation.cut(body, &[[a, b], [c, a + b - c]]).unwrap();
+            assert!((mass(&mut simulation) / before - 1.0).abs() < 1e-12);
+            simulation.steps(2);
+            let left = simulation.remaining(body, ElementKind::Triangle);
+            let gone = pick(left.clone(), 4, next(100) as u64);
+            let copy = left.last().filter(|t| !gone.contains(t)).copied();
+            simulation.remove(body, Region::Triangles(gone.into_iter().chain(copy).collect()));
+        }
+        let found = simulation.verify_against_fresh(body).unwrap();
+        assert!(found.largest() < 1e-12 && found.mass < 1e-12, "{found:?}");
+        let count = rows(&mut simulation).len();
+        let total = |simulation: &mut Simulation| {
+            displace(simulation, &vec![DVec3::ZERO; count]);
+            simulation.evaluate();
+            rows(simulation).iter().map(|row| row.4.z).sum::<f64>()
+        };
+        let whole = pressure * SIDE * SIDE;
+        assert!((total(&mut simulation) / whole - 1.0).abs() < 1e-11);
+        let tissue = simulation.remaining(body, ElementKind::Tetrahedron);
+        let lost = simulation.remove_elements(body, &Removal::new(Region::Tetrahedra(tissue)));
+        assert!(lost.unwrap().volume > 0.0);
+        // where skin was removed before, too, nothing is left
+        let share = total(&mut simulation) / whole;
+        assert!(share < 1.0 && share > 0.5, "{share}");
+        let error = simulation.cut(body, &lengthwise()).unwrap_err().to_string();
+        assert!(error.contains("membrane"), "{error}");
+        hashes.push(simulation.state_hash());
+    }
+    assert_eq!(hashes[0], hashes[1]);
 }

@@ -416,7 +416,12 @@ fn cuts() {
     let material = soft(2e5, 0.49);
     let axes = Some(rich(&mesh));
     let rich = BodyDescription { volume, model, material, axes, ..beam.clone() };
-    for (name, beam) in [("cuts", beam), ("cuts of clusters and axes", rich)] {
+    let skin = mesh.surface_triangles();
+    let membrane = Some(MembraneDescription::new(&skin, 1e-3, soft(1e6, 0.3)));
+    let skinned = BodyDescription { membrane, ..beam.clone() };
+    for (name, beam) in
+        [("cuts", beam), ("cuts of clusters and axes", rich), ("cuts of skin", skinned)]
+    {
         cuts_of(name, &mesh, &beam);
     }
 }

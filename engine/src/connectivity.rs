@@ -146,9 +146,14 @@ impl Connectivity {
         Self::of(body, Cells::new(body.row_count(), &body.nodes))
     }
 
-    /// Of a whole body that differs from the one of this in some elements of a kind, by their rows, and in new ones after all others.
-    pub fn after(&self, body: &BodyRows, kind: ElementKind, changed: &[u32]) -> Self {
-        Self::of(body, self.cells.after(kind, &body.nodes[kind], changed))
+    /// Of a whole body that differs from the one of this in some elements, by their rows, and in new ones after all others.
+    pub fn after(&self, body: &BodyRows, changed: &ByKind<Vec<u32>>) -> Self {
+        let kinds = ElementKind::ALL.into_iter().filter(|&kind| !changed[kind].is_empty());
+        let after = |cells: Option<Cells>, kind| {
+            let before = cells.as_ref().unwrap_or(&self.cells);
+            Some(before.after(kind, &body.nodes[kind], &changed[kind]))
+        };
+        Self::of(body, kinds.fold(None, after).unwrap_or_else(|| self.cells.clone()))
     }
 
     fn of(body: &BodyRows, cells: Cells) -> Self {

@@ -50,6 +50,9 @@ pub struct Lumps {
     pub weight: [f64; 10],
 }
 
+/// Parts of the area of a whole triangle at its corners.
+pub const WHOLE_TRIANGLE: [f64; 3] = [1.0 / 3.0; 3];
+
 /// What cuts made of the elements of a body; empty while it is whole. An element whose material falls apart becomes several
 /// of the same shape, each with its share of the volume.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -66,6 +69,10 @@ pub struct Copies {
     pub portions: Vec<[f64; 4]>,
     /// What the vertices of every row have, where elements are not linear tetrahedra; nothing where one is whole.
     pub lumps: Vec<Lumps>,
+    /// Membrane triangle, by its index in the user's list, that every copy of one is of; numbered in the same way.
+    pub sheet_sources: Vec<u32>,
+    /// Parts of the area of every membrane triangle that are at its corners: a third each where it is whole.
+    pub sheet_portions: Vec<[f64; 3]>,
 }
 
 impl BodyElements {
@@ -105,12 +112,28 @@ impl BodyElements {
 
     /// Number of elements of the user's mesh, without copies.
     pub fn mesh_elements(&self, kind: ElementKind) -> usize {
-        let copies = if kind == self.copies.kind { self.copies.sources.len() } else { 0 };
-        self.order[kind].len() - copies
+        self.order[kind].len() - self.sources(kind).len()
+    }
+
+    /// Element of the mesh that every copy of a kind is of.
+    pub fn sources(&self, kind: ElementKind) -> &[u32] {
+        match kind {
+            ElementKind::Triangle => &self.copies.sheet_sources,
+            _ if kind == self.copies.kind => &self.copies.sources,
+            _ => &[],
+        }
+    }
+
+    /// Parts of the area of a membrane triangle, given by its row, that are at its corners.
+    pub fn sheet_portion(&self, triangle: u32) -> [f64; 3] {
+        self.copies.sheet_portions.get(triangle as usize).copied().unwrap_or(WHOLE_TRIANGLE)
     }
 
     /// Whether no cut parted an element, given by its row.
     pub fn is_whole(&self, kind: ElementKind, element: u32) -> bool {
+        if kind == ElementKind::Triangle {
+            return self.sheet_portion(element) == WHOLE_TRIANGLE;
+        }
         let portion = self.copies.portions.get(element as usize);
         kind != self.copies.kind || portion.is_none_or(|portion| *portion == [0.25; 4])
     }
@@ -124,7 +147,7 @@ impl BodyElements {
     /// Index in the user's mesh of an element, for a copy that of the element it is of.
     pub fn source(&self, kind: ElementKind, index: u32) -> u32 {
         let copy = (index as usize).checked_sub(self.mesh_elements(kind));
-        copy.map_or(index, |copy| self.copies.sources[copy])
+        copy.map_or(index, |copy| self.sources(kind)[copy])
     }
 
     /// Vertex rows of the tetrahedra, where they have four vertices.

@@ -240,8 +240,12 @@ impl Matter<'_> {
         let Some(sheet) = self.membrane else { return mass };
         let (_, density) = sheet.surface();
         for &t in &elements[ElementKind::Triangle] {
-            let share = density * self.triangle(t).area / 3.0;
-            add(&self.ordered.triangles()[t as usize], &[share; 3]);
+            let mass = density * self.triangle(t).area;
+            let shares = match self.ordered.is_whole(ElementKind::Triangle, t) {
+                true => [mass / 3.0; 3],
+                false => self.ordered.sheet_portion(t).map(|part| part * mass),
+            };
+            add(&self.ordered.triangles()[t as usize], &shares);
         }
         for &q in &elements[ElementKind::Quad] {
             let nodes = self.ordered.quads()[q as usize];

@@ -38,6 +38,7 @@ pub(super) fn read_surface(world: &mut World, body: usize) -> BodySurface {
     }
     // where a cut divided elements their material tells
     let cut = cut_faces(world, body);
+    let is_cut = cut.is_some();
     let divided = |kind, e: u32| {
         kind == ElementKind::Tetrahedron && cut.as_ref().is_some_and(|cut| cut.divided[e as usize])
     };
@@ -52,7 +53,12 @@ pub(super) fn read_surface(world: &mut World, body: usize) -> BodySurface {
     });
     let mut sheets = Vec::new();
     for t in connectivity.all_left(ElementKind::Triangle) {
-        sheets.push(rows.triangles()[t as usize]);
+        // in a body that was cut the skin of the solid is where membranes on it are
+        let triangle = connectivity.cells.triangles_of.triangles.of(t)[0];
+        let mut behind = connectivity.round_triangle.of(triangle).iter();
+        if !is_cut || !behind.any(|&e| connectivity.is_present(ElementKind::Tetrahedron, e)) {
+            sheets.push(rows.triangles()[t as usize]);
+        }
     }
     let sheet_halves = sheets.len();
     for q in connectivity.all_left(ElementKind::Quad) {

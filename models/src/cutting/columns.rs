@@ -3,8 +3,10 @@
 use bevy_ecs::prelude::*;
 use glam::DVec3;
 use sinew_engine::columns::copy_entity;
+use sinew_engine::connectivity::ElementKind;
 use sinew_engine::element::{
-    RestVolume, TETRAHEDRON_EDGES, TetrahedronBlocks, TetrahedronIndex, TetrahedronVertices,
+    MembraneBlocks, MembraneIndex, MembraneVertices, RestVolume, TETRAHEDRON_EDGES, TRIANGLE_EDGES,
+    TetrahedronBlocks, TetrahedronIndex, TetrahedronVertices, membrane_rest_bundle,
     shape_gradient_bundle,
 };
 use sinew_engine::isoparametric::{
@@ -18,10 +20,17 @@ use sinew_engine::topology::{BodyRows, Topology};
 use std::collections::BTreeMap;
 
 use super::axes;
+use super::faces::Sheet;
 use super::material::{Element, Material, Order};
 use super::{hexahedra, ten_node};
 use crate::body::present::BodyResection;
+use crate::body::sheet::MembraneSettings;
+use crate::element::membrane::RestTriangle;
 use crate::element::precompute::RestTetrahedron;
+use crate::frame::triangles::{
+    MembraneCompressionModulus, MembraneFirstModulus, MembraneShearModulus,
+};
+use crate::material::LameParameters;
 
 /// Points of their own of a parted element.
 pub(super) enum Points {
@@ -82,6 +91,8 @@ pub(super) struct Changed<'a> {
     pub elements: (&'a [Element], &'a Material),
     /// Their numbers, ascending.
     pub numbers: &'a [u32],
+    /// Numbers of membrane triangles that are others now, ascending, and what they are made of.
+    pub sheets: (&'a [u32], Option<MembraneSettings>),
     /// Points of their own.
     pub points: BTreeMap<u32, (Points, Lumps)>,
     /// Rest positions (m) of all rows of the body.
@@ -146,6 +157,7 @@ pub(super) fn write<S: Scalar>(world: &mut World, mut changed: Changed) {
         }
     }
     world.insert_resource(points);
+    changed.write_sheets::<S>(world);
 }
 
 /// Puts derivatives into a list, in the place that their element has there (0: none yet), and tells which it has.
@@ -164,13 +176,54 @@ fn places<const N: usize, const P: usize>(
     row: u32,
     pairs: &[[usize; 2]; P],
 ) -> ([u32; N], [u32; P]) {
-    let local = rows.nodes[rows.copies.kind].each::<N>()[row as usize];
+    places_of(world, rows, (rows.copies.kind, row), pairs)
+}
+
+fn places_of<const N: usize, const P: usize>(
+    world: &World,
+    rows: &BodyRows,
+    (kind, row): (ElementKind, u32),
+    pairs: &[[usize; 2]; P],
+) -> ([u32; N], [u32; P]) {
+    let local = rows.nodes[kind].each::<N>()[row as usize];
     let nodes = local.map(|v| v + rows.vertices.start);
     let topology = world.resource::<Topology>();
     (nodes, pairs.map(|[a, b]| topology.block(nodes[a], nodes[b]).unwrap_or(0)))
 }
 
 impl Changed<'_> {
+    /// Membrane triangles. Their energies are proportional to the moduli, and only these: some know the shape by its area.
+    fn write_sheets<S: Scalar>(&self, world: &mut World) {
+        let (numbers, Some(settings)) = self.sheets else { return };
+        let (rows, own, kind) = (self.rows, self.own, ElementKind::Triangle);
+        let LameParameters { lambda, mu } = settings.surface().0;
+        for &t in numbers {
+            let sheet: &Sheet = &self.elements.1.sheets[t as usize];
+            let row = own.element_of[kind][t as usize];
+            let (nodes, blocks) = places_of(world, rows, (kind, row), &TRIANGLE_EDGES);
+            let at = |row: u32| self.rest[(row - rows.vertices.start) as usize].to_array();
+            let rest = RestTriangle::new(nodes.map(at)).expect("the body was built with it");
+            let share: f64 = match rows.is_whole(kind, row) {
+                true => 1.0,
+                false => sheet.portion.iter().sum(),
+            };
+            let entity = match own.rows.elements[kind].get(row as usize) {
+                Some(&entity) => entity,
+                None => {
+                    let parent = own.element_of[kind][sheet.parent as usize];
+                    copy_entity(world, own.rows.elements[kind][parent as usize])
+                }
+            };
+            world.entity_mut(entity).insert((
+                (MembraneVertices(nodes), MembraneBlocks(blocks), MembraneIndex(t)),
+                membrane_rest_bundle::<S>(rest.edges, rest.area),
+                MembraneFirstModulus(S::from_f64(share * lambda)),
+                MembraneShearModulus(S::from_f64(share * mu)),
+                MembraneCompressionModulus(S::from_f64(share * settings.compression())),
+            ));
+        }
+    }
+
     /// A linear tetrahedron and its axes.
     fn linear<S: Scalar>(
         &self,

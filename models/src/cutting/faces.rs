@@ -1,6 +1,8 @@
 //! Faces of linear tetrahedra that a blade parts, and what lies on them. A face is moved linearly by three vertices or ghosts, so that
 //! first moments of its parts are all that forces on them and masses need to know.
 
+use sinew_engine::connectivity::ElementKind;
+use sinew_engine::layout::WHOLE_TRIANGLE;
 use sinew_engine::row::VertexRow;
 use sinew_engine::topology::{BodyRows, Topology};
 use std::collections::{BTreeMap, BTreeSet};
@@ -9,6 +11,35 @@ use super::material::{Element, Material, Order};
 use super::{kind_of, row_of};
 use crate::body::present::{BodyResection, Resection};
 
+/// A membrane triangle on a face of elements, or a copy of one.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sheet {
+    /// Its vertices in the mesh, ascending.
+    pub vertices: [u32; 3],
+    /// The vertices or ghosts that move it.
+    pub nodes: [u32; 3],
+    /// Triangle of the mesh that it is a copy of, or itself.
+    pub source: u32,
+    /// Triangle that it fell off, or itself.
+    pub parent: u32,
+    /// Part of the area of the whole triangle that lies at each vertex: integrals of linear shape functions.
+    pub portion: [f64; 3],
+    /// Whether it was removed.
+    pub is_gone: bool,
+}
+
+impl Sheet {
+    /// One of the mesh.
+    pub(super) fn whole((source, mut vertices): (u32, [u32; 3])) -> Self {
+        vertices.sort_unstable();
+        let (nodes, parent, portion) = (vertices, source, WHOLE_TRIANGLE);
+        Self { vertices, nodes, source, parent, portion, is_gone: false }
+    }
+}
+
+/// Which membrane triangle lies on a face of an element.
+type Covers = BTreeMap<([u32; 3], u32), u32>;
+
 /// Part of a face of the mesh that the same three vertices or ghosts move.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct FacePart {
@@ -16,6 +47,16 @@ pub(crate) struct FacePart {
     pub nodes: [u32; 3],
     /// Integrals of their shape functions over it, as parts of the area of the whole face: a third each if it is that.
     pub moments: [f64; 3],
+}
+
+impl FacePart {
+    /// Adds it to what the same vertices move, or to the list.
+    fn add_to(self, parts: &mut Vec<Self>) {
+        match parts.iter_mut().find(|own| own.nodes == self.nodes) {
+            Some(own) => (0..3).for_each(|i| own.moments[i] += self.moments[i]),
+            None => parts.push(self),
+        }
+    }
 }
 
 /// Triangle of the material on a face of the mesh.
@@ -87,6 +128,68 @@ impl Material {
         found
     }
 
+    /// Faces of membrane triangles that are left.
+    fn covered(&self) -> BTreeSet<[u32; 3]> {
+        self.sheets.iter().filter(|sheet| !sheet.is_gone).map(|sheet| sheet.vertices).collect()
+    }
+
+    /// The membrane triangles that are left, by what has them.
+    pub(super) fn covers(&self) -> Covers {
+        let left = (0..).zip(&self.sheets).filter(|(_, sheet): &(u32, _)| !sheet.is_gone);
+        let moved: BTreeMap<_, u32> =
+            left.map(|(number, sheet)| ((sheet.vertices, sheet.nodes), number)).collect();
+        let cells = self.face_cells(&self.covered(), |_| true).into_iter();
+        let of = |cell: FaceCell| {
+            let sheet = moved.get(&(cell.face, cell.part.nodes))?;
+            Some(((cell.face, cell.element), *sheet))
+        };
+        cells.filter_map(of).collect()
+    }
+
+    /// Lets membrane triangles come apart with elements, of which so many were known before. What a face of them was covered by covers
+    /// its parts.
+    pub(super) fn part_sheets(&mut self, covers: &Covers, known: u32) {
+        if covers.is_empty() {
+            return;
+        }
+        let mut parts = BTreeMap::<u32, Vec<FacePart>>::new();
+        let cells = self.face_cells(&self.covered(), |_| true);
+        for FaceCell { face, mut element, part, .. } in cells.into_iter().filter(|c| !c.is_twin) {
+            while element >= known {
+                element = self.elements[element as usize].parent;
+            }
+            if let Some(&sheet) = covers.get(&(face, element)) {
+                part.add_to(parts.entry(sheet).or_default());
+            }
+        }
+        for (number, parts) in parts {
+            let own = self.sheets[number as usize];
+            for (at, part) in parts.iter().enumerate() {
+                // what did not come apart is not summed again
+                let portion = if parts.len() == 1 { own.portion } else { part.moments };
+                let sheet = Sheet { nodes: part.nodes, portion, ..own };
+                match at {
+                    0 => self.sheets[number as usize] = sheet,
+                    _ => self.sheets.push(Sheet { parent: number, ..sheet }),
+                }
+            }
+        }
+    }
+
+    /// Whether membrane triangles that are left lie on elements with all of their area.
+    pub(super) fn bears_sheets(&self) -> bool {
+        let mut areas: Vec<f64> =
+            self.sheets.iter().map(|sheet| sheet.portion.iter().sum()).collect();
+        let covers = self.covers();
+        for cell in self.face_cells(&self.covered(), |_| true).iter().filter(|c| !c.is_twin) {
+            if let Some(&sheet) = covers.get(&(cell.face, cell.element)) {
+                areas[sheet as usize] -= cell.part.moments.iter().sum::<f64>();
+            }
+        }
+        let borne = |(sheet, area): (&Sheet, &f64)| sheet.is_gone || area.abs() < 1e-9;
+        self.sheets.iter().zip(&areas).all(borne)
+    }
+
     /// Vertices, ascending, of the face of an element opposite one of its vertices.
     pub(super) fn face_of(element: &Element, opposite: usize) -> [u32; 3] {
         let [a, b, c] = [[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]][opposite];
@@ -113,10 +216,19 @@ impl BodyResection {
         for FaceCell { face, part, .. } in
             material.face_cells(faces, is_left).into_iter().filter(|cell| !cell.is_twin)
         {
-            let all = parts.entry(face).or_default();
-            match all.iter_mut().find(|own| own.nodes == part.nodes) {
-                Some(own) => (0..3).for_each(|i| own.moments[i] += part.moments[i]),
-                None => all.push(part),
+            part.add_to(parts.entry(face).or_default());
+        }
+        // what lies on a face goes on where its elements went
+        let sheets = (0..).zip(&material.sheets);
+        let left = sheets.filter(|(t, sheet): &(u32, &Sheet)| {
+            let row = self.element_of[ElementKind::Triangle][*t as usize];
+            faces.contains(&sheet.vertices)
+                && self.connectivity.is_present(ElementKind::Triangle, row)
+        });
+        for (_, sheet) in left {
+            let all = parts.entry(sheet.vertices).or_default();
+            if all.iter().all(|own| own.nodes != sheet.nodes) {
+                all.push(FacePart { nodes: sheet.nodes, moments: sheet.portion });
             }
         }
         parts

@@ -6,6 +6,7 @@ use sinew_engine::layout::{ascending, starts};
 use sinew_engine::sets::DisjointSets;
 use std::collections::{BTreeMap, BTreeSet};
 
+use super::faces::Sheet;
 use super::hexahedra;
 
 /// Local corners of the edges of a tetrahedron.
@@ -499,6 +500,8 @@ pub struct Material {
     cut: Vec<Mark>,
     /// Kind of its elements.
     pub order: Order,
+    /// Membrane triangles on faces of its elements; those of the mesh first.
+    pub sheets: Vec<Sheet>,
 }
 
 impl Material {
@@ -623,6 +626,7 @@ impl Material {
             self.cut.clear();
             (0..).zip(&mut self.cells).for_each(|(number, cell)| cell.began = number);
         }
+        let (covers, known) = (self.covers(), self.elements.len() as u32);
         let uncut = self.uncut.take().unwrap_or_default();
         // separated cells are cut at their marks, and all round these
         let first = self.points.len() as u32;
@@ -678,7 +682,9 @@ impl Material {
         let touched = self.part_elements(own);
         self.part_points(uncut.points);
         self.uncut = Some(uncut);
-        self.part_nodes(&touched)
+        let origins = self.part_nodes(&touched);
+        self.part_sheets(&covers, known);
+        origins
     }
 
     /// Gives the points of the stroke, from `first` on, an own number for each side on which the cells round them hang together.

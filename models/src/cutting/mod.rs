@@ -52,7 +52,7 @@ use sinew_engine::compiled_here;
 use sinew_engine::connectivity::{ByKind, Connectivity, ElementKind};
 use sinew_engine::isoparametric::MIDDLES;
 use sinew_engine::law::partition_laws;
-use sinew_engine::layout::{Lumps, lowest_first, starts};
+use sinew_engine::layout::{Lumps, WHOLE_TRIANGLE, lowest_first, starts};
 use sinew_engine::load::Pressure;
 use sinew_engine::row::{LocalRow, MeshVertex, VertexRow};
 use sinew_engine::scalar::Scalar;
@@ -64,14 +64,16 @@ use std::collections::BTreeSet;
 use std::time::{Duration, Instant};
 
 use self::columns::{Changed, points_of};
+use self::faces::Sheet;
 use self::material::{Element, Material, Order, Stroke};
 pub use self::skin::{
     MaterialSkin, cut_material, is_cut, node_places, node_velocities, update_skin,
 };
 use crate::body::description::{MassRule, SoftBody};
 use crate::body::edit_log::{Edit, before_edit, log_edit};
-use crate::body::matter::{Chosen, Items};
+use crate::body::matter::{Chosen, Items, chosen};
 use crate::body::present::{BodyResection, Resection};
+use crate::body::sheet::MembraneModel;
 use crate::frame::rules::{Evaluation, Integration};
 use crate::laws::models::Model;
 use crate::laws::{bending, pressure};
@@ -255,10 +257,13 @@ pub fn check_cut(world: &mut World, body: usize) -> Result<(), CutError> {
     let soft = soft_of(world, body);
     let problem = match &soft {
         None => "it has no elements",
-        Some(_) if kinds.iter().any(|kind| !kind.is_solid()) => {
-            "membranes have no share of an area; build it without membranes, or remove elements"
+        Some(soft)
+            if kinds.iter().any(|kind| !kind.is_solid())
+                && sheet_problem(&kinds, order, soft).is_some() =>
+        {
+            sheet_problem(&kinds, order, soft).unwrap_or_default()
         }
-        Some(_) if kinds.len() > 1 => {
+        Some(_) if kinds.iter().filter(|kind| kind.is_solid()).count() > 1 => {
             "tetrahedra and hexahedra in one body share no material; build a body of each, or remove elements"
         }
         Some(soft) if soft.evaluation == Evaluation::Pooled => {
@@ -288,9 +293,48 @@ pub fn check_cut(world: &mut World, body: usize) -> Result<(), CutError> {
         _ if !is_spare => {
             "it has no vertices to spare; build it with `spare`, such as the number of vertices of the mesh"
         }
+        _ if kinds.contains(&ElementKind::Triangle) && !bears_membrane(world, body)? => FREE_SHEETS,
         _ => return Ok(()),
     };
     Err(CutError::Body { body: name, problem: problem.into() })
+}
+
+/// A membrane that no cut can part.
+const FREE_SHEETS: &str = "triangles of its membrane lie on no face of its tetrahedra; remove them, or build it without them";
+
+/// Why the membrane of a body cannot be cut, if its faces can.
+fn sheet_problem(kinds: &[ElementKind], order: Order, soft: &SoftBody) -> Option<&'static str> {
+    let sheet = soft.membrane.as_ref();
+    Some(match () {
+        () if kinds.iter().all(|kind| !kind.is_solid()) => {
+            "it is a membrane alone; put its triangles on faces of linear tetrahedra"
+        }
+        () if order != Order::Linear || kinds.contains(&ElementKind::Quad) => {
+            "only triangles on faces of linear tetrahedra come apart with these; take such elements, or no membrane"
+        }
+        () if sheet.is_some_and(|m| m.is_pooled() || m.model == MembraneModel::MassSpring) => {
+            "springs of its membrane have no share of an area; take evaluation = \"fused\" and model = \"trbs\" for it"
+        }
+        () if sheet.is_some_and(|m| m.bending.is_some()) => {
+            "bending of its membrane has no share of an area; build that without bending"
+        }
+        () if !soft.sheet_fibres.is_empty() => {
+            "fibres of its membrane have no share of an area; build that without fibres"
+        }
+        () => return None,
+    })
+}
+
+/// Whether all triangles of a membrane that are left lie on faces of tetrahedra that are.
+fn bears_membrane(world: &mut World, body: usize) -> Result<bool, CutError> {
+    prepare_removals(world, body)?;
+    let known = world.get_resource::<Resection>().and_then(|own| own.connectivity(body));
+    Ok(known.is_none_or(|own| {
+        own.all_left(ElementKind::Triangle).all(|t| {
+            let round = own.round_triangle.of(own.cells.triangles_of.triangles.of(t)[0]);
+            own.left(ElementKind::Tetrahedron, round).next().is_some()
+        })
+    }))
 }
 
 /// How far (in edges) a vertex may lie from the middle of an edge that counts as straight.
@@ -334,8 +378,7 @@ fn kind_of(rows: &BodyRows) -> ElementKind {
 }
 
 /// Elements of a body that was not cut, by vertices of the mesh.
-fn in_mesh<const N: usize>(rows: &BodyRows) -> Vec<[u32; N]> {
-    let kind = kind_of(rows);
+fn in_mesh<const N: usize>(rows: &BodyRows, kind: ElementKind) -> Vec<[u32; N]> {
     let of_rows = rows.nodes[kind].each::<N>();
     let mut all = vec![[0; N]; of_rows.len()];
     for (nodes, &index) in of_rows.iter().zip(&rows.order[kind]) {
@@ -353,14 +396,21 @@ fn material_of(world: &World, body: usize, own: &BodyResection) -> Material {
         Some(material) => (**material).clone(),
         None => {
             let vertices = rows.mesh_vertices();
-            match order_of(rows) {
-                Order::Linear => Material::new(vertices, &in_mesh(rows)),
-                Order::TenNodes => Material::of_ten_nodes(vertices, &in_mesh(rows)),
-                Order::Hexahedra => Material::of_hexahedra(vertices, &in_mesh(rows)),
-            }
+            let mut material = match order_of(rows) {
+                Order::Linear => Material::new(vertices, &in_mesh(rows, kind)),
+                Order::TenNodes => Material::of_ten_nodes(vertices, &in_mesh(rows, kind)),
+                Order::Hexahedra => Material::of_hexahedra(vertices, &in_mesh(rows, kind)),
+            };
+            let triangles = in_mesh::<3>(rows, ElementKind::Triangle).into_iter();
+            material.sheets = (0..).zip(triangles).map(Sheet::whole).collect();
+            material
         }
     };
     material.keep(is_left);
+    let of_sheets = own.element_of[ElementKind::Triangle].iter();
+    for (sheet, &row) in material.sheets.iter_mut().zip(of_sheets) {
+        sheet.is_gone = !own.connectivity.is_present(ElementKind::Triangle, row);
+    }
     material
 }
 
@@ -392,7 +442,10 @@ fn open<S: Scalar>(
     let own = resection.bodies[body].as_ref().expect("it was prepared");
     let old = world.resource::<Topology>().bodies[body].clone();
     let kind = kind_of(&old);
-    let before = material.elements.clone();
+    if !material.bears_sheets() {
+        return Err(CutError::Body { body: old.name.clone(), problem: FREE_SHEETS.into() });
+    }
+    let (before, sheets) = (material.elements.clone(), material.sheets.clone());
     let rest = rest_of(world, &old);
     let at_rest = |vertex: u32| rest[row_of(&old, vertex) as usize];
     let area = material.wound_area(&at_rest);
@@ -430,13 +483,18 @@ fn open<S: Scalar>(
     if material.order != Order::Linear {
         check_faces(world, &old, own, &changed)?;
     }
+    let sheets = changed_sheets(&sheets, &material);
     let parted: Vec<u32> =
         report.separated.iter().map(|&e| own.element_of[kind][e as usize]).collect();
-    let can_copy = |&e: &u32| {
+    let can_copy = |(kind, e): (ElementKind, u32)| {
         let element = own.rows.elements[kind][e as usize];
         own.rows.axes(kind, e).chain([element]).all(|entity| can_move_rows(world, entity))
     };
-    if !parted.iter().all(can_copy) {
+    let of_sheets = sheets.iter().filter_map(|&t| {
+        let row = own.element_of[ElementKind::Triangle].get(t as usize)?;
+        Some((ElementKind::Triangle, *row))
+    });
+    if !parted.iter().map(|&e| (kind, e)).chain(of_sheets).all(can_copy) {
         let problem = "a component of its elements owns something and has no copy; keep such data on entities of your own";
         return Err(CutError::Body { body: name(), problem: problem.into() });
     }
@@ -445,7 +503,7 @@ fn open<S: Scalar>(
     before_edit::<S>(world);
     *resection = world.remove_resource().unwrap_or_default();
     log_edit(world, Edit::Cut { body, stroke: stroke.clone() });
-    let parting = Parting { before, material, origins, changed, parted };
+    let parting = Parting { before, material, origins, changed, sheets, parted };
     (report.pieces, report.elastic_energy) = divide::<S>(world, body, resection, parting);
     Ok(report)
 }
@@ -460,6 +518,8 @@ struct Parting {
     origins: Vec<u32>,
     /// Numbers of those that are others now, ascending.
     changed: Vec<u32>,
+    /// The same of membrane triangles.
+    sheets: Vec<u32>,
     /// Rows of those that were parted.
     parted: Vec<u32>,
 }
@@ -469,14 +529,14 @@ fn divide<S: Scalar>(
     world: &mut World,
     body: usize,
     resection: &mut Resection,
-    Parting { before, material, origins, changed, parted }: Parting,
+    Parting { before, material, origins, changed, sheets, parted }: Parting,
 ) -> (usize, f64) {
     let own = resection.bodies[body].as_mut().expect("it was prepared");
     let old = world.resource::<Topology>().bodies[body].clone();
     let (kind, rest) = (kind_of(&old), rest_of(world, &old));
     let soft = soft_of(world, body);
     let losing = soft.as_ref().map(|soft| own.parting::<S>(world, soft, &parted));
-    let mut new = parted_rows(&old, own, &material, &changed);
+    let mut new = parted_rows(&old, own, &material, [&changed, &sheets]);
     copy_vertices::<S>(world, &new, &origins);
     let points = points_of(&material, &changed, &|vertex| rest[row_of(&old, vertex) as usize]);
     let element_of = new.rows_of(kind);
@@ -484,11 +544,12 @@ fn divide<S: Scalar>(
         new.ordered.copies.lumps.resize(material.elements.len(), Lumps::default());
         new.ordered.copies.lumps[element_of[*e as usize] as usize] = *lumps;
     }
-    let rows: Vec<u32> = changed.iter().map(|&e| element_of[e as usize]).collect();
-    let mut connectivity = own.connectivity.after(&new, kind, &rows);
-    let known = 0..old.order[kind].len() as u32;
-    let mut gone = ByKind::<Vec<u32>>::default();
-    gone[kind] = known.filter(|&e| !own.connectivity.is_present(kind, e)).collect();
+    let of_sheets = new.rows_of(ElementKind::Triangle);
+    let mut rows = ByKind::<Vec<u32>>::default();
+    rows[ElementKind::Triangle] = sheets.iter().map(|&t| of_sheets[t as usize]).collect();
+    rows[kind] = changed.iter().map(|&e| element_of[e as usize]).collect();
+    let mut connectivity = own.connectivity.after(&new, &rows);
+    let gone = chosen(&old, |kind, e| !own.connectivity.is_present(kind, e));
     connectivity.remove(&gone);
     let was = std::mem::replace(&mut own.connectivity, connectivity);
     if let Some(soft) = &soft {
@@ -499,11 +560,13 @@ fn divide<S: Scalar>(
     new.changes += 1;
     own.pieces = new.piece_count();
     own.element_of[kind] = element_of;
+    own.element_of[ElementKind::Triangle] = of_sheets;
     merge_edges(world, body, new.clone(), &own.connectivity);
     let elements = (&before[..], &material);
     let rest = &rest_of(world, &new);
     let (rows, numbers) = (&new, &changed[..]);
-    columns::write::<S>(world, Changed { rows, own, elements, numbers, points, rest });
+    let sheets = (&sheets[..], soft.as_ref().and_then(|soft| soft.membrane));
+    columns::write::<S>(world, Changed { rows, own, elements, numbers, sheets, points, rest });
     own.material = Some(Box::new(material));
     partition_laws::<S>(world);
     let tables = ElementTables::of(world);
@@ -524,13 +587,16 @@ fn divide<S: Scalar>(
 pub(crate) fn divide_alike<S: Scalar>(world: &mut World, body: usize, material: &Material) {
     let Ok(mut resection) = prepared(world, body) else { return };
     let own = resection.bodies[body].as_ref().expect("it was prepared");
-    let before = material_of(world, body, own).elements;
+    let whole = material_of(world, body, own);
+    let sheets = changed_sheets(&whole.sheets, material);
+    let before = whole.elements;
     let is_other = |e: &usize| before.get(*e) != Some(&material.elements[*e]);
     let changed = (0..material.elements.len()).filter(is_other).map(|e| e as u32).collect();
     let (origins, mut material) = (material.ghosts.clone(), material.clone());
     // here all copies fall off whole elements
     material.elements.iter_mut().for_each(|element| element.parent = element.source);
-    let parting = Parting { before, material, origins, changed, parted: Vec::new() };
+    material.sheets.iter_mut().for_each(|sheet| sheet.parent = sheet.source);
+    let parting = Parting { before, material, origins, changed, sheets, parted: Vec::new() };
     divide::<S>(world, body, &mut resection, parting);
     world.insert_resource(resection);
 }
@@ -575,9 +641,10 @@ fn parted_rows(
     old: &BodyRows,
     own: &BodyResection,
     material: &Material,
-    changed: &[u32],
+    [changed, sheets]: [&[u32]; 2],
 ) -> BodyRows {
     let mut new = old.clone();
+    parted_sheets(&mut new, (old, own), (material, sheets));
     let copies = &mut new.ordered.copies;
     copies.kind = kind_of(old);
     copies.ghosts = material.ghosts.iter().map(|&vertex| row_of(old, vertex)).collect();
@@ -619,6 +686,39 @@ fn parted_nodes<const N: usize>(
     new.ordered.nodes[kind] = nodes.into();
 }
 
+/// The same for membrane triangles, whose rows ascend.
+fn parted_sheets(
+    new: &mut BodyRows,
+    (old, own): (&BodyRows, &BodyResection),
+    (material, changed): (&Material, &[u32]),
+) {
+    let kind = ElementKind::Triangle;
+    let mut nodes = old.triangles().to_vec();
+    new.ordered.copies.sheet_portions.resize(material.sheets.len(), WHOLE_TRIANGLE);
+    for &t in changed {
+        let sheet = &material.sheets[t as usize];
+        let mut own_rows = [0, 1, 2].map(|i| (row_of(old, sheet.nodes[i]), sheet.portion[i]));
+        own_rows.sort_unstable_by_key(|(row, _)| *row);
+        let known = own.element_of[kind].get(t as usize);
+        let at = known.map_or(nodes.len(), |&row| row as usize);
+        if known.is_none() {
+            nodes.push([0; 3]);
+            new.ordered.order[kind].push(t);
+            new.ordered.copies.sheet_sources.push(sheet.source);
+        }
+        nodes[at] = own_rows.map(|(row, _)| row);
+        new.ordered.copies.sheet_portions[at] = own_rows.map(|(_, part)| part);
+    }
+    new.ordered.nodes[kind] = nodes.into();
+}
+
+/// Numbers of membrane triangles that are others than before.
+fn changed_sheets(before: &[Sheet], material: &Material) -> Vec<u32> {
+    let all = (0..).zip(&material.sheets);
+    let is_other = |(t, sheet): &(u32, &Sheet)| before.get(*t as usize) != Some(*sheet);
+    all.filter(is_other).map(|(t, _)| t).collect()
+}
+
 /// Gives the last ghosts of a body the state of the vertices or ghosts in whose place they come.
 fn copy_vertices<S: Scalar>(world: &mut World, rows: &BodyRows, origins: &[u32]) {
     let first = rows.vertices.start as usize;
@@ -649,12 +749,12 @@ fn sum_masses<S: Scalar>(
     soft: &SoftBody,
     old: (&BodyRows, &Connectivity),
     new: (&BodyRows, &Connectivity),
-    changed: &[u32],
+    changed: &ByKind<Vec<u32>>,
 ) {
     let rest = rest_of(world, new.0);
-    let kind = kind_of(new.0);
     let mut vertices = BTreeSet::new();
-    for &e in changed {
+    let changed = ElementKind::ALL.map(|kind| changed[kind].iter().map(move |&e| (kind, e)));
+    for (kind, e) in changed.into_iter().flatten() {
         // copies are of the new ones alone
         if (e as usize) < old.0.order[kind].len() {
             vertices.extend(old.0.nodes[kind].of(e));
@@ -663,11 +763,12 @@ fn sum_masses<S: Scalar>(
     }
     let vertices: Vec<u32> = vertices.into_iter().collect();
     let sums = [old, new].map(|(rows, connectivity)| {
-        let round = vertices.iter().flat_map(|&v| connectivity.round_vertex[kind].of(v));
-        let round = round.copied().filter(|&e| connectivity.is_present(kind, e));
-        let round: BTreeSet<u32> = round.collect();
         let mut left = Chosen::default();
-        left[kind] = round.into_iter().collect();
+        for kind in ElementKind::ALL {
+            let round = vertices.iter().flat_map(|&v| connectivity.round_vertex[kind].of(v));
+            let round = round.copied().filter(|&e| connectivity.is_present(kind, e));
+            left[kind] = round.collect::<BTreeSet<u32>>().into_iter().collect();
+        }
         let at_rest = |row: u32| rest[row as usize];
         let (matter, own) = (soft.matter(&rows.ordered, &at_rest), Items::Only(&vertices));
         [matter.masses(own, &left), matter.weight_shifts(own, &left)]

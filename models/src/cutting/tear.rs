@@ -116,6 +116,9 @@ pub fn check_tear(world: &mut World, tear: &Tear) -> Result<Tear, CutError> {
                 .into(),
         );
     }
+    if soft.membrane.is_some() {
+        return refuse("what its membrane bears is not known; build it without".into());
+    }
     if soft.axes.is_some() {
         return refuse(
             "the stress of its axes and fibres is not known; take a model without".into(),

@@ -165,9 +165,14 @@ impl BodyResection {
                 let place = match ordered.lumps(kind, e).filter(|_| kind == ElementKind::Hexahedron)
                 {
                     Some(lumps) => state.vertices.mean(nodes, &lumps.mass),
-                    None => match portion.filter(|_| kind == ElementKind::Tetrahedron) {
-                        Some(portion) => state.vertices.mean(nodes, portion),
-                        None => state.vertices.barycentre(nodes),
+                    None => match (kind, portion) {
+                        (ElementKind::Tetrahedron, Some(portion)) => {
+                            state.vertices.mean(nodes, portion)
+                        }
+                        (ElementKind::Triangle, _) if !ordered.is_whole(kind, e) => {
+                            state.vertices.mean(nodes, &ordered.sheet_portion(e))
+                        }
+                        _ => state.vertices.barycentre(nodes),
                     },
                 };
                 region.holds(place)

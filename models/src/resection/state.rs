@@ -233,13 +233,20 @@ impl<'a, S: Scalar> State<'a, S> {
             let law = law.and_then(|law| law.energy);
             for &e in &chosen[kind] {
                 let (mut energy, mut volume) = (0.0, 0.0);
+                let share = match kind {
+                    ElementKind::Triangle if !own.connectivity.ordered.is_whole(kind, e) => {
+                        own.connectivity.ordered.sheet_portion(e).iter().sum()
+                    }
+                    _ => 1.0,
+                };
                 self.visit_shares(kind, e, |point| match point {
                     Point::Solid(e, u) => {
                         energy += law.map_or(0.0, |energy| energy(e, u));
                         volume += e.volume;
                     }
                     Point::Sheet(e, u, _) => {
-                        energy += soft.membrane.map_or(0.0, |m| membrane_energy(m.model, e, u));
+                        let whole = soft.membrane.map_or(0.0, |m| membrane_energy(m.model, e, u));
+                        energy += whole * share;
                     }
                 });
                 if let Some(of_modes) = hourglass {

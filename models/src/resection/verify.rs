@@ -143,17 +143,19 @@ fn lose_alike<S: Scalar>(
     (body, rows): (usize, &BodyRows),
     cluster: &BTreeMap<u32, u32>,
 ) {
-    let kind = rows.copies.kind;
     let connectivity = world.get_resource::<Resection>().and_then(|r| r.connectivity(body));
-    let is_gone = |e: u32| connectivity.is_some_and(|own| !own.is_present(kind, e));
-    let gone = (0..).zip(&rows.order[kind]).filter(|(e, _)| is_gone(*e)).map(|(_, own)| *own);
-    let gone: Vec<u32> = gone.collect();
-    let region = match kind {
-        ElementKind::Hexahedron => Region::Hexahedra(gone),
-        _ => Region::Tetrahedra(gone),
-    };
-    // whatever it could not do is a difference
-    let _ = remove_elements::<S>(fresh, 0, &Removal::new(region));
+    for kind in [rows.copies.kind, ElementKind::Triangle] {
+        let is_gone = |e: u32| connectivity.is_some_and(|own| !own.is_present(kind, e));
+        let gone = (0..).zip(&rows.order[kind]).filter(|(e, _)| is_gone(*e)).map(|(_, own)| *own);
+        let gone: Vec<u32> = gone.collect();
+        let region = match kind {
+            ElementKind::Hexahedron => Region::Hexahedra(gone),
+            ElementKind::Triangle => Region::Triangles(gone),
+            _ => Region::Tetrahedra(gone),
+        };
+        // whatever it could not do is a difference
+        let _ = remove_elements::<S>(fresh, 0, &Removal::new(region));
+    }
     let mut labels = fresh.query::<(&TetrahedronIndex, &mut ClusterIndex)>();
     for (index, mut label) in labels.iter_mut(fresh) {
         label.0 = cluster.get(&index.0).copied().unwrap_or(label.0);
