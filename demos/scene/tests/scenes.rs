@@ -286,25 +286,23 @@ fn a_scalpel_opens_what_is_under_tension() {
     let force = table.vector("scalpel.tool_force", "N");
     let mut steady: Vec<f64> = force[at(0.8)..at(1.3)].iter().map(|f| -f.y).collect();
     steady.sort_by(f64::total_cmp);
-    // 100 J/m^2 by 6 mm less the 0.6 mm that stretching takes off the height; what bulges before the blade adds a little
+    // 50 J/m^2 by 6 mm less the 0.7 mm that stretching takes off the height; what bulges before the blade adds a little
     let median = steady[steady.len() / 2];
-    assert!((0.96..1.06).contains(&(median / 0.54)), "{median}");
+    assert!((0.96..1.06).contains(&(median / 0.265)), "{median}");
     let [area, fracture] = ["tool_cut_area (m^2)", "tool_fracture (J)"]
         .map(|name| table.column(&format!("scalpel.{name}")));
     let (area, fracture) = (*area.last().unwrap(), *fracture.last().unwrap());
-    assert!(
-        (fracture / (100.0 * area) - 1.0).abs() < 1e-9 && area > 0.8 * 0.039 * 0.0054,
-        "{area}"
-    );
+    // tables have nine digits
+    assert!((fracture / (50.0 * area) - 1.0).abs() < 1e-8 && area > 0.8 * 0.039 * 0.0054, "{area}");
     let work = *table.column("scalpel.tool_work (J)").last().unwrap();
     assert!(work > fracture, "{work} {fracture}");
     let lips =
         ["left_lip", "right_lip"].map(|lip| table.vector(&format!("{lip}.mean_displacement"), "m"));
     let gap = |t: f64| lips[1][at(t)].x - lips[0][at(t)].x;
-    // 4 mm on either side of it tissue goes back by a part of that; a cut at one stroke opens it by 0.7 mm
-    assert!(gap(1.79) - gap(0.39) > 6e-4, "{} {}", gap(0.39), gap(1.79));
+    // each half of the skin was stretched by 4 mm; what holds it back is fat, and skin at the far end of the cut
+    assert!(gap(1.79) - gap(0.39) > 4e-3, "{} {}", gap(0.39), gap(1.79));
     let held = table.vector("right.reaction", "N");
-    assert!(held[at(1.79)].x < 0.99 * held[at(0.39)].x, "{} {}", held[at(0.39)], held[at(1.79)]);
+    assert!(held[at(1.79)].x < 0.6 * held[at(0.39)].x, "{} {}", held[at(0.39)], held[at(1.79)]);
     assert!(table.column("skin.min_J (-)").iter().all(|j| *j > 0.3));
     assert!(summary.volume.inverted_max == 0);
 }
