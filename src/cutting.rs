@@ -20,7 +20,7 @@ impl Simulation {
     /// [`sinew_models::cutting`] says, which tells what can be cut, too. The body needs [spare](sinew_models::body::BodyDescription::spare) vertices.
     ///
     /// # Errors
-    /// When the strip cannot be used, the body is none that can be cut, or a pressure acts where it would be parted; nothing is changed then. A strip beside the body is no error.
+    /// When the strip cannot be used, the body is none that can be cut, or a pressure acts on elements with Gauss points that would be parted; nothing is changed then. A strip beside the body is no error.
     ///
     /// ```
     /// use sinew::prelude::*;

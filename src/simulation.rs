@@ -43,7 +43,7 @@ use sinew_models::axes::description::AxesError;
 use sinew_models::body::change::set_material;
 use sinew_models::body::present::Resection;
 use sinew_models::body::{BodyDescription, BodyError, spawn_body};
-use sinew_models::cutting::faces::have_parts;
+use sinew_models::cutting::faces::{FacePart, face_parts};
 use sinew_models::laws::pressure::activate as activate_pressure;
 use sinew_models::material::field::{FieldError, MaterialField};
 use sinew_models::traction::loaded_faces;
@@ -514,7 +514,7 @@ impl Simulation {
         };
         let faces = triangles.iter().map(rows).collect::<Result<Vec<_>, SimulationError>>()?;
         let resection = self.world().get_resource::<Resection>();
-        let parts = have_parts(self.topology(), resection, &faces);
+        let parts = face_parts(self.topology(), resection, &faces);
         self.rows_of_faces(body, name, triangles, &parts)
     }
 
@@ -523,7 +523,7 @@ impl Simulation {
         body: BodyHandle,
         name: &str,
         cells: &[[u32; N]],
-        has_parts: &[bool],
+        parts: &[Option<Vec<FacePart>>],
     ) -> Result<Vec<[VertexRow; N]>, SimulationError> {
         let mut faces = Vec::with_capacity(cells.len());
         let parted = self.parted_elements(body);
@@ -538,7 +538,8 @@ impl Simulation {
             let is_on = |element: &Vec<VertexRow>| rows.iter().all(|row| element.contains(row));
             let mut is_whole =
                 || !parted.iter().any(is_on) && pairs.all(|(i, j)| is_edge((rows[i], rows[j])));
-            if has_parts.get(triangle) != Some(&true) && !is_whole() {
+            let has_parts = parts.get(triangle).is_some_and(Option::is_some);
+            if !has_parts && !is_whole() {
                 let (body, name) = (topology.bodies[body.0].name.clone(), name.into());
                 let vertices = [vertices[0], vertices[1], vertices[2]];
                 return Err(SimulationError::Face { name, body, triangle, vertices });

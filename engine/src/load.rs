@@ -522,7 +522,7 @@ pub struct Pressure {
     pub name: String,
     /// Vertex rows of the triangles; the pressure pushes along `(x_1 - x_0) x (x_2 - x_0)`. Triangles with
     /// an edge that is in no element carry nothing. Those between vertices of the face of a ten-node tetrahedron stand for what
-    /// they cover of that curved face: three corners for all of it.
+    /// they cover of that curved face: three corners for all of it; those of linear tetrahedra that a cut parted for what is left.
     pub faces: Vec<[VertexRow; 3]>,
     /// Pressure (Pa); negative for suction.
     pub pressure: f64,

@@ -7,7 +7,7 @@ use sinew_engine::row::VertexRow;
 use sinew_engine::topology::{BodyRows, Topology};
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::material::{Element, Material, Order};
+use super::material::{Material, Order};
 use super::{kind_of, row_of};
 use crate::body::present::{BodyResection, Resection};
 
@@ -42,8 +42,8 @@ type Covers = BTreeMap<([u32; 3], u32), u32>;
 
 /// Part of a face of the mesh that the same three vertices or ghosts move.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct FacePart {
-    /// They, in the order of the vertices of the face.
+pub struct FacePart {
+    /// They (in a [`Material`] its numbers), in the order of the vertices of the face.
     pub nodes: [u32; 3],
     /// Integrals of their shape functions over it, as parts of the area of the whole face: a third each if it is that.
     pub moments: [f64; 3],
@@ -82,6 +82,9 @@ impl Material {
         faces: &BTreeSet<[u32; 3]>,
         is_left: impl Fn(u32) -> bool,
     ) -> Vec<FaceCell> {
+        if faces.is_empty() {
+            return Vec::new();
+        }
         let mut is_near = vec![false; self.vertices as usize];
         faces.iter().flatten().for_each(|&v| is_near[v as usize] = true);
         let mut known = BTreeSet::<[Place; 3]>::new();
@@ -93,7 +96,8 @@ impl Material {
                 continue;
             }
             for opposite in 0..4 {
-                let face = Self::face_of(element, opposite);
+                let mut face = [1, 2, 3].map(|i| element.vertices[(opposite + i) % 4]);
+                face.sort_unstable();
                 if !faces.contains(&face) {
                     continue;
                 }
@@ -189,14 +193,6 @@ impl Material {
         let borne = |(sheet, area): (&Sheet, &f64)| sheet.is_gone || area.abs() < 1e-9;
         self.sheets.iter().zip(&areas).all(borne)
     }
-
-    /// Vertices, ascending, of the face of an element opposite one of its vertices.
-    pub(super) fn face_of(element: &Element, opposite: usize) -> [u32; 3] {
-        let [a, b, c] = [[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]][opposite];
-        let mut face = [a, b, c].map(|i| element.vertices[i]);
-        face.sort_unstable();
-        face
-    }
 }
 
 impl BodyResection {
@@ -234,8 +230,7 @@ impl BodyResection {
         parts
     }
 
-    /// The parts of those of some faces that elements of a body that was cut have: rows of their corners in the order in which those of
-    /// the face are, and their moments. `None` for all others.
+    /// [`face_parts`] of one body.
     pub(crate) fn face_parts(
         &self,
         rows: &BodyRows,
@@ -265,8 +260,9 @@ impl BodyResection {
     }
 }
 
-/// The same of faces of any bodies.
-pub(crate) fn face_parts(
+/// The parts of those of some faces that elements of bodies that were cut have: rows of the world in the order of the corners of the
+/// face, and their moments. `None` for all others, which act as they are. `resection` is that of the world.
+pub fn face_parts(
     topology: &Topology,
     resection: Option<&Resection>,
     faces: &[[VertexRow; 3]],
@@ -280,13 +276,4 @@ pub(crate) fn face_parts(
         }
     }
     all
-}
-
-/// Whether a cut left elements of some faces a part of them.
-pub fn have_parts(
-    topology: &Topology,
-    resection: Option<&Resection>,
-    faces: &[[VertexRow; 3]],
-) -> Vec<bool> {
-    face_parts(topology, resection, faces).iter().map(Option::is_some).collect()
 }

@@ -5,9 +5,10 @@
 //! that neither of them changes at the instant of the cut, nor do kinetic energy and momentum; no element is smaller, flatter
 //! or softer than before, and no state is interpolated.
 //!
-//! What can be cut: bodies of linear tetrahedra, with axes, fibres and muscles and with clusters of volume; bodies of ten-node
-//! tetrahedra with straight sides; bodies of hexahedra with full integration. Not membranes, two kinds of elements in one
-//! body, axes in elements with Gauss points, hexahedra that are filled in part, pooled springs and models of springs.
+//! What can be cut: bodies of linear tetrahedra, with axes, fibres and muscles, with clusters of volume and with membranes on their
+//! faces; bodies of ten-node tetrahedra with straight sides; bodies of hexahedra with full integration. Not membranes elsewhere and
+//! those that bend or have fibres, two kinds of solid elements in one body, axes in elements with Gauss points, hexahedra that are
+//! filled in part, pooled springs and models of springs.
 //!
 //! - The vertices of the mesh stay where they are and mean what they meant: constraints, loads, pulls and lists of positions
 //!   have the material that held them. The vertices that copies got are *ghosts*: nothing holds or loads them but the weight
@@ -24,6 +25,9 @@
 //!   element as long as material joins them; a cluster that falls apart becomes several, so that the sides of a wound have
 //!   pressures of their own. In linear tetrahedra this is the one thing that changes the energy
 //!   ([`CutReport::elastic_energy`]).
+//! - Membranes and pressures on faces of linear tetrahedra go with the area of these: what is left of a face acts on the vertices that
+//!   move it, by the first moments of its parts, which share its energy and mass out, too. Copies of membrane triangles are numbered
+//!   after all of the mesh. No pressure acts on wounds.
 //! - What is left of an element with Gauss points has points of its own, which integrate a uniform stress exactly, and in
 //!   ten-node tetrahedra any polynomial of second degree. So elastic energy and forces change as far as strain differs within
 //!   elements and the law is not linear, and in hexahedra by the terms of higher degree. Masses, kinetic energy and momentum
@@ -255,14 +259,10 @@ pub fn check_cut(world: &mut World, body: usize) -> Result<(), CutError> {
         return Err(RemovalError::LayoutChanged { body: name }.into());
     }
     let soft = soft_of(world, body);
+    let of_sheet = soft.as_ref().and_then(|soft| sheet_problem(&kinds, order, soft));
     let problem = match &soft {
         None => "it has no elements",
-        Some(soft)
-            if kinds.iter().any(|kind| !kind.is_solid())
-                && sheet_problem(&kinds, order, soft).is_some() =>
-        {
-            sheet_problem(&kinds, order, soft).unwrap_or_default()
-        }
+        Some(_) if of_sheet.is_some() => of_sheet.unwrap_or_default(),
         Some(_) if kinds.iter().filter(|kind| kind.is_solid()).count() > 1 => {
             "tetrahedra and hexahedra in one body share no material; build a body of each, or remove elements"
         }
@@ -306,6 +306,7 @@ const FREE_SHEETS: &str = "triangles of its membrane lie on no face of its tetra
 fn sheet_problem(kinds: &[ElementKind], order: Order, soft: &SoftBody) -> Option<&'static str> {
     let sheet = soft.membrane.as_ref();
     Some(match () {
+        () if kinds.iter().all(|kind| kind.is_solid()) => return None,
         () if kinds.iter().all(|kind| !kind.is_solid()) => {
             "it is a membrane alone; put its triangles on faces of linear tetrahedra"
         }

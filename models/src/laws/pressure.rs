@@ -225,7 +225,7 @@ impl<S: Scalar, const V: usize, const P: usize, const E: usize> FaceColumns<S, V
 }
 
 /// A face by its vertex rows.
-#[derive(Clone, Copy, Debug, PartialEq, PartialOrd)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 struct Face<const V: usize, const P: usize> {
     /// One of the [`PARTS`] of a curved face, 0 for a flat one.
     part: u8,
@@ -233,15 +233,6 @@ struct Face<const V: usize, const P: usize> {
     blocks: [u32; P],
     /// Whether it looks the other way than the triangle that was named.
     flipped: bool,
-    /// Three times the moments of what is left of a flat one.
-    moments: [f64; 3],
-}
-
-impl<const V: usize, const P: usize> Face<V, P> {
-    /// Their order; parts of the same vertices come as they were found.
-    fn key(&self) -> (u8, [u32; V], [u32; P], bool) {
-        (self.part, self.nodes, self.blocks, self.flipped)
-    }
 }
 
 /// Puts the law into the force schedule of a world; call it when a [`Pressure`] is added. Changes of
@@ -320,13 +311,14 @@ fn collect<S: Scalar>(world: &mut World, resection: Option<&Resection>) {
                 })),
             }
         }
-        flat.sort_by_key(Face::key);
-        bent.sort_by_key(Face::key);
+        // parts of the same vertices come as they were found
+        flat.sort_by_key(|(face, _)| *face);
+        bent.sort_unstable();
         let (first, first_curved) = (faces.flat.nodes.len(), faces.curved.nodes.len());
-        for face in &flat {
+        for (face, moments) in &flat {
             faces.flat.push(face, rest);
-            let of = faces.parts.iter_mut().zip(face.moments);
-            of.for_each(|(column, moment)| column.push(S::from_f64(moment)));
+            let of = faces.parts.iter_mut().zip(moments);
+            of.for_each(|(column, moment)| column.push(S::from_f64(*moment)));
         }
         bent.iter().for_each(|face| faces.curved.push(face, rest));
         let nodes = &faces.flat.nodes;
@@ -353,12 +345,16 @@ fn collect<S: Scalar>(world: &mut World, resection: Option<&Resection>) {
 
 /// A triangle with its rows in ascending order, their moments, the blocks of its edges, and whether that turned it
 /// over; `None` when an edge is in no element.
-fn ascending(t: [u32; 3], moments: [f64; 3], topology: &Topology) -> Option<Face<3, 3>> {
+fn ascending(
+    t: [u32; 3],
+    moments: [f64; 3],
+    topology: &Topology,
+) -> Option<(Face<3, 3>, [f64; 3])> {
     let nodes = sorted(t);
     let [a, b, c] = nodes;
     let blocks = [topology.block(b, c)?, topology.block(a, c)?, topology.block(a, b)?];
     let moments = nodes.map(|v| moments[t.iter().position(|own| *own == v).unwrap_or(0)]);
-    Some(Face { part: 0, nodes, blocks, flipped: !is_turned(t, nodes), moments })
+    Some((Face { part: 0, nodes, blocks, flipped: !is_turned(t, nodes) }, moments))
 }
 
 /// Rest area of the faces times the extents of their bodies (m^3).
@@ -411,7 +407,7 @@ impl Cover {
             *block = topology.block(nodes[a], nodes[b])?;
         }
         let own = PARTS[usize::from(part)].map(|i| nodes[i]);
-        Some(Face { part, nodes, blocks, flipped: !is_turned(triangle, own), moments: [1.0; 3] })
+        Some(Face { part, nodes, blocks, flipped: !is_turned(triangle, own) })
     }
 }
 
