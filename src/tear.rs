@@ -62,7 +62,7 @@ impl Simulation {
     ///     simulation.add_constraint(Constraint::moving(end, rows, motion, ramp));
     /// }
     /// // less than what the strip comes to
-    /// let tear = Tear { body: body.0, strength: 800.0, radius: Some(0.008), max_speed: None };
+    /// let tear = Tear { body: body.0, strength: 800.0, toughness: None, radius: Some(0.008), max_speed: None };
     /// simulation.set_tear(tear)?;
     /// for _ in 0..60 {
     ///     simulation.step()?;

@@ -47,9 +47,89 @@ fn a_bar_tears_at_its_strength() {
         let cauchy = stress / (1.0 - side(1)).powi(2);
         for (part, begun) in [(1.001, 0), (0.999, 1)] {
             let strength = cauchy * part;
-            s.set_tear(Tear { body: body.0, strength, radius: None, max_speed: None }).unwrap();
+            s.set_tear(Tear {
+                body: body.0,
+                strength,
+                toughness: None,
+                radius: None,
+                max_speed: None,
+            })
+            .unwrap();
             s.step().unwrap();
             assert_eq!(s.tear_report(body).unwrap().begun, begun, "{model:?} {part}");
+        }
+    }
+}
+
+/// A long strip whose edges are held and drawn apart, with a wound between them: by area it releases the energy of the strip far before
+/// it, `W h` (Rivlin and Thomas 1953, section 3), whatever its length. The law tells `W`, and so do two lengths.
+#[test]
+fn energy_release_is_that_of_a_longer_wound() {
+    let (size, stretch, young, nu) = (DVec3::new(0.12, 0.04, 0.01), 1.2, 1e4, 0.3);
+    let strip = |across: usize, model: Model, length: f64| {
+        let cells = [3 * across, across, across / 4];
+        let mesh = jitter_interior(&box_tets(size, cells).unwrap(), 0.2, 5).unwrap();
+        let body = BodyDescription::new("strip", &mesh, soft(young, nu));
+        let body = BodyDescription { spare: 4000, model, ..body };
+        let (mut s, body) = alone(SimulationOptions::default(), &body);
+        s.set_gravity(DVec3::ZERO);
+        for (side, axis) in [("z0", 4), ("z1", 4)] {
+            let rows = s.group_rows(body, &mesh, side).unwrap();
+            s.add_constraint(Constraint { axes: FixedAxes(axis), ..Constraint::hold(side, rows) });
+        }
+        for (side, sign) in [("y0", -0.5), ("y1", 0.5)] {
+            let rows = s.group_rows(body, &mesh, side).unwrap();
+            let motion = Motion::Translate(DVec3::Y * (sign * (stretch - 1.0) * size.y));
+            s.add_constraint(Constraint::moving(side, rows, motion, Curve::Constant));
+        }
+        let edge = |x: f64| [-0.01, 0.02].map(|z| DVec3::new(x, 0.0203, z));
+        s.cut(body, &[edge(-0.01), edge(length)]).unwrap();
+        let (linear_tolerance, newton_tolerance) = (1e-8, 1e-7);
+        s.set_solver(solver!(
+            Integrator::QuasiStatic,
+            linear_tolerance = linear_tolerance,
+            newton_tolerance = newton_tolerance
+        ));
+        s.step().unwrap();
+        (s, body)
+    };
+    let set = |s: &mut Simulation, body: BodyHandle, toughness: f64, radius: f64| {
+        let (toughness, radius) = (Some(toughness), Some(radius));
+        s.set_tear(Tear { body: body.0, strength: 1e9, toughness, radius, max_speed: None })
+            .unwrap();
+        s.step().unwrap();
+        s.tear_report(body).unwrap()
+    };
+    // of critical loads, beside the continuum, with these elements across
+    for (model, across, most) in [
+        (Model::StVK, 8, 1.19),
+        (Model::StVK, 12, 1.11),
+        (Model::StVK, 16, 1.10),
+        (Model::NeoHookean, 12, 1.11),
+    ] {
+        let [(mut s, body), (mut longer, _)] = [0.045, 0.075].map(|x| strip(across, model, x));
+        let [short, long] = [&mut s, &mut longer].map(|s| s.evaluate());
+        let truth = (short - long) / (size.z * 0.03);
+        if model == Model::StVK {
+            let strain = 0.5 * (stretch * stretch - 1.0);
+            let moduli = young * (1.0 - nu) / ((1.0 + nu) * (1.0 - 2.0 * nu));
+            let closed = 0.5 * moduli * strain * strain * size.y;
+            assert!((truth / closed - 1.0).abs() < 0.05, "{truth} {closed}");
+        }
+        let whole = set(&mut s, body, 1e9, 0.01);
+        let few = set(&mut s, body, 1e9, 1.3 * size.y / across as f64);
+        println!("{model:?} {across}: {truth} {whole:?} {few:?}");
+        let load = (truth / whole.energy_release).sqrt();
+        assert!((0.95..most).contains(&load), "{model:?} {across}: {load}");
+        // the radius decides what the stress is, not what is released
+        let [stress, release] =
+            [few.stress / whole.stress, few.energy_release / whole.energy_release];
+        assert!((release.sqrt() - 1.0).abs() < 0.12, "{model:?} {across}: {release}");
+        assert!(across < 16 || stress > 1.2, "{stress}");
+        // it goes on by toughness, however strong it is
+        for (part, parted) in [(1.001, false), (0.999, true)] {
+            let report = set(&mut s, body, whole.energy_release * part, 0.01);
+            assert_eq!(report.separated > 0, parted, "{part} {report:?}");
         }
     }
 }
@@ -61,17 +141,19 @@ struct Strip {
     unit: f64,
     turn: DQuat,
     spare: usize,
+    toughness: Option<f64>,
     max_speed: Option<f64>,
 }
 
 impl Default for Strip {
     fn default() -> Self {
         let (precision, threads, unit, turn) = (Precision::F64, 1, 1.0, DQuat::IDENTITY);
-        Self { precision, threads, unit, turn, spare: 1000, max_speed: None }
+        Self { precision, threads, unit, turn, spare: 1000, toughness: None, max_speed: None }
     }
 }
 
 const STRENGTH: f64 = 1e4;
+const TOUGHNESS: Option<f64> = Some(30.0);
 /// Area (m^2) across the strip beside its notch.
 const LEFT: f64 = (0.03 - 0.008) * 0.006;
 
@@ -105,7 +187,8 @@ impl Strip {
 
     fn tear(&self, s: &mut Simulation, body: BodyHandle) {
         let (strength, radius) = (STRENGTH * self.unit, Some(0.0055 / self.unit));
-        s.set_tear(Tear { body: body.0, strength, radius, max_speed: self.max_speed }).unwrap();
+        let Self { toughness, max_speed, .. } = *self;
+        s.set_tear(Tear { body: body.0, strength, toughness, radius, max_speed }).unwrap();
     }
 
     fn build(&self) -> (Simulation, BodyHandle) {
@@ -125,8 +208,9 @@ fn until_torn(s: &mut Simulation, body: BodyHandle, most: u32) -> Option<u32> {
 
 #[test]
 fn a_strip_tears_across_from_its_notch() {
-    for precision in [Precision::F64, Precision::F32] {
-        let (mut s, body) = Strip { precision, ..Strip::default() }.build();
+    let all = [(Precision::F64, None), (Precision::F32, None), (Precision::F64, TOUGHNESS)];
+    for (precision, toughness) in all {
+        let (mut s, body) = Strip { precision, toughness, ..Strip::default() }.build();
         let torn = until_torn(&mut s, body, 120);
         let report = s.tear_report(body).unwrap();
         assert!(torn.is_some() && report.begun == 0, "{report:?}");
@@ -152,8 +236,8 @@ fn a_strip_tears_across_from_its_notch() {
 /// The ends stand still: nothing but what is stored there is left to move it.
 #[test]
 fn energy_never_rises_while_it_tears() {
-    for dt in [0.002, 0.01, 0.033] {
-        let strip = Strip::default();
+    for (dt, toughness) in [(0.002, None), (0.01, None), (0.01, TOUGHNESS), (0.033, None)] {
+        let strip = Strip { toughness, ..Strip::default() };
         let (mut s, body) = strip.whole();
         s.set_dt(0.01);
         s.steps(100);
@@ -180,27 +264,30 @@ fn units_and_directions_decide_nothing() {
         Strip { turn, ..Strip::default() },
         Strip { precision: Precision::F32, ..Strip::default() },
     ];
-    let found = all.map(|strip| {
-        let (mut s, body) = strip.build();
-        let step = until_torn(&mut s, body, 120).unwrap();
-        let report = s.tear_report(body).unwrap();
-        (step, report.separated, report.vertices, report.area * strip.unit.powi(2))
-    });
-    for own in &found[1..] {
-        let (step, separated, vertices, area) = found[0];
-        assert_eq!((own.0, own.1, own.2), (step, separated, vertices), "{found:?}");
-        assert!((own.3 / area - 1.0).abs() < 1e-3, "{found:?}");
+    for toughness in [None, TOUGHNESS] {
+        let found = all.each_ref().map(|strip| {
+            let (mut s, body) = Strip { toughness, ..*strip }.build();
+            let step = until_torn(&mut s, body, 120).unwrap();
+            let report = s.tear_report(body).unwrap();
+            (step, report.separated, report.vertices, report.area * strip.unit.powi(2))
+        });
+        for own in &found[1..] {
+            let (step, separated, vertices, area) = found[0];
+            assert_eq!((own.0, own.1, own.2), (step, separated, vertices), "{found:?}");
+            assert!((own.3 / area - 1.0).abs() < 1e-3, "{found:?}");
+        }
     }
 }
 
 /// A tear goes on from a snapshot in its middle, also in another simulation, with other threads, and from a record, to the bit.
 #[test]
 fn tears_go_on_from_snapshots() {
-    for precision in [Precision::F64, Precision::F32] {
+    let all = [(Precision::F64, None), (Precision::F32, None), (Precision::F64, TOUGHNESS)];
+    for (precision, toughness) in all {
         let build = |own: SimulationOptions| {
-            Strip { precision, threads: own.threads, ..Strip::default() }.build().0
+            Strip { precision, toughness, threads: own.threads, ..Strip::default() }.build().0
         };
-        let (mut s, body) = Strip { precision, ..Strip::default() }.build();
+        let (mut s, body) = build(options(precision, 1));
         s.steps(50);
         let report = s.tear_report(body).unwrap();
         assert!(report.separated > 0 && report.pieces == 1, "not in the middle: {report:?}");
@@ -226,7 +313,7 @@ fn a_tear_is_no_faster_than_it_may_be() {
 #[test]
 fn a_body_says_why_it_cannot_tear() {
     let mesh = jittered_box([0.04, 0.02, 0.02], [4, 2, 2]);
-    let tear = Tear { body: 0, strength: 1e3, radius: None, max_speed: None };
+    let tear = Tear { body: 0, strength: 1e3, toughness: None, radius: None, max_speed: None };
     let own =
         |mesh| BodyDescription { spare: 100, ..BodyDescription::new("bar", mesh, soft(1e4, 0.3)) };
     let refuse = |description: &BodyDescription, tear: Tear, words: &[&str]| {
@@ -238,6 +325,7 @@ fn a_body_says_why_it_cannot_tear() {
     for (own, words) in [
         (Tear { strength: 0.0, ..tear }, ["`bar`", "strength is 0 Pa"]),
         (Tear { strength: f64::NAN, ..tear }, ["`bar`", "strength is NaN Pa"]),
+        (Tear { toughness: Some(-2.0), ..tear }, ["`bar`", "toughness is -2 J/m^2"]),
         (Tear { radius: Some(1e-3), ..tear }, ["radius is 0.001 m", "finer mesh"]),
         (Tear { max_speed: Some(-1.0), ..tear }, ["max_speed is -1 m/s", "positive"]),
         (Tear { body: 7, ..tear }, ["7", "bod"]),
@@ -281,7 +369,8 @@ fn tears_blades_and_removals_get_along() {
             s.add_constraint(Constraint::moving(end, rows, motion, ramp));
         }
         s.set_solver(solver!(Integrator::Safe, mass_damping = 2.0));
-        s.set_tear(Tear { body: body.0, strength, radius: None, max_speed: None }).unwrap();
+        s.set_tear(Tear { body: body.0, strength, toughness: None, radius: None, max_speed: None })
+            .unwrap();
         let edge = Edge {
             ends: [DVec3::Z * 0.02, DVec3::Z * -0.02],
             into: DVec3::Y,

@@ -134,7 +134,7 @@ static class Program
             simulation.Step(1);
             Demand(simulation.CutThread(stitch, 0) == stitch, "the part that is left");
             simulation.SetTear(body, "strength = 1.0");
-            Demand(simulation.Read(body, Quantity.Tear).Length == 7, "the tear");
+            Demand(simulation.Read(body, Quantity.Tear).Length == 8, "the tear");
             simulation.SetTear(body, null);
         }
     }

@@ -65,7 +65,7 @@ pub enum ProbeValue {
 use ProbeValue::{Scalar, Vector};
 
 /// Everything that probes can record.
-pub static PROBES: [Probe; 51] = [
+pub static PROBES: [Probe; 52] = [
     vector("mean_displacement", "m", Needs::Body, |now, of| {
         of.mean(&now.simulation.displacements(of.body.handle))
     }),
@@ -105,6 +105,7 @@ pub static PROBES: [Probe; 51] = [
     // one side of what tore, at rest, and the mean stress at the ends of wounds
     scalar("torn_area", "m^2", Needs::Body, |now, of| of.tear(now).area),
     scalar("tear_stress", "Pa", Needs::Body, |now, of| of.tear(now).stress),
+    scalar("tear_energy_release", "J/m^2", Needs::Body, |now, of| of.tear(now).energy_release),
     // between the faces of a group and their rim: what a cavity holds
     scalar("enclosed_volume", "m^3", Needs::Faces, |now, of| {
         enclosed_volume(&of.body.deformed(now.simulation), &of.probe.faces).abs()

@@ -275,8 +275,8 @@ fn blades_needles_threads_and_tears_are_components() {
     app.update();
     let report = app.world().get::<ThreadReport>(stitch).unwrap();
     assert!(report.largest() > 0.0 && report.spans[0] < 0.041, "{report:?}");
-    let (radius, max_speed) = (None, None);
-    let tear = Tear { body: index, strength: 10.0, radius, max_speed };
+    let (toughness, radius, max_speed) = (None, None, None);
+    let tear = Tear { body: index, strength: 10.0, toughness, radius, max_speed };
     let tear = check_tear(app.world_mut(), &tear).unwrap();
     let tear = app.world_mut().spawn(tear).id();
     (0..3).for_each(|_| app.update());

@@ -557,8 +557,9 @@ pub const SINEW_MASSES: u32 = 7;
 pub const SINEW_VOLUME_RATIOS: u32 = 8;
 /// Area over that at rest, of triangles of the membrane, then quadrilaterals.
 pub const SINEW_AREA_RATIOS: u32 = 9;
-/// Of a body that tears, seven numbers: area (m^2, at rest) that tore, elements parted, vertices made, tears that began without
-/// a wound, largest mean principal stress (Pa) where it may tear, pieces, and way (m) that a tear may still go.
+/// Of a body that tears, eight numbers: area (m^2, at rest) that tore, elements parted, vertices made, tears that began without
+/// a wound, largest mean principal stress (Pa) where it may tear, largest energy release (J/m^2), pieces, and way (m) that a
+/// tear may still go.
 pub const SINEW_TEAR: u32 = 10;
 /// Of a thread or clip, seven numbers: largest tension (N), length (m), work of hands (J), energy (J) lost, points lost, 1 if it
 /// broke, 1 if the step did not converge.

@@ -685,7 +685,7 @@ fn blades_needles_threads_and_tears_are_there() {
         ok(sinew_tear_set(sim, body, c("strength = 10.0").as_ptr()));
         ok(sinew_step(sim, 5));
         let tear = read(body, SINEW_TEAR);
-        assert!(tear.len() == 7 && tear[0] > 0.0 && tear[1] > 0.0, "{tear:?}");
+        assert!(tear.len() == 8 && tear[0] > 0.0 && tear[1] > 0.0, "{tear:?}");
         ok(sinew_tear_set(sim, body, null()));
         assert_eq!(sinew_read(sim, body, SINEW_TEAR, null_mut(), 0, null_mut()), SINEW_ARGUMENT);
     }

@@ -86,7 +86,7 @@ pub enum Quantity {
     VolumeRatios = 8,
     /// [`Embedding::area_ratios`].
     AreaRatios = 9,
-    /// Of a body that tears, its `TearReport`: area, elements parted, vertices made, tears begun, stress, pieces and way.
+    /// Of a body that tears, its `TearReport`: area, elements parted, vertices made, tears begun, stress, energy release, pieces and way.
     Tear = 10,
     /// Of a thread or clip, its `ThreadReport`: largest tension, length, work, dissipation, points lost, whether it broke, and whether
     /// the step did not converge.

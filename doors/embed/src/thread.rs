@@ -208,7 +208,7 @@ impl Embedding {
         Ok(report.cloned().unwrap_or_default())
     }
 
-    /// Lets a body of linear tetrahedra with vertices to spare tear, by words as below `tear` of a body in a scene: `strength`, `radius`,
+    /// Lets a body of linear tetrahedra with vertices to spare tear, by words as below `tear` of a body in a scene: `strength`, `toughness`, `radius`,
     /// `max_speed`; without words it tears no more. What was given before is replaced, and its report goes on.
     ///
     /// # Errors
@@ -219,8 +219,8 @@ impl Embedding {
             self.built.simulation.remove_tear(BodyHandle(body));
             return Ok(());
         };
-        let TearEntry { strength, radius, max_speed } = words("tear", settings)?;
-        self.built.simulation.set_tear(Tear { body, strength, radius, max_speed })?;
+        let TearEntry { strength, toughness, radius, max_speed } = words("tear", settings)?;
+        self.built.simulation.set_tear(Tear { body, strength, toughness, radius, max_speed })?;
         Ok(())
     }
 
@@ -232,11 +232,11 @@ impl Embedding {
 
     pub(crate) fn tear_numbers(&self, body: Handle) -> Result<Vec<f64>> {
         let none = || InputError::invalid("tear", "the body does not tear; set its tear first");
-        let TearReport { area, separated, vertices, begun, stress, pieces, way } =
+        let TearReport { area, separated, vertices, begun, stress, energy_release, pieces, way } =
             self.tear_report(body)?.ok_or_else(none)?;
         let [separated, vertices, begun, pieces] =
             [separated, vertices, begun, pieces].map(f64::from);
-        Ok(vec![area, separated, vertices, begun, stress, pieces, way])
+        Ok(vec![area, separated, vertices, begun, stress, energy_release, pieces, way])
     }
 
     pub(crate) fn thread_numbers(&self, line: Handle, quantity: Quantity) -> Result<Vec<f64>> {

@@ -1,8 +1,25 @@
-//! Tears: a body comes apart by itself where the tension in it is above its strength.
+//! Tears: a body comes apart by itself where the tension in it is above its strength, or its wounds release more energy than its
+//! toughness takes.
 //!
 //! What is compared with the strength is the largest principal value of the Cauchy stress, averaged over a ball by the volume of the material
 //! in it: the stress of a single element at the end of a wound grows without bound as elements get smaller, the mean over a ball of
 //! given radius does not. The ball is that of the shape at rest, the stress and the plane that it tears along are those of the present shape.
+//!
+//! With a toughness, the ends of wounds go on by the energy that they release per area instead of by that stress, while what begins at the
+//! surface does so by strength. The stress at the end of a wound is as large as the ball is small, so that a strength is one of the
+//! material only together with a radius; the energy release does not depend on the radius. Were both asked, the lower load would win, and
+//! one of the two would mean nothing. The energy release is the domain integral of Eshelby's stress: with `q` from 1 in the inner half of the
+//! ball to 0 at its radius, `q_i` at the vertices, shape vectors `D_i`, forces `f_i`, energies `E` and displacement gradients `H` of the elements,
+//!
+//! ```text
+//! c = -sum_e V_e (W_e I - H_e^T P_e) grad q = -sum_e sum_i q_i (E D_i + H^T f_i)      N, as f_i = -V P D_i
+//! a = int q n ds                                                                      m, along the ends of wounds
+//! G = c . a / |a|^2                                                                   J/m^2
+//! ```
+//!
+//! `n` is the direction at rest in which the surface of the wound goes on, so that `a` is that of the ball, times the length of the front in it. The
+//! outside of a body is not moved: there `c` counts along it only. Inertia does not count, and what holds or pulls must be outside of the ball. Where
+//! nothing is under tension no wound goes on, and by stress do those whose ends face each other within the ball, which have no common direction.
 //!
 //! - At the end of a wound, by a cut or a tear, the cells there come apart by the plane through the line to which the wound has come, as near as
 //!   may be to perpendicular to that stress. Where there is no wound, a tear begins at the vertex of the surface whose stress
@@ -14,7 +31,7 @@
 //! - After each step the decision depends on the state and the edits alone, so that snapshots and replays need nothing more.
 
 use bevy_ecs::prelude::*;
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 use serde::{Deserialize, Serialize};
 use sinew_engine::compiled_here;
 use sinew_engine::connectivity::ElementKind;
@@ -31,7 +48,7 @@ use super::{
 use crate::body::description::SoftBody;
 use crate::body::present::Resection;
 use crate::element::projection::symmetric_eigen;
-use crate::frame::row::{Elements, TetrahedronForces};
+use crate::frame::row::{Elements, TetrahedronEnergy, TetrahedronForces};
 use crate::frame::rules::VolumeRule;
 use crate::resection::state::{Point, Queries, State};
 
@@ -40,6 +57,8 @@ const KIND: ElementKind = ElementKind::Tetrahedron;
 const LEAST_RADIUS: f64 = 1.2;
 /// Least sine of the angle between the end of a wound and the tension there at which it tears on.
 const ACROSS: f64 = 0.3;
+/// Least length of the front in a ball in the direction that it has in common, of all of its length, for an energy release.
+const COMMON: f64 = 1.0 / 3.0;
 
 /// Lets a body tear.
 #[derive(Component, Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -49,6 +68,8 @@ pub struct Tear {
     pub body: usize,
     /// Largest principal stress (Pa) that it bears.
     pub strength: f64,
+    /// Energy (J/m^2, by area at rest) that the end of a wound takes to go on; it goes on by its strength without.
+    pub toughness: Option<f64>,
     /// Radius (m, at rest) of the ball over which stress is averaged, 1.2 mean edges at least; these without.
     pub radius: Option<f64>,
     /// Largest speed (m/s) of a tear; without, that of shear waves, `sqrt(mu / rho)`.
@@ -68,6 +89,8 @@ pub struct TearReport {
     pub begun: u32,
     /// Largest averaged principal stress (Pa) at the ends of wounds, and where a tear may begin if it is above the strength there, as the last step began.
     pub stress: f64,
+    /// Largest energy release (J/m^2) at the ends of wounds as the last step began; 0 without a toughness.
+    pub energy_release: f64,
     /// Connected pieces of the body when it last tore.
     pub pieces: u32,
     /// Way (m) that a tear may still go at its largest speed.
@@ -93,6 +116,12 @@ pub(super) struct TearView {
     rows: Vec<u32>,
     /// Middles (m, at rest) of the material of all elements, by their first coordinate, and rows of these.
     middles: Vec<(DVec3, u32)>,
+    /// Places (m) at rest of all rows, by their first coordinate.
+    nodes: Vec<(DVec3, u32)>,
+    /// Outward normals of the faces of the outside, and a row that each is at.
+    normals: Vec<(u32, DVec3)>,
+    /// Middles (m, at rest) of the edges at the ends of wounds, and lengths (m) of these in the directions in which the wounds go on.
+    edges: Vec<(DVec3, DVec3)>,
 }
 
 /// Stress of an element times its volume (N m), and that volume (m^3).
@@ -124,13 +153,14 @@ pub fn check_tear(world: &mut World, tear: &Tear) -> Result<Tear, CutError> {
             "the stress of its axes and fibres is not known; take a model without".into(),
         );
     }
-    if forces_of(&soft).is_none() {
+    if law_of(&soft).is_none() {
         return refuse(
             "its model does not tell the forces of single elements; take another".into(),
         );
     }
     let own = [
         ("strength", Some(tear.strength), "Pa"),
+        ("toughness", tear.toughness, "J/m^2"),
         ("radius", tear.radius, "m"),
         ("max_speed", tear.max_speed, "m/s"),
     ];
@@ -162,8 +192,9 @@ pub fn check_tear(world: &mut World, tear: &Tear) -> Result<Tear, CutError> {
     Ok(Tear { radius: Some(radius), max_speed: speed, ..*tear })
 }
 
-fn forces_of(soft: &SoftBody) -> Option<TetrahedronForces> {
-    soft.law?.in_elements(Elements::Tetrahedra, soft.volume)?.element_forces
+fn law_of(soft: &SoftBody) -> Option<(TetrahedronEnergy, TetrahedronForces)> {
+    let row = soft.law?.in_elements(Elements::Tetrahedra, soft.volume)?;
+    row.energy.zip(row.element_forces)
 }
 
 /// Tears a body as far as it tears in a step of `dt` (s), from its state now.
@@ -199,11 +230,12 @@ fn advance<S: Scalar>(
     let layer = radius / LEAST_RADIUS;
     report.way = max_speed.map_or(layer, |speed| (report.way + speed * dt).min(layer + speed * dt));
     let at = blade::places::<S>(world, body);
-    let stresses = view.stresses::<S>(world, body, &at);
-    let look = Look { view: &view, at: &at, stresses: &stresses, radius, strength: tear.strength };
+    let (stresses, forces) = view.stresses::<S>(world, body, &at, tear.toughness.is_some());
+    let (at, stresses, forces) = (&at[..], &stresses[..], &forces[..]);
+    let look = Look { view: &view, at, stresses, forces, radius, tear };
     let mut progress =
         blade::going_on(world, body, &view.uncut).unwrap_or_else(|| view.progress.clone());
-    let (apart, begun) = look.decide(&mut progress, report.way >= layer, &mut report.stress);
+    let (apart, begun) = look.decide(&mut progress, report.way >= layer, report);
     if !apart.is_empty() {
         let goes_on = view.progress.has_opened();
         let stroke = view.uncut.stroke(&mut progress, apart, goes_on);
@@ -242,9 +274,10 @@ impl TearView {
         let parts = material.parts();
         let held = material.held(&uncut, &parts);
         let progress = uncut.resume(&material, &held);
-        let faces = material.skin().into_iter().filter(|(_, _, wound)| !wound);
+        let skin = material.skin();
+        let faces = skin.iter().filter(|(_, _, wound)| !wound);
         let mut outside: Vec<u32> =
-            faces.flat_map(|(face, ..)| face).filter(|p| *p < material.vertices).collect();
+            faces.flat_map(|(face, ..)| *face).filter(|p| *p < material.vertices).collect();
         outside.sort_unstable();
         outside.dedup();
         let mut alive = vec![false; material.elements.len()];
@@ -256,7 +289,9 @@ impl TearView {
             middles.push((sum / element.share(), element_of[e]));
         }
         middles.sort_by(|a, b| a.0.x.total_cmp(&b.0.x).then(a.1.cmp(&b.1)));
-        let fronts = Vec::new();
+        let mut nodes: Vec<(DVec3, u32)> = of_rows.iter().copied().zip(0..).collect();
+        nodes.sort_by(|a, b| a.0.x.total_cmp(&b.0.x).then(a.1.cmp(&b.1)));
+        let (fronts, normals, edges) = Default::default();
         let of = own.changes;
         let mut view = Self {
             of,
@@ -270,12 +305,58 @@ impl TearView {
             rest,
             rows,
             middles,
+            nodes,
+            normals,
+            edges,
         };
+        view.bound(&skin);
         for cell in view.uncut.fronts(&view.progress, &view.held) {
             let x = view.corners(cell, &|p| view.at_rest(p));
             view.fronts.push((cell, view.end(&view.progress, cell, &x).0));
         }
         Ok(view)
+    }
+
+    /// Finds the normals of the outside, and the edges at which both sides of a wound meet.
+    fn bound(&mut self, skin: &[([u32; 3], u32, bool)]) {
+        let mut sources: Vec<(u32, u32)> = self
+            .rows
+            .iter()
+            .copied()
+            .enumerate()
+            .map(|(node, row)| {
+                let node = node as u32;
+                let ghost = node.checked_sub(self.material.vertices);
+                (ghost.map_or(node, |ghost| self.material.ghosts[ghost as usize]), row)
+            })
+            .collect();
+        sources.sort_unstable();
+        let mut edges: Vec<([u32; 2], DVec3)> = Vec::new();
+        for (face, _, wound) in skin {
+            let x = face.map(|p| self.at_rest(p));
+            let normal = (x[1] - x[0]).cross(x[2] - x[0]).normalize_or_zero();
+            for i in 0..3 {
+                let (from, to) = (face[i], face[(i + 1) % 3]);
+                if *wound {
+                    let on = (x[(i + 1) % 3] - x[i]).cross(normal);
+                    edges.push(([from.min(to), from.max(to)], on));
+                    continue;
+                }
+                let first = sources.partition_point(|(source, _)| *source < from);
+                let of_point = sources[first..].iter().take_while(|(source, _)| *source == from);
+                self.normals.extend(of_point.map(|&(_, row)| (row, normal)));
+            }
+        }
+        edges.sort_by_key(|(edge, _)| *edge);
+        for both in edges.chunk_by(|a, b| a.0 == b.0) {
+            // those of one side go on in opposite directions
+            if let [(edge, a), (_, b)] = both
+                && a.dot(*b) > 0.0
+            {
+                let middle = 0.5 * (self.at_rest(edge[0]) + self.at_rest(edge[1]));
+                self.edges.push((middle, 0.5 * (*a + *b)));
+            }
+        }
     }
 
     /// Place (m) of a point at rest.
@@ -318,14 +399,22 @@ impl TearView {
         (marks.iter().sum::<DVec3>() / marks.len().max(1) as f64, along)
     }
 
-    /// The stress of every element in the order of the middles.
-    fn stresses<S: Scalar>(&self, world: &mut World, body: usize, at: &[DVec3]) -> Vec<Stress> {
-        let Some(soft) = soft_of(world, body) else { return Vec::new() };
-        let Some(forces) = forces_of(&soft) else { return Vec::new() };
+    /// The stress of every element in the order of the middles, and the forces (N) by which energy falls as rows move in the material,
+    /// of all rows if they are wanted.
+    fn stresses<S: Scalar>(
+        &self,
+        world: &mut World,
+        body: usize,
+        at: &[DVec3],
+        wanted: bool,
+    ) -> (Vec<Stress>, Vec<DVec3>) {
+        let Some(soft) = soft_of(world, body) else { return Default::default() };
+        let Some((energy, forces)) = law_of(&soft) else { return Default::default() };
         let mut queries = Queries::<S>::new(world);
         let Some(own) = world.resource::<Resection>().bodies[body].as_ref() else {
-            return Vec::new();
+            return Default::default();
         };
+        let mut in_material = vec![DVec3::ZERO; if wanted { at.len() } else { 0 }];
         let state = State::new(own, world, &soft, &mut queries);
         let nodes = own.connectivity.ordered.tetrahedra();
         let of = |&(_, row): &(DVec3, u32)| {
@@ -333,10 +422,20 @@ impl TearView {
             let mut stress = Stress::default();
             state.visit(KIND, row, |point| {
                 let Point::Solid(e, u) = point else { return };
-                let volume =
-                    e.volume * (1.0 + volume_change(&displacement_gradient(&e.gradients, u)));
+                let gradient = displacement_gradient(&e.gradients, u);
+                let volume = e.volume * (1.0 + volume_change(&gradient));
                 let mut sum = [0.0; 6];
-                for (f, x) in forces(e, u).iter().flatten().zip(x) {
+                let forces = forces(e, u);
+                if let (true, Some(forces)) = (wanted, forces) {
+                    let [d1, d2, d3] = e.gradients.map(DVec3::from);
+                    let (energy, transposed) = (energy(e, u), DMat3::from_cols_array(&gradient));
+                    let shape = [-(d1 + d2 + d3), d1, d2, d3];
+                    for (i, (d, f)) in shape.into_iter().zip(forces).enumerate() {
+                        let row = nodes[row as usize][i] as usize;
+                        in_material[row] -= energy * d + transposed * DVec3::from(f);
+                    }
+                }
+                for (f, x) in forces.iter().flatten().zip(x) {
                     let (f, x) = (DVec3::from(*f), x - at[nodes[row as usize][0] as usize]);
                     // of a symmetric tensor: xx, yy, zz, yz, xz, xy
                     let both = |i: usize, j: usize| -0.5 * (f[i] * x[j] + f[j] * x[i]);
@@ -348,7 +447,14 @@ impl TearView {
             });
             stress
         };
-        self.middles.iter().map(of).collect()
+        let stresses = self.middles.iter().map(of).collect();
+        if wanted {
+            for &(row, normal) in &self.normals {
+                let force = &mut in_material[row as usize];
+                *force -= force.dot(normal) * normal;
+            }
+        }
+        (stresses, in_material)
     }
 }
 
@@ -364,22 +470,46 @@ fn principal((t, volume): Stress) -> (f64, DVec3) {
     (values[last], DVec3::new(v[0][last], v[1][last], v[2][last]))
 }
 
+/// What of places (m) by their first coordinate is in a ball.
+fn near(places: &[(DVec3, u32)], at: DVec3, radius: f64) -> impl Iterator<Item = usize> + '_ {
+    let first = places.partition_point(|(x, _)| x.x < at.x - radius);
+    let end = places.partition_point(|(x, _)| x.x <= at.x + radius);
+    (first..end).filter(move |&i| places[i].0.distance_squared(at) <= radius * radius)
+}
+
 /// A body and its stress.
 struct Look<'a> {
     view: &'a TearView,
     at: &'a [DVec3],
     stresses: &'a [Stress],
+    /// Forces (N) on rows in the material, if a toughness is given.
+    forces: &'a [DVec3],
     radius: f64,
-    strength: f64,
+    tear: &'a Tear,
 }
 
 impl Look<'_> {
     /// What stands in a ball round a place (m, at rest).
     fn near(&self, at: DVec3) -> impl Iterator<Item = usize> + '_ {
-        let (middles, radius) = (&self.view.middles, self.radius);
-        let first = middles.partition_point(|(x, _)| x.x < at.x - radius);
-        let end = middles.partition_point(|(x, _)| x.x <= at.x + radius);
-        (first..end).filter(move |&i| middles[i].0.distance_squared(at) <= radius * radius)
+        near(&self.view.middles, at, self.radius)
+    }
+
+    /// The energy (J/m^2) that the ends of wounds round one of them (m, at rest) release as they go on, if there is such a direction.
+    fn energy_release(&self, at: DVec3) -> Option<f64> {
+        let part = |x: DVec3| (2.0 - 2.0 * x.distance(at) / self.radius).clamp(0.0, 1.0);
+        let (mut way, mut length) = (DVec3::ZERO, 0.0);
+        for &(middle, on) in &self.view.edges {
+            way += part(middle) * on;
+            length += part(middle) * on.length();
+        }
+        if self.forces.is_empty() || way.length() <= COMMON * length {
+            return None;
+        }
+        let nodes = &self.view.nodes;
+        let force = near(nodes, at, self.radius)
+            .map(|i| part(nodes[i].0) * self.forces[nodes[i].1 as usize])
+            .sum::<DVec3>();
+        Some(force.dot(way) / way.length_squared())
     }
 
     /// The largest principal value of the mean stress (Pa) there, and its direction.
@@ -394,16 +524,27 @@ impl Look<'_> {
     }
 
     /// Cells that come apart, ascending, if any may, and whether a tear begins.
-    fn decide(&self, progress: &mut Progress, may: bool, largest: &mut f64) -> (Vec<u32>, bool) {
+    fn decide(
+        &self,
+        progress: &mut Progress,
+        may: bool,
+        report: &mut TearReport,
+    ) -> (Vec<u32>, bool) {
         let view = self.view;
-        let fronts: Vec<(f64, DVec3)> = view.fronts.iter().map(|&(_, at)| self.mean(at)).collect();
-        *largest = fronts.iter().map(|own| own.0).fold(0.0, f64::max);
+        let look = |&(_, at): &(u32, DVec3)| (self.mean(at), self.energy_release(at));
+        let fronts: Vec<_> = view.fronts.iter().map(look).collect();
+        report.stress = fronts.iter().map(|(mean, _)| mean.0).fold(0.0, f64::max);
+        report.energy_release = fronts.iter().filter_map(|own| own.1).fold(0.0, f64::max);
         let mut apart = Vec::new();
         if !may {
             return (apart, false);
         }
-        for (&(cell, _), &(stress, across)) in view.fronts.iter().zip(&fronts) {
-            if stress <= self.strength {
+        for (&(cell, _), &((stress, across), release)) in view.fronts.iter().zip(&fronts) {
+            let goes_on = match (release, self.tear.toughness) {
+                (Some(release), Some(toughness)) => stress > 0.0 && release > toughness,
+                _ => stress > self.tear.strength,
+            };
+            if !goes_on {
                 continue;
             }
             let x = view.present(cell, self.at);
@@ -418,7 +559,7 @@ impl Look<'_> {
             }
         }
         // one thing after the other: what goes on takes tension off what may begin
-        let begun = apart.is_empty() && self.begin(progress, &mut apart, largest);
+        let begun = apart.is_empty() && self.begin(progress, &mut apart, &mut report.stress);
         if !apart.is_empty() {
             apart.extend(view.uncut.close(progress, &view.held));
         }
@@ -429,14 +570,14 @@ impl Look<'_> {
 
     /// Begins a tear at the vertex of the surface that is under the largest tension, if that is above the strength.
     fn begin(&self, progress: &mut Progress, apart: &mut Vec<u32>, largest: &mut f64) -> bool {
-        let view = self.view;
+        let (view, strength) = (self.view, self.tear.strength);
         // the norm of all is no less than the largest principal value
         let norm = |t: &[f64; 6]| {
             t[..3].iter().map(|t| t * t).sum::<f64>()
                 + 2.0 * t[3..].iter().map(|t| t * t).sum::<f64>()
         };
-        let may = |own: &Stress| norm(&own.0).sqrt() > self.strength * own.1;
-        let is_hot = |own: &Stress| may(own) && principal(*own).0 > self.strength;
+        let may = |own: &Stress| norm(&own.0).sqrt() > strength * own.1;
+        let is_hot = |own: &Stress| may(own) && principal(*own).0 > strength;
         let all = view.middles.iter().zip(self.stresses);
         let hot: Vec<DVec3> =
             all.filter(|(_, own)| is_hot(own)).map(|(middle, _)| middle.0).collect();
@@ -449,7 +590,7 @@ impl Look<'_> {
                 continue;
             }
             let (stress, across) = self.mean(at);
-            if stress > self.strength && best.is_none_or(|(most, ..)| stress > most) {
+            if stress > strength && best.is_none_or(|(most, ..)| stress > most) {
                 best = Some((stress, vertex, across));
             }
         }

@@ -168,8 +168,8 @@ fn tear(
         let remedy = "leave it out, or use mode = \"dynamic\"";
         return Err(key.value("a body that tears in a static scene", remedy));
     }
-    let TearEntry { strength, radius, max_speed } = entry;
-    let tear = Tear { body: body.0, strength, radius, max_speed };
+    let TearEntry { strength, toughness, radius, max_speed } = entry;
+    let tear = Tear { body: body.0, strength, toughness, radius, max_speed };
     built.simulation.set_tear(tear).map_err(|error| key.error(error))?;
     Ok(())
 }

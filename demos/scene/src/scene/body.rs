@@ -83,6 +83,8 @@ pub struct BodyEntry {
 pub struct TearEntry {
     /// Largest principal stress (Pa) that it bears, as a mean over a ball.
     pub strength: f64,
+    /// Energy (J/m^2) that the end of a wound takes to go on; it goes on by its strength without.
+    pub toughness: Option<f64>,
     /// Radius (m) of the ball; without, 1.2 mean edges.
     pub radius: Option<f64>,
     /// Largest speed (m/s) of a tear; without, that of shear waves.

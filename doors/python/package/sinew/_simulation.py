@@ -362,10 +362,10 @@ class Body(_Thing):
         del report["time"]
         return reports.Cut(**report)
 
-    def set_tear(self, strength: float | None, *, radius: float | None = None, max_speed: float | None = None) -> None:
+    def set_tear(self, strength: float | None, *, toughness: float | None = None, radius: float | None = None, max_speed: float | None = None) -> None:
         """Lets it tear where the tension, averaged over a ball of ``radius`` (m, at rest; 1.2 mean edges without), is above
-        ``strength`` (Pa), no faster than ``max_speed`` (m/s; that of shear waves without). ``None``: it tears no more."""
-        own = {"strength": strength, "radius": radius, "max_speed": max_speed}
+        ``strength`` (Pa), and on from wounds where these release more energy than ``toughness`` (J/m^2; by strength without), no faster than ``max_speed`` (m/s; that of shear waves without). ``None``: it tears no more."""
+        own = {"strength": strength, "toughness": toughness, "radius": radius, "max_speed": max_speed}
         self._own.set_tear(self.handle, None if strength is None else _lines(own))
 
     @property
