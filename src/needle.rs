@@ -5,8 +5,9 @@ use bevy_ecs::prelude::*;
 use glam::DVec3;
 use sinew_contact::edge::{EdgeState, YIELD};
 use sinew_contact::needle::{Needle, NeedlePoint, NeedleState};
-use sinew_contact::thread::Hold;
+use sinew_contact::thread::{Hold, Thread};
 use sinew_contact::tool::{Tool, ToolError, ToolPose};
+use sinew_engine::order::Order;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::step::StepError;
 use sinew_engine::topology::Topology;
@@ -32,6 +33,8 @@ struct Own<'a> {
     state: NeedleState,
     /// Tissue near it, by body.
     near: Vec<Option<Tissue>>,
+    /// Points that its end has passed now.
+    passed: Vec<Hold>,
     world: &'a World,
 }
 
@@ -75,9 +78,20 @@ pub(crate) fn look<S: Scalar>(world: &mut World, all: Vec<Path>) -> Result<(), S
             }
             near.push(found.flatten());
         }
-        let mut own = Own { needle, now, then, state: state.needle, near, world };
+        let mut own =
+            Own { needle, now, then, state: state.needle, near, passed: Vec::new(), world };
         own.advance();
         state.needle = own.state;
+        let passed = own.passed;
+        if !passed.is_empty() {
+            let end = world.get::<Order>(entity).map(|order| Hold::Needle(*order));
+            for mut thread in world.query::<&mut Thread>().iter_mut(world) {
+                if thread.points.last() == end.as_ref() {
+                    let at = thread.points.len() - 1;
+                    thread.points.splice(at..at, passed.iter().cloned());
+                }
+            }
+        }
         world.entity_mut(entity).insert(state);
     }
     Ok(())
@@ -178,7 +192,10 @@ impl Own<'_> {
         }
         for i in 0..self.state.points.len() {
             let passed = where_is(self, &self.state.points[i]) > self.needle.length;
-            self.state.points[i].passed |= passed;
+            if passed && !self.state.points[i].passed {
+                self.state.points[i].passed = true;
+                self.passed.push(self.state.points[i].hold.clone());
+            }
         }
         // it has left on the other side
         if !self.is_inside() && self.state.points.iter().all(|point| point.passed) {
@@ -308,5 +325,31 @@ impl Simulation {
         let state = self.world().get::<EdgeState>(self.current(tool));
         let NeedleState { points, passed, .. } = &state.ok_or(ToolError::NoTool(tool))?.needle;
         Ok(passed.iter().chain(points.iter().map(|point| &point.hold)).cloned().collect())
+    }
+
+    /// The end of the needle of a tool, for the last point of a [`Thread`] that it draws. The thread needs a first tail, out of
+    /// which it is drawn as long as that is free; before there are points of tissue it does nothing.
+    ///
+    /// ```
+    /// use sinew::prelude::*;
+    ///
+    /// let mut simulation = Simulation::new(SimulationOptions::default())?;
+    /// let needle = Needle { into: -DVec3::Z, ..Needle::new(0.03, 5e-4, 200.0, 5.0) };
+    /// let needle = simulation.add_tool(Tool::needle("needle", needle, DVec3::Z * 0.1))?;
+    /// let end = simulation.needle_end(needle)?;
+    /// let thread = Thread { tails: [0.4, 0.0], ..Thread::new("suture", vec![end], 20.0) };
+    /// let thread = simulation.add_thread(thread)?;
+    /// // once it goes through both lips: `hold_thread` holds its tail, the needle draws it tight, and `tie_thread` ties it
+    /// assert!(simulation.tie_thread(thread).is_err(), "there is no tissue yet");
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    ///
+    /// # Errors
+    /// When there is no such tool, or it has no needle.
+    pub fn needle_end(&self, tool: Entity) -> Result<Hold, ToolError> {
+        let own = self.world().get_entity(self.current(tool)).ok();
+        let own = own.filter(|own| own.get::<Tool>().is_some_and(|tool| tool.needle.is_some()));
+        let order = own.and_then(|own| own.get::<Order>());
+        order.map(|order| Hold::Needle(*order)).ok_or(ToolError::NoTool(tool))
     }
 }

@@ -119,14 +119,31 @@ impl Simulation {
         Ok(())
     }
 
-    /// Ties the ends of a thread together: hands let go, what lies between its points in tissue keeps its free length, and it is
+    /// Holds a free end of a thread, the first (`end` 0) or last (1), where it is: from the next step on it slides through there no more.
+    ///
+    /// # Errors
+    /// When there is no such thread, or it has no tail there.
+    pub fn hold_thread(&mut self, thread: Entity, end: usize) -> Result<(), ThreadError> {
+        let entity = self.current(thread);
+        let mut own = self.world_mut().get_mut::<Thread>(entity);
+        let own = own.as_mut().ok_or(ThreadError::NoThread(thread))?;
+        let is_free = own.points.len() > 1 && own.tails.get(end).is_some_and(|tail| *tail > 0.0);
+        if !is_free {
+            return Err(ThreadError::NoTail { name: own.name.clone(), end });
+        }
+        own.tails[end] = 0.0;
+        Ok(())
+    }
+
+    /// Ties the ends of a thread together: hands and needles let go, what lies between its points in tissue keeps its free length, and it is
     /// closed from the last of them to the first as taut as it is there. Returns the closed thread in place of the old one.
     ///
     /// # Errors
     /// When there is no such thread, or it has less than two points in tissue, or no step was made with it.
     pub fn tie_thread(&mut self, thread: Entity) -> Result<Entity, ThreadError> {
         let (own, report) = self.laid(thread)?;
-        let tissue = |&i: &u32| !matches!(own.points[i as usize], Hold::Place(_));
+        let is_hand = |hold: &Hold| matches!(hold, Hold::Place(_) | Hold::Needle(_));
+        let tissue = |&i: &u32| !is_hand(&own.points[i as usize]);
         let held: Vec<usize> =
             (0..report.held.len()).filter(|&i| tissue(&report.held[i])).collect();
         let (Some(&first), Some(&last)) = (held.first(), held.last()) else {

@@ -349,6 +349,10 @@ namespace Sinew
             Native.Demand(Native.sinew_thread_draw(own, thread, (uint)end, length));
         }
 
+        /// <summary>Holds a free end of a thread, the first (0) or last (1): it slides through there no more.</summary>
+        public void HoldThread(ulong thread, int end) { Native.Demand(Native.sinew_thread_hold(own, thread, (uint)end)); }
+
+        /// <summary>Ties the ends of a thread together, and lets hands go.</summary>
         public void TieThread(ulong thread) { Native.Demand(Native.sinew_thread_tie(own, thread)); }
 
         /// <summary>Cuts a thread; the part behind the segment, or 0. The handle stands for the first part that is left.</summary>

@@ -7,8 +7,8 @@ use sinew_embed::{Kind, ThreadPoint};
 use std::ffi::c_char;
 
 /// Lays a thread through points, or sets a clip between two (`kind` is `SINEW_THREAD` or `SINEW_CLIP`), which takes hold in the
-/// next step. `lines` as in a scene: `name`, `stiffness`, of threads `length`, `friction`, `grip` and `tails`, of clips `length`
-/// and `strength`.
+/// next step. `lines` as in a scene: `name`, `stiffness`, of threads `length`, `friction`, `grip`, `tails` and `needle` (the name of
+/// the tool whose needle draws it through further points), of clips `length` and `strength`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn sinew_thread_add(
     simulation: *mut sinew_simulation,
@@ -47,6 +47,16 @@ pub unsafe extern "C" fn sinew_thread_draw(
     length: f64,
 ) -> sinew_status {
     with(simulation, |sim| sim.draw_thread(thread, end as usize, length))
+}
+
+/// Holds a free end of a thread, the first (`end` 0) or last (1), where it is: it slides through there no more.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn sinew_thread_hold(
+    simulation: *mut sinew_simulation,
+    thread: sinew_handle,
+    end: u32,
+) -> sinew_status {
+    with(simulation, |sim| sim.hold_thread(thread, end as usize))
 }
 
 /// Ties the ends of a thread together, and lets hands go.

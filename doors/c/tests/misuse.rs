@@ -108,6 +108,7 @@ fn null_is_an_argument_everywhere() {
         sinew_thread_move(none, 0, 0, null());
         sinew_thread_move(sim, 0, 0, null());
         sinew_thread_draw(none, 0, 0, 0.0);
+        sinew_thread_hold(none, 0, 0);
         sinew_thread_tie(none, 0);
         sinew_thread_cut(none, 0, 0, null_mut(), null_mut());
         sinew_thread_cut(sim, 0, 0, null_mut(), null_mut());
@@ -215,6 +216,7 @@ fn wrong_handles_are_told() {
             sinew_read(sim, handle, SINEW_TEAR, null_mut(), 0, &mut number);
             sinew_thread_move(sim, handle, 0, xyz.as_ptr());
             sinew_thread_draw(sim, handle, 0, 0.0);
+            sinew_thread_hold(sim, handle, 0);
             sinew_thread_tie(sim, handle);
             sinew_thread_cut(sim, handle, 0, &mut first, &mut second);
             sinew_tear_set(sim, handle, null());

@@ -36,6 +36,7 @@ struct ThreadWords {
     grip: f64,
     #[serde(default)]
     tails: [f64; 2],
+    needle: Option<String>,
 }
 
 #[derive(Deserialize)]
@@ -78,11 +79,11 @@ impl Embedding {
     }
 
     /// Lays a thread through points, or sets a clip between two ([`Kind::Thread`], [`Kind::Clip`]), which takes hold in the next
-    /// step. Its words are TOML as in scenes, or JSON: `name`, `stiffness`, of threads `length`, `friction`, `grip` and `tails`, of clips
-    /// `length` and `strength`.
+    /// step. Its words are TOML as in scenes, or JSON: `name`, `stiffness`, of threads `length`, `friction`, `grip`, `tails` and `needle`,
+    /// the name of the tool whose needle draws it through further points, of clips `length` and `strength`.
     ///
     /// # Errors
-    /// When there is no tissue at a point, the name is taken, or a word or number cannot be used.
+    /// When there is no tissue at a point, or no such needle, the name is taken, or a word or number cannot be used.
     pub fn add_thread(
         &mut self,
         kind: Kind,
@@ -105,8 +106,15 @@ impl Embedding {
             Kind::Thread => {
                 let own: ThreadWords = words("thread", settings)?;
                 self.name_is_free(kind, &own.name)?;
-                let holds = self.holds(&format!("thread `{}`", own.name), points)?;
-                let ThreadWords { name, stiffness, length, friction, grip, tails } = own;
+                let mut holds = self.holds(&format!("thread `{}`", own.name), points)?;
+                if let Some(needle) = &own.needle {
+                    let tool = self.find(Kind::Tool, needle)?;
+                    let end = self.built.simulation.needle_end(self.touching(tool, Kind::Tool)?);
+                    let none =
+                        |_| InputError::invalid("needle", format!("tool `{needle}` has none"));
+                    holds.push(end.map_err(none)?);
+                }
+                let ThreadWords { name, stiffness, length, friction, grip, tails, .. } = own;
                 let made = Thread::new(&name, holds, stiffness);
                 let thread = Thread { length, friction, grip, tails, ..made };
                 (name, self.built.simulation.add_thread(thread)?)
@@ -146,6 +154,15 @@ impl Embedding {
     pub fn draw_thread(&mut self, thread: Handle, end: usize, length: f64) -> Result<()> {
         let entity = self.thread(thread)?;
         Ok(self.built.simulation.draw_thread(entity, end, length)?)
+    }
+
+    /// Holds a free end of a thread, the first (`end` 0) or last (1), where it is: it slides through there no more.
+    ///
+    /// # Errors
+    /// When there is no such thread, it is the scene's, or that end is not free.
+    pub fn hold_thread(&mut self, thread: Handle, end: usize) -> Result<()> {
+        let entity = self.thread(thread)?;
+        Ok(self.built.simulation.hold_thread(entity, end)?)
     }
 
     /// Ties the ends of a thread together, and lets hands go; the handle stands for what is tied.

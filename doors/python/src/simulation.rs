@@ -644,6 +644,10 @@ impl Engine {
         self.0.with(|own| own.draw_thread(thread, end, length))
     }
 
+    fn hold_thread(&self, thread: Handle, end: usize) -> PyResult<()> {
+        self.0.with(|own| own.hold_thread(thread, end))
+    }
+
     fn tie_thread(&self, thread: Handle) -> PyResult<()> {
         self.0.with(|own| own.tie_thread(thread))
     }

@@ -46,6 +46,9 @@ pub enum Hold {
     },
     /// A place (m) in space, such as a hand or a ring: where it is at the end of the next step.
     Place(DVec3),
+    /// The end of the needle of the tool with this number, as the last point of a thread. Points of tissue that it passes come before
+    /// it: as it passes one, the thread goes through there instead.
+    Needle(Order),
 }
 
 impl Hold {
@@ -85,7 +88,8 @@ impl Hold {
 pub struct Thread {
     /// Name for reports and probes.
     pub name: String,
-    /// What it goes through, in order, two at least.
+    /// What it goes through, in order, two at least; one if that is a needle that has not passed any yet. What is put before the last
+    /// point later it takes over with the length that it has there, so that none is made or lost.
     pub points: Vec<Hold>,
     /// Stiffness `EA` (N): the force that stretches it to twice its length.
     pub stiffness: f64,
@@ -95,8 +99,8 @@ pub struct Thread {
     pub friction: f64,
     /// Force (N) that such a point holds whatever the tension.
     pub grip: f64,
-    /// Length (m) beyond its first and its last point. 0: it is knotted there. Else it slips through that point, and off it once
-    /// the length is used up.
+    /// Length (m) beyond its first and its last point when it takes hold. 0: it is knotted there. Else it slips through that point, and
+    /// off it once the length is used up, or until this is 0: then it is knotted there as it is.
     pub tails: [f64; 2],
     /// Length (m) that hands have drawn past its first and its last point by the end of the next step.
     pub drawn: [f64; 2],
@@ -119,8 +123,18 @@ impl Thread {
 
     /// The error in it in a world of so many vertex rows and bodies, if there is one.
     pub fn problem(&self, rows: usize, bodies: usize) -> Option<String> {
-        if self.points.len() < 2 {
+        let on_needle = matches!(self.points.last(), Some(Hold::Needle(_)));
+        if self.points.len() < 2 && !on_needle {
             return Some("it needs two points at least".into());
+        }
+        if self.points.len() == 1 && (self.length.is_some() || self.tails[0] == 0.0) {
+            return Some(
+                "its needle draws it out of its first tail: give it that, and no length".into(),
+            );
+        }
+        let before = &self.points[..self.points.len() - 1];
+        if before.iter().any(|point| matches!(point, Hold::Needle(_))) {
+            return Some("a needle is its last point, or none of them".into());
         }
         let of_points = self.points.iter().enumerate().find_map(|(i, point)| {
             Some(format!("its point {} {}", i + 1, point.problem(rows, bodies)?))
@@ -183,6 +197,9 @@ impl Clip {
         });
         if of_points.is_some() {
             return of_points;
+        }
+        if self.points.iter().any(|point| matches!(point, Hold::Needle(_))) {
+            return Some("a needle draws a thread, and no clip".into());
         }
         if !(self.stiffness > 0.0 && self.stiffness.is_finite()) {
             return Some(format!("its stiffness is {} N/m: it must be positive", self.stiffness));
@@ -258,6 +275,16 @@ pub enum ThreadError {
         name: String,
         /// Number of the point or end.
         point: usize,
+    },
+    /// No end of it is free there.
+    #[error(
+        "thread `{name}` cannot be held at {end}: held is a free end, 0 or 1, of a thread through two points at least"
+    )]
+    NoTail {
+        /// Its name.
+        name: String,
+        /// Number of the end.
+        end: usize,
     },
     /// It has no such part.
     #[error(

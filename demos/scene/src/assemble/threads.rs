@@ -34,6 +34,9 @@ pub struct BuiltThread {
     /// Length (m) drawn past its last point, and place (m) of the hand there, over time (s).
     drawn: Option<Curve>,
     path: Option<Vec<Curve>>,
+    /// Times (s) from which its first tail is held, and at which it is tied.
+    held: Option<f64>,
+    tied: Option<f64>,
     entity: Option<Entity>,
 }
 
@@ -72,6 +75,21 @@ impl BuiltThread {
             _ => {}
         }
         let (Some(own), Line::Thread(thread)) = (self.entity, &self.line) else { return };
+        let now = simulation.world().get::<Thread>(simulation.current(own));
+        let is_open = now.is_some_and(|now| now.points.last().is_some_and(is_hand));
+        let is_due = |time: Option<f64>| time.is_some_and(|time| end + slack >= time);
+        if is_due(self.tied) && is_open {
+            // until there is enough tissue to tie it in
+            self.entity = simulation.tie_thread(own).ok().or(Some(own));
+        }
+        if self.tied.is_some() && !is_open {
+            return;
+        }
+        let Some(own) = self.entity.filter(|now| *now == own) else { return };
+        if is_due(self.held) {
+            // what is held already has no tail
+            let _: Result<(), ThreadError> = simulation.hold_thread(own, 0);
+        }
         // both are of ends that were found to be there
         let _: Result<(), ThreadError> = self
             .drawn
@@ -81,6 +99,11 @@ impl BuiltThread {
             simulation.move_thread(own, thread.points.len() - 1, place(path, end))
         });
     }
+}
+
+/// Whether that is a hand or a needle.
+fn is_hand(point: &Hold) -> bool {
+    matches!(point, Hold::Place(_) | Hold::Needle(_))
 }
 
 /// Points in tissue of a body, or of one body each.
@@ -144,6 +167,18 @@ pub(super) fn thread(
         }
         (None, None) => {}
     }
+    if let Some(name) = &entry.needle {
+        let key = key.at("needle");
+        curves::in_time(&key, "needle", mode)?;
+        if points.last().is_some_and(is_hand) {
+            return Err(key.value("a hand holds the same end", "keep one of them"));
+        }
+        let known = || built.tools.iter().map(|tool| tool.name.as_str());
+        let tool = built.tools.iter().find(|tool| tool.name == *name);
+        let tool = tool.ok_or_else(|| key.unknown("tool", name, known()))?.entity;
+        let end = built.simulation.needle_end(tool);
+        points.push(end.map_err(|_| key.value("this tool has no needle", "give it one"))?);
+    }
     let stiffness = key.at("stiffness").positive(entry.stiffness, "the stiffness", "N")?;
     let length = entry.length.map(|length| key.at("length").positive(length, "the length", "m"));
     let of = |name: &str, value: Option<f64>, unit: &str| {
@@ -167,6 +202,20 @@ pub(super) fn thread(
         }
     };
     let [from, until] = window(key, [entry.from, entry.until], mode)?;
+    let ends = [
+        ("held", entry.held, tails[0] > 0.0),
+        ("tied", entry.tied, points.last().is_some_and(is_hand)),
+    ];
+    for (name, time, has_end) in ends {
+        let Some(time) = time else { continue };
+        let key = key.at(name);
+        curves::in_time(&key, name, mode)?;
+        key.finite([time])?;
+        if !has_end {
+            return Err(key
+                .value("no such end", "`held` needs a first tail, `tied` a hand, path or needle"));
+        }
+    }
     let own = Thread {
         length: length.transpose()?,
         friction,
@@ -187,7 +236,8 @@ pub(super) fn thread(
         short(friction)
     );
     let (name, line) = (entry.name.clone(), Line::Thread(own));
-    Ok(BuiltThread { name, words, from, until, line, drawn, path, entity: None })
+    let (held, tied) = (entry.held, entry.tied);
+    Ok(BuiltThread { name, words, from, until, line, drawn, path, held, tied, entity: None })
 }
 
 /// A clip of a scene.
@@ -208,5 +258,7 @@ pub(super) fn clip(
     let line = Line::Clip(Clip { length, strength, ..Clip::new(&entry.name, points, stiffness) });
     let words = format!("{} N/m beyond {} mm", short(stiffness), short(length * 1e3));
     let name = entry.name.clone();
-    Ok(BuiltThread { name, words, from, until, line, drawn: None, path: None, entity: None })
+    let [held, tied] = [None; 2];
+    let (drawn, path, entity) = (None, None, None);
+    Ok(BuiltThread { name, words, from, until, line, drawn, path, held, tied, entity })
 }

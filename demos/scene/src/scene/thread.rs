@@ -13,7 +13,10 @@ pub struct ThreadEntry {
     /// Names of the bodies, one for each point, in place of `body`.
     pub bodies: Option<Vec<String>>,
     /// `[x, y, z]` (m) at rest of the points of tissue that it goes through, in order.
+    #[serde(default)]
     pub points: Vec<[f64; 3]>,
+    /// Name of the tool whose needle draws it: what that has passed are further points. Dynamic scenes.
+    pub needle: Option<String>,
     /// `[x, y, z]` (m): a hand that holds its last end.
     pub hand: Option<[f64; 3]>,
     /// `[time (s), x, y, z (m)]`: the same hand, moving, linear between. Dynamic scenes.
@@ -30,6 +33,10 @@ pub struct ThreadEntry {
     pub tails: Option<[f64; 2]>,
     /// `[time (s), length (m)]` that is drawn past its last point, linear between. Dynamic scenes.
     pub drawn: Option<Vec<[f64; 2]>>,
+    /// Time (s) from which its first tail is held. Dynamic scenes.
+    pub held: Option<f64>,
+    /// Time (s) at which its ends are tied together, once two points hold it. Dynamic scenes.
+    pub tied: Option<f64>,
     /// Time (s) from which it holds. Dynamic scenes.
     pub from: Option<f64>,
     /// Time (s) after which it is taken out. Dynamic scenes.

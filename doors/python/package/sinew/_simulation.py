@@ -512,6 +512,10 @@ class Thread(_Line):
         """Draws it past its first (0) or last (1) point: the length (m) in all by the end of the next step."""
         self._own.draw_thread(self.handle, end, float(length))
 
+    def hold(self, end: int = 0) -> None:
+        """Holds its free first (0) or last (1) end where it is: it slides through there no more."""
+        self._own.hold_thread(self.handle, end)
+
     def tie(self) -> None:
         """Ties its ends together, and lets hands go."""
         self._own.tie_thread(self.handle)
@@ -950,7 +954,7 @@ class Simulation:
     ) -> Thread:
         """Lays a thread of stiffness EA (N) through points: (body, place) for tissue at a place (m) in the present shape, a tool
         for the channel that its needle went through, a place for a hand. Keys are those of scenes: ``length`` (m), ``friction``,
-        ``grip`` (N), ``tails`` (m)."""
+        ``grip`` (N), ``tails`` (m), ``needle``, the name of the tool whose needle draws it through further points."""
         return Thread(self, *self._lay(Thread._kind, points, {**keys, "stiffness": stiffness}, name))
 
     def add_clip(

@@ -21,6 +21,8 @@ pub(super) struct LineState {
     /// Ends at which it slips through its first or last point, and its length (m) beyond it.
     loose: [bool; 2],
     tails: [f64; 2],
+    /// Tails (m) that it was last given.
+    given: [f64; 2],
     drawn: [f64; 2],
     /// Where places in space were (m), by number of the point.
     places: Vec<(u32, DVec3)>,
@@ -46,17 +48,54 @@ impl LineState {
             free,
             loose: wanted.of.tails.map(|tail| tail > 0.0),
             tails: wanted.of.tails,
+            given: wanted.of.tails,
             slid: vec![0.0; wanted.of.points.len()],
             ..Self::default()
         }
     }
 
-    fn fits(&self, points: usize) -> bool {
+    fn fits(&self) -> bool {
         self.held.is_sorted()
-            && self.held.iter().all(|&i| (i as usize) < points)
+            && self.held.iter().all(|&i| (i as usize) < self.slid.len())
             && self.free.len() == self.held.len().saturating_sub(1)
             && self.measure.len() == self.free.len()
-            && self.slid.len() == points
+    }
+
+    /// Knots ends that were free when it was given, and are no more.
+    fn knot(&mut self, tails: [f64; 2]) {
+        for end in 0..2 {
+            if self.given[end] > 0.0 && tails[end] == 0.0 {
+                (self.loose[end], self.tails[end]) = (false, 0.0);
+            }
+        }
+        self.given = tails;
+    }
+
+    /// Takes over points that have come before the last one, so that all are at these places (m). Free length is neither made nor
+    /// lost: that of the last segment is shared out, or it comes from the tail where there was none.
+    fn take_over(&mut self, at: &[DVec3]) {
+        let (before, last) = (self.slid.len() - 1, at.len() - 1);
+        self.slid.splice(before..before, std::iter::repeat_n(0.0, last - before));
+        let [before, last] = [before as u32, last as u32];
+        self.places.iter_mut().filter(|own| own.0 == before).for_each(|own| own.0 = last);
+        if self.held.pop_if(|held| *held == before).is_none() {
+            return;
+        }
+        let through = self.held.last().copied().into_iter().chain(before..=last);
+        let through: Vec<DVec3> = through.map(|i| at[i as usize]).collect();
+        let spans: Vec<f64> = through.windows(2).map(|two| two[0].distance(two[1])).collect();
+        let all: f64 = spans.iter().sum();
+        let (free, measure) = self.free.pop().zip(self.measure.pop()).unwrap_or_else(|| {
+            self.tails[0] -= all;
+            (all, all)
+        });
+        let even = 1.0 / spans.len() as f64;
+        for span in spans {
+            let share = if all > 0.0 { span / all } else { even };
+            self.free.push(free * share);
+            self.measure.push(measure * share.max(SHORT * even));
+        }
+        self.held.extend(before..=last);
     }
 
     /// What there is to tell of it without a step.
@@ -415,7 +454,7 @@ fn find_rows(world: &World, points: &[Hold]) -> Vec<Rows> {
             }
             rows.iter().all(is_left).then_some(found)
         }
-        Hold::Place(_) => Some(([NO_ROW; 4], [0.0; 4])),
+        Hold::Place(_) | Hold::Needle(_) => Some(([NO_ROW; 4], [0.0; 4])),
     };
     points.iter().map(find).collect()
 }
@@ -438,15 +477,24 @@ pub(super) fn known_rows<'a>(
     &known.rows
 }
 
-/// Where a place in space is at the end of the next step, of a point that is one.
-fn place(point: &Hold) -> Option<DVec3> {
-    match point {
-        Hold::Place(at) => Some(*at),
-        _ => None,
-    }
-}
-
 impl ContactSet {
+    /// Where a place in space is as a part of the step begins and ends, of a point that is one: this share of what is left.
+    fn way(&self, point: &Hold, from: Option<DVec3>, share: f64) -> Option<[DVec3; 2]> {
+        match point {
+            Hold::Place(at) => {
+                Some([from.unwrap_or(*at), from.map_or(*at, |from| from + (*at - from) * share)])
+            }
+            Hold::Needle(tool) => {
+                let now = self.tools.iter().find(|now| now.id == *tool)?;
+                let needle = now.tool.needle?;
+                let end =
+                    |pose: &ToolPose| pose.position + pose.rotation * needle.place(needle.length);
+                Some([from.unwrap_or_else(|| end(&now.start)), end(&now.end)])
+            }
+            _ => None,
+        }
+    }
+
     /// Finds the threads and clips of the step.
     pub(super) fn find_lines(
         &mut self,
@@ -478,29 +526,42 @@ impl ContactSet {
         x: &dyn Fn(VertexRow) -> DVec3,
     ) -> Result<Result<Line, LineState>, StepError> {
         let rows = &self.holds[&own.id].rows;
-        let known = self.kept.lines.get(&own.id).filter(|known| known.fits(own.of.points.len()));
-        let from = |i: u32| {
-            let kept = known.and_then(|known| known.places.iter().find(|(of, _)| *of == i));
-            kept.map(|(_, at)| *at).or(place(&own.of.points[i as usize]))
-        };
-        let hook = |i: u32| {
+        let count = own.of.points.len();
+        let known = self.kept.lines.get(&own.id).cloned();
+        let known = known.filter(|known| (1..=count).contains(&known.slid.len()) && known.fits());
+        let grown = known.as_ref().map_or(0, |known| count - known.slid.len());
+        let hook = |known: Option<&LineState>, i: u32| {
             let (rows, weights) = rows[i as usize].unwrap_or(([NO_ROW; 4], [0.0; 4]));
             // of a step in parts, this part
-            let way = from(i).zip(place(&own.of.points[i as usize]));
-            let way = way.map(|(from, to)| [from, from + (to - from) * share]);
+            let kept = known.and_then(|known| known.places.iter().find(|(of, _)| *of == i));
+            let way = self.way(&own.of.points[i as usize], kept.map(|(_, at)| *at), share);
             let inside = || rows.iter().zip(weights).filter(|(_, w)| *w != 0.0);
             let at = way.map_or_else(|| inside().map(|(&row, w)| w * x(row)).sum(), |way| way[0]);
             Hook { rows, weights, way, at }
         };
         let mut state = match known {
-            Some(known) => known.clone(),
-            None => {
-                let hooks: Vec<Hook> = (0..own.of.points.len() as u32).map(hook).collect();
-                let spans = hooks.windows(2).map(|pair| pair[0].at.distance(pair[1].at));
-                LineState::new(own, &spans.collect::<Vec<f64>>())
+            Some(known) if grown == 0 => known,
+            known => {
+                let at = (0..count as u32).map(|i| hook(known.as_ref(), i).at).collect::<Vec<_>>();
+                match known {
+                    Some(mut known) => {
+                        known.take_over(&at);
+                        known
+                    }
+                    None => {
+                        let spans = at.windows(2).map(|two| two[0].distance(two[1]));
+                        LineState::new(own, &spans.collect::<Vec<f64>>())
+                    }
+                }
             }
         };
-        let gone = |i: &u32| rows[*i as usize].is_none();
+        state.knot(own.of.tails);
+        // a needle that is taken away lets the thread go; one that has not come yet draws none
+        let lays = state.free.is_empty();
+        let gone = |i: &u32| match &own.of.points[*i as usize] {
+            point @ Hold::Needle(_) => !lays && self.way(point, None, share).is_none(),
+            _ => rows[*i as usize].is_none(),
+        };
         while let Some(at) = state.held.iter().position(gone) {
             state.drop_point(at);
         }
@@ -525,7 +586,7 @@ impl ContactSet {
                 "{more} m are drawn out of it in this step, and {length} m are left"
             ));
         }
-        let hooks: Vec<Hook> = state.held.iter().map(|&i| hook(i)).collect();
+        let hooks: Vec<Hook> = state.held.iter().map(|&i| hook(Some(&state), i)).collect();
         let bodies = &world.resource::<Topology>().bodies;
         let body = |row: VertexRow| bodies.partition_point(|own| own.vertices.end <= row.0);
         let joined = hooks.iter().flat_map(Hook::used).map(|(row, _)| body(row));
