@@ -7,9 +7,10 @@
 //!
 //! With a toughness, the ends of wounds go on by the energy that they release per area instead of by that stress, while what begins at the
 //! surface does so by strength. The stress at the end of a wound is as large as the ball is small, so that a strength is one of the
-//! material only together with a radius; the energy release does not depend on the radius. Were both asked, the lower load would win, and
-//! one of the two would mean nothing. The energy release is the domain integral of Eshelby's stress: with `q` from 1 in the inner half of the
-//! ball to 0 at its radius, `q_i` at the vertices, shape vectors `D_i`, forces `f_i`, energies `E` and displacement gradients `H` of the elements,
+//! material only together with a radius; the energy release hardly depends on it. Were both asked, the lower load would win, and one of
+//! the two would mean nothing. The energy release is the domain integral of Eshelby's stress. `q` is 1 up to three quarters of the radius and
+//! falls to 0 at all of it, since the end of a wound in the mechanics is up to an element from that in the material; `q_i` at the vertices,
+//! shape vectors `D_i`, forces `f_i`, energies `E` and displacement gradients `H` of the elements give
 //!
 //! ```text
 //! c = -sum_e V_e (W_e I - H_e^T P_e) grad q = -sum_e sum_i q_i (E D_i + H^T f_i)      N, as f_i = -V P D_i
@@ -55,6 +56,8 @@ use crate::resection::state::{Point, Queries, State};
 const KIND: ElementKind = ElementKind::Tetrahedron;
 /// Least radius (mean edges) over which stress may be averaged: below, it is that of a few elements, and depends on the mesh.
 const LEAST_RADIUS: f64 = 1.2;
+/// The same for an energy release: nearer to the end of a wound than this the material does not know where that is.
+const LEAST_RADIUS_OF_RELEASE: f64 = 1.5;
 /// Least sine of the angle between the end of a wound and the tension there at which it tears on.
 const ACROSS: f64 = 0.3;
 /// Least length of the front in a ball in the direction that it has in common, of all of its length, for an energy release.
@@ -70,7 +73,7 @@ pub struct Tear {
     pub strength: f64,
     /// Energy (J/m^2, by area at rest) that the end of a wound takes to go on; it goes on by its strength without.
     pub toughness: Option<f64>,
-    /// Radius (m, at rest) of the ball over which stress is averaged, 1.2 mean edges at least; these without.
+    /// Radius (m, at rest) of the ball over which stress is averaged, 1.2 mean edges at least, 1.5 with a toughness; these without.
     pub radius: Option<f64>,
     /// Largest speed (m/s) of a tear; without, that of shear waves, `sqrt(mu / rho)`.
     pub max_speed: Option<f64>,
@@ -179,11 +182,12 @@ pub fn check_tear(world: &mut World, tear: &Tear) -> Result<Tear, CutError> {
     world.insert_resource(resection);
     let at_rest = |vertex: u32| rest[row_of(&rows, vertex) as usize];
     let edge = Uncut::new(&material).mean_edge(material.vertices, &at_rest);
-    let least = LEAST_RADIUS * edge;
+    let release = tear.toughness.is_some();
+    let least = edge * if release { LEAST_RADIUS_OF_RELEASE } else { LEAST_RADIUS };
     let radius = tear.radius.unwrap_or(least);
     if radius < least * (1.0 - 1e-9) {
         return refuse(format!(
-            "its radius is {radius} m and edges are {edge:.4} m on average: the stress of so few elements depends on the mesh. \
+            "its radius is {radius} m and edges are {edge:.4} m on average: what so few elements say depends on the mesh. \
              Take {least:.4} m or more, or a finer mesh"
         ));
     }
@@ -496,7 +500,7 @@ impl Look<'_> {
 
     /// The energy (J/m^2) that the ends of wounds round one of them (m, at rest) release as they go on, if there is such a direction.
     fn energy_release(&self, at: DVec3) -> Option<f64> {
-        let part = |x: DVec3| (2.0 - 2.0 * x.distance(at) / self.radius).clamp(0.0, 1.0);
+        let part = |x: DVec3| (4.0 - 4.0 * x.distance(at) / self.radius).clamp(0.0, 1.0);
         let (mut way, mut length) = (DVec3::ZERO, 0.0);
         for &(middle, on) in &self.view.edges {
             way += part(middle) * on;

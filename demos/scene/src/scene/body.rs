@@ -85,7 +85,7 @@ pub struct TearEntry {
     pub strength: f64,
     /// Energy (J/m^2) that the end of a wound takes to go on; it goes on by its strength without.
     pub toughness: Option<f64>,
-    /// Radius (m) of the ball; without, 1.2 mean edges.
+    /// Radius (m) of the ball; without, 1.2 mean edges, 1.5 with a toughness.
     pub radius: Option<f64>,
     /// Largest speed (m/s) of a tear; without, that of shear waves.
     pub max_speed: Option<f64>,
