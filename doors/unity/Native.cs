@@ -80,8 +80,8 @@ namespace Sinew
         /// <summary>Area over that at rest, of triangles of the membrane, then quadrilaterals.</summary>
         AreaRatios = 9,
         /// <summary>Of a body that tears, eight numbers: area (m^2, at rest) that tore, elements parted, vertices made,
-        /// tears that began without a wound, largest mean principal stress (Pa) where it may tear, largest energy release
-        /// (J/m^2), pieces, and way (m) that a tear may still go.</summary>
+        /// tears that began without a wound, largest mean principal stress (Pa) where it may tear, largest energy
+        /// release (J/m^2), pieces, and way (m) that a tear may still go.</summary>
         Tear = 10,
         /// <summary>Of a thread or clip, seven numbers: largest tension (N), length (m), work of hands (J), energy (J)
         /// lost, points lost, 1 if it broke, 1 if the step did not converge.</summary>

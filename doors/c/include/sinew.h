@@ -201,8 +201,9 @@
 // Area over that at rest, of triangles of the membrane, then quadrilaterals.
 #define SINEW_AREA_RATIOS 9
 
-// Of a body that tears, seven numbers: area (m^2, at rest) that tore, elements parted, vertices made, tears that began without
-// a wound, largest mean principal stress (Pa) where it may tear, pieces, and way (m) that a tear may still go.
+// Of a body that tears, eight numbers: area (m^2, at rest) that tore, elements parted, vertices made, tears that began without
+// a wound, largest mean principal stress (Pa) where it may tear, largest energy release (J/m^2), pieces, and way (m) that a
+// tear may still go.
 #define SINEW_TEAR 10
 
 // Of a thread or clip, seven numbers: largest tension (N), length (m), work of hands (J), energy (J) lost, points lost, 1 if it
@@ -1103,8 +1104,8 @@ sinew_status sinew_pick(struct sinew_simulation *simulation,
                         struct sinew_pick_result *result);
 
 // Lays a thread through points, or sets a clip between two (`kind` is `SINEW_THREAD` or `SINEW_CLIP`), which takes hold in the
-// next step. `lines` as in a scene: `name`, `stiffness`, of threads `length`, `friction`, `grip` and `tails`, of clips `length`
-// and `strength`.
+// next step. `lines` as in a scene: `name`, `stiffness`, of threads `length`, `friction`, `grip`, `tails` and `needle` (the name of
+// the tool whose needle draws it through further points), of clips `length` and `strength`.
 sinew_status sinew_thread_add(struct sinew_simulation *simulation,
                               uint32_t kind,
                               const char *lines,
@@ -1124,6 +1125,11 @@ sinew_status sinew_thread_draw(struct sinew_simulation *simulation,
                                uint32_t end,
                                double length);
 
+// Holds a free end of a thread, the first (`end` 0) or last (1), where it is: it slides through there no more.
+sinew_status sinew_thread_hold(struct sinew_simulation *simulation,
+                               sinew_handle thread,
+                               uint32_t end);
+
 // Ties the ends of a thread together, and lets hands go.
 sinew_status sinew_thread_tie(struct sinew_simulation *simulation, sinew_handle thread);
 
@@ -1135,8 +1141,8 @@ sinew_status sinew_thread_cut(struct sinew_simulation *simulation,
                               sinew_handle *first,
                               sinew_handle *second);
 
-// Lets a body of linear tetrahedra with `spare` vertices tear. `lines` as below `tear` of a body in a scene: `strength`, `radius`,
-// `max_speed`; NULL: it tears no more.
+// Lets a body of linear tetrahedra with `spare` vertices tear. `lines` as below `tear` of a body in a scene: `strength`,
+// `toughness`, `radius`, `max_speed`; NULL: it tears no more.
 sinew_status sinew_tear_set(struct sinew_simulation *simulation,
                             sinew_handle body,
                             const char *lines);

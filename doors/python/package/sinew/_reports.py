@@ -257,6 +257,9 @@ class TearReport:
     """Largest averaged principal stress (Pa) at the ends of wounds, and where a tear may begin if it is above the
     strength there, as the last step began."""
 
+    energy_release: float
+    """Largest energy release (J/m^2) at the ends of wounds as the last step began; 0 without a toughness."""
+
     pieces: int
     """Connected pieces of the body when it last tore."""
 
