@@ -161,6 +161,10 @@ bad! {
         => "[[thread]]\nname = \"t\"\npoints = [[0.1, 0.02, 0.02], [0.1, 0.02, 0.03]]\nstiffness = 9.0\ntails = [0.0, 0.1]\ndrawn = [[0.0, 0.0], [0.1, 0.01]]\n\n[[probe]]", Value { .. }, 24, ["end that is free", "no tail"];
     thread_with_two_hands: "[[probe]]"
         => "[[thread]]\nname = \"t\"\npoints = [[0.1, 0.02, 0.02]]\nstiffness = 9.0\nhand = [0.0, 0.0, 1.0]\npath = [[0.0, 0.0, 0.0, 1.0]]\n\n[[probe]]", Value { .. }, 28, ["`path` is given as well"];
+    thread_of_no_needle: "[[probe]]"
+        => "[[thread]]\nname = \"t\"\nneedle = \"awl\"\nstiffness = 9.0\ntails = [0.1, 0.0]\n\n[[probe]]", Unknown { .. }, 26, ["`awl`"];
+    thread_held_where_it_is_knotted: "[[probe]]"
+        => "[[thread]]\nname = \"t\"\npoints = [[0.1, 0.02, 0.02], [0.1, 0.02, 0.03]]\nstiffness = 9.0\nheld = 0.1\n\n[[probe]]", Value { .. }, 28, ["first tail"];
     clip_that_breaks_at_once: "[[probe]]"
         => "[[clip]]\nname = \"c\"\npoints = [[0.1, 0.02, 0.02], [0.1, 0.02, 0.03]]\nstiffness = 9.0\nstrength = -1.0\n\n[[probe]]", Value { .. }, 28, ["strength is -1", "positive"];
     clip_of_one_body_of_two: "[[probe]]"

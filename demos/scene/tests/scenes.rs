@@ -494,6 +494,34 @@ fn static_beam_agrees_with_beam_theory() {
     assert!((z / tip.z - 1.0).abs() < 1e-5, "{z} {tip}");
 }
 
+/// A needle goes through a block and on; its thread is drawn along, then held, and tied.
+#[test]
+fn a_needle_draws_its_thread_through() {
+    let text = std::fs::read_to_string(shipped_scene("biopsy")).unwrap();
+    let line = |key: &str| text.lines().find(|line| line.starts_with(key)).unwrap();
+    let needle = "needle = { into = [1.0, 0.0, 0.0], length = 0.012, diameter = 1e-3, toughness = 50.0, friction = 5.0 }";
+    let path = "path = [[0.0, -0.002, 0.031, 0.03], [1.0, 0.1, 0.031, 0.03]]";
+    let text = text.replace(line("needle"), needle).replace(line("path"), path);
+    let text = text.replace(line("duration"), "duration = 1.1");
+    let thread = "[[thread]]\nname = \"suture\"\nneedle = \"needle\"\nstiffness = 20.0\ntails = [0.3, 0.0]\n";
+    let probe = "[[probe]]\nname = \"suture\"\nthread = \"suture\"\nrecord = [\"thread_tension\", \"thread_free\"]\n";
+    let found = ["", "held = 0.9\n", "held = 0.9\ntied = 1.05\n"].map(|times| {
+        let text = text.replace(
+            "[[probe]]\nname = \"tissue\"",
+            &format!("{thread}{times}\n{probe}\n[[probe]]\nname = \"tissue\""),
+        );
+        let scene = LoadedScene::parse(&text, &scene_folder().join("sewn.toml")).unwrap();
+        let summary = run(&scene, &RunOptions::default(), &mut Silent).unwrap();
+        let last = |key: &str| summary.final_probes.iter().find(|p| p.0.contains(key)).unwrap().1;
+        [last("tension"), last("free")]
+    });
+    // from where it enters to the end of the needle, 88 mm from the side; then as far as that was when it was held
+    let [[none, all], [tension, free], [tied, loop_]] = found;
+    assert!(none < 1e-6 && (0.086..0.09).contains(&all), "{found:?}");
+    assert!(tension > 0.05 && free < all - 0.005, "{found:?}");
+    assert!(tied > 0.05 && (loop_ - 0.12).abs() < 0.02, "{found:?}");
+}
+
 #[test]
 fn six_cells_of_second_order_bend_like_theory() {
     let text = std::fs::read_to_string(shipped_scene("static_beam")).unwrap();

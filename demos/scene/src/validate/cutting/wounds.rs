@@ -290,7 +290,7 @@ pub(super) fn tearing(rows: &mut CutRows, _: &CaseEntry) {
         row.at_most(what, own, 0.12);
         Ok(())
     });
-    rows.add("strength of few elements, which must not pass", |row| {
+    rows.add("few elements", |row| {
         let own = spread(row, &loads[2]);
         row.within(what, own, [0.12, f64::INFINITY]);
         Ok(())
