@@ -185,8 +185,9 @@ impl Strip {
     }
 
     fn tear(&self, s: &mut Simulation, body: BodyHandle) {
-        let (strength, radius) = (STRENGTH * self.unit, Some(0.0055 / self.unit));
-        let Self { toughness, max_speed, .. } = *self;
+        let Self { toughness, max_speed, unit, .. } = *self;
+        let radius = Some(toughness.map_or(0.0055, |_| 0.007) / unit);
+        let strength = STRENGTH * unit;
         s.set_tear(Tear { body: body.0, strength, toughness, radius, max_speed }).unwrap();
     }
 
