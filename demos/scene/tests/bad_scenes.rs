@@ -421,6 +421,7 @@ fn the_readme_lists_exactly_the_keys_that_exist() {
         ("[[tool]]", format!("{tool}zzz = 1")),
         ("tool.parts", format!("{tool}parts = [{{ zzz = 1 }}]")),
         ("tool.edge", format!("{tool}edge = {{ zzz = 1 }}")),
+        ("tool.edge.flanks", format!("{tool}edge = {{ flanks = {{ zzz = 1 }} }}")),
         ("tool.needle", format!("{tool}needle = {{ zzz = 1 }}")),
         ("tool.on", format!("{tool}on = {{ zzz = 1 }}")),
         ("[[pull]]", "name = \"a\"\n[[pull]]\nname = \"b\"\nzzz = 1".into()),

@@ -307,6 +307,32 @@ fn a_scalpel_opens_what_is_under_tension() {
     assert!(summary.volume.inverted_max == 0);
 }
 
+/// The sides of a scalpel hold its wound open and rub in it; what they cannot be is named.
+#[test]
+fn a_scalpel_has_flanks() {
+    let text = std::fs::read_to_string(shipped_scene("incision")).unwrap();
+    let text = text.replace("duration = 1.8", "duration = 1.0");
+    let start = text.find("edge = {").unwrap();
+    let end = start + text[start..].find(" }").unwrap();
+    let with = |length: f64, thickness: f64| {
+        let flanks = format!(
+            ", flanks = {{ length = {length}, thickness = {thickness} }} }}\nfriction = 0.3"
+        );
+        let text = format!("{}{flanks}{}", &text[..end], &text[end + 2..]);
+        LoadedScene::parse(&text, &scene_folder().join("flanks.toml"))
+    };
+    let attempt = |scene: &LoadedScene| run(scene, &RunOptions::default(), &mut Silent);
+    let summary = attempt(&with(0.012, 4e-4).unwrap()).unwrap();
+    assert!(summary.completed, "{summary}");
+    let rubbed = summary.energy.contact.unwrap_or_default().friction;
+    assert!(rubbed > 1e-4, "{rubbed}");
+    for (length, thickness, what) in [(0.0, 4e-4, "half size"), (0.012, -1.0, "thickness is -1 m")]
+    {
+        let error = attempt(&with(length, thickness).unwrap()).err().unwrap().to_string();
+        says(&error, &["flanks", what]);
+    }
+}
+
 /// Scissors cut: closing takes toughness times thickness times the way of the edge by the angle, and opening nothing.
 #[test]
 fn scissors_cut_into_a_sheet() {
