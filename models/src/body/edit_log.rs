@@ -16,7 +16,7 @@ use std::sync::{Arc, OnceLock, Weak};
 
 use super::description::SoftBody;
 use super::present::{MassPolicy, Resection};
-use crate::cutting::material::Stroke;
+use crate::cutting::stroke::Stroke;
 use crate::frame::rules::{Integration, VolumeRule};
 use crate::material::YoungPoisson;
 use crate::material::field::MaterialArrays;

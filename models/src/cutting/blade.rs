@@ -10,7 +10,8 @@ use sinew_engine::topology::Topology;
 use sinew_engine::vertex::{Displacement, RestPosition};
 use std::collections::BTreeMap;
 
-use super::material::{BladeMove, Cell, Material, Progress, Uncut, share};
+use super::material::{Cell, Material};
+use super::stroke::{BladeMove, Progress, Uncut, share};
 use super::tear::TearView;
 use super::{CutError, CutReport, material_of, open_now, prepared, rest_of, row_of};
 

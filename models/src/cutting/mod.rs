@@ -45,6 +45,7 @@ mod hexahedra;
 pub mod material;
 mod quadrature;
 mod skin;
+pub mod stroke;
 pub mod tear;
 mod ten_node;
 
@@ -69,10 +70,11 @@ use std::time::{Duration, Instant};
 
 use self::columns::{Changed, points_of};
 use self::faces::Sheet;
-use self::material::{Element, Material, Order, Stroke};
+use self::material::{Element, Material, Order};
 pub use self::skin::{
     MaterialSkin, cut_material, is_cut, node_places, node_velocities, update_skin,
 };
+use self::stroke::Stroke;
 use crate::body::description::{MassRule, SoftBody};
 use crate::body::edit_log::{Edit, before_edit, log_edit};
 use crate::body::matter::{Chosen, Items, chosen};

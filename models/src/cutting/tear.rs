@@ -42,7 +42,8 @@ use sinew_engine::scalar::Scalar;
 use sinew_engine::topology::Topology;
 
 use super::blade::{self, BladeViews};
-use super::material::{Material, Order, Progress, Uncut};
+use super::material::{Material, Order};
+use super::stroke::{Progress, Uncut};
 use super::{
     CutError, check_cut, material_of, open_now, order_of, prepared, rest_of, row_of, soft_of,
 };
