@@ -7,7 +7,7 @@ use super::scene::BuiltScene;
 use super::select::{group_cells, which_body};
 use super::touch::{BuiltTool, place};
 use crate::error::SceneError;
-use crate::scene::{Key, Mode, PartEntry, Rotation, ToolEntry, ToolShape, TouchedEntry};
+use crate::scene::{EdgeEntry, Key, Mode, PartEntry, Rotation, ToolEntry, ToolShape, TouchedEntry};
 use crate::text::short;
 use crate::warning::{Level, Warning};
 use glam::{DQuat, DVec3};
