@@ -564,8 +564,10 @@ impl PartNow {
     pub fn gap(&self, at: DVec3, side: &Side) -> (f64, DVec3) {
         let inverse = self.now.rotation.inverse();
         if side.outward != DVec3::ZERO
-            && let Some((distance, gradient)) =
-                self.of.shape.from_side(inverse * (at - self.now.centre), inverse * side.outward)
+            && let Some((distance, gradient)) = self
+                .of
+                .shape
+                .side_distance(inverse * (at - self.now.centre), inverse * side.outward)
         {
             return (distance + self.drawn_in, self.now.rotation * gradient);
         }

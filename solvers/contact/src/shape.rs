@@ -84,12 +84,12 @@ impl Shape {
         let left = DVec2::ONE - at * at;
         let middle = 0.5 * thickness;
         let slope = -2.0 * middle * at * DVec2::new(left.y, left.x) / half;
-        (left.min_element() > 0.0).then(|| (middle * left.x * left.y, slope))
+        (left.min_element() > 0.0).then_some((middle * left.x * left.y, slope))
     }
 
     /// Signed distance (m) from a side of a blade to a point of a face whose outward normal is `outward`, and its gradient; none where
     /// the face is turned to no side, or this is no blade.
-    pub(crate) fn from_side(&self, y: DVec3, outward: DVec3) -> Option<(f64, DVec3)> {
+    pub(crate) fn side_distance(&self, y: DVec3, outward: DVec3) -> Option<(f64, DVec3)> {
         let Self::Blade { half, thickness } = self else { return None };
         if outward.z.abs() < FACING {
             return Some((f64::INFINITY, DVec3::Z));
@@ -329,7 +329,7 @@ mod tests {
                 0.003 * f64::from(i - 100),
             );
             for side in [-1.0, 1.0] {
-                let of = |y| blade.from_side(y, DVec3::new(0.3, 0.2, -side)).unwrap();
+                let of = |y| blade.side_distance(y, DVec3::new(0.3, 0.2, -side)).unwrap();
                 let (distance, gradient) = of(at);
                 assert!(gradient.z * side > 0.0);
                 let height = 0.1 * (1.0 - at.x * at.x / 0.81) * (1.0 - at.y * at.y / 0.25);
@@ -344,15 +344,18 @@ mod tests {
                 }
             }
             // beside it, and faces that are turned elsewhere
-            assert_eq!(blade.from_side(at + DVec3::X * 1.8, DVec3::Z).unwrap().0, f64::INFINITY);
-            assert_eq!(blade.from_side(at, DVec3::X).unwrap().0, f64::INFINITY);
+            assert_eq!(
+                blade.side_distance(at + DVec3::X * 1.8, DVec3::Z).unwrap().0,
+                f64::INFINITY
+            );
+            assert_eq!(blade.side_distance(at, DVec3::X).unwrap().0, f64::INFINITY);
         }
         let beside = blade.distance(DVec3::new(1.2, 0.9, 0.0));
         assert!(
             (beside.0 - 0.5).abs() < 1e-12
                 && (beside.1 - DVec3::new(0.6, 0.8, 0.0)).length() < 1e-12
         );
-        assert_eq!(Shape::HalfSpace.from_side(DVec3::ZERO, DVec3::Z), None);
+        assert_eq!(Shape::HalfSpace.side_distance(DVec3::ZERO, DVec3::Z), None);
     }
 
     #[test]

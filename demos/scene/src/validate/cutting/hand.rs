@@ -3,8 +3,9 @@
 use super::super::compare::worst;
 use super::*;
 use bevy_ecs::prelude::Entity;
+use sinew::engine::load::Pressure;
 use sinew::engine::mesh::generate::{box_tets, jitter_interior};
-use sinew::engine::vertex::{Displacement, RestPosition};
+use sinew::engine::vertex::{Displacement, Mass, RestPosition, Velocity};
 use sinew::touch::edge::EdgeState;
 use sinew::touch::tool::ToolReport;
 
@@ -258,10 +259,40 @@ pub(super) fn loose_piece(rows: &mut CutRows, _: &CaseEntry) {
         row.at_most("way of what is held", moved, 0.0);
         Ok(())
     });
-    rows.not_run(
-        "pressure",
-        "a cut through faces that bear a pressure is refused, so that no partial face has any",
-    );
+    rows.add("pressure", |row| {
+        let mesh = block(4)?;
+        (row.nodes, row.cells) = (mesh.points.len(), mesh.tetrahedra.len());
+        let model = Model::CompressibleStVK;
+        let (mut simulation, body) = alone(threads, &cuttable(&mesh, tissue(1e4), model))?;
+        let is_top = |t: &[u32; 3]| t.iter().all(|&v| mesh.points[v as usize].z > SIDE - 1e-9);
+        let top: Vec<[u32; 3]> = mesh.surface_triangles().into_iter().filter(is_top).collect();
+        let (faces, pressure) = (simulation.face_rows(body, "top", &top)?, 100.0);
+        let (name, curve) = ("top".into(), Curve::Constant);
+        simulation.add_pressure(Pressure { name, faces, pressure, curve });
+        let edge = |y: f64| [DVec3::new(0.036, y, 0.08), DVec3::new(0.034, y, -0.02)];
+        let report = simulation.cut(body, &[edge(-0.02), edge(0.08)])?;
+        row.at_most("pieces but two", report.pieces.abs_diff(2) as f64, 0.0);
+        simulation.set_solver(moved_by(Integrator::SymplecticEuler));
+        simulation.set_dt(1e-6);
+        simulation.step()?;
+        // the momentum of a piece is what its part of the faces got
+        let mut momentum = [DVec3::ZERO; 2];
+        let rows = simulation.topology().bodies[0].clone();
+        let mut query = simulation.world_mut().query::<(&Mass<f64>, &Velocity<f64>)>();
+        for (local, (mass, v)) in query.iter(simulation.world()).enumerate() {
+            if let Some(own) = momentum.get_mut(rows.piece[local] as usize) {
+                *own += mass.0 * v.get();
+            }
+        }
+        momentum.sort_by(|a, b| a.z.total_cmp(&b.z));
+        // the cut is at 35.6 mm there
+        let off = [SIDE - 0.0356, 0.0356].into_iter().zip(momentum).map(|(width, own)| {
+            let truth = DVec3::Z * (pressure * SIDE * width * 1e-6);
+            own.distance(truth) / truth.length()
+        });
+        row.at_most("resultant on either piece", off.fold(0.0, worst), 1e-12);
+        Ok(())
+    });
 }
 
 /// Criterion 21: a needle goes in, stops, and comes back.

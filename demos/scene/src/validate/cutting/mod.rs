@@ -48,11 +48,6 @@ impl CutRows<'_> {
         self.rows.push(row.ended(outcome));
     }
 
-    fn not_run(&mut self, what: &str, why: &str) {
-        let row = ValidationRow::new(&self.name, what, 0, 0);
-        self.rows.push(row.ended(Err(CaseError::NotRun(why.into()))));
-    }
-
     fn threads(&self) -> usize {
         self.case.options.threads
     }
