@@ -13,7 +13,8 @@ mod render;
 mod sweep;
 
 use advise::{AdviseArguments, advise_scene};
-use clap::{Args, Parser, Subcommand};
+use clap::{Args, CommandFactory, Parser, Subcommand};
+use clap_complete::{Shell, generate as completions};
 use fit::{FitArguments, fit};
 use generate::GeneratedShape;
 use progress::Progress;
@@ -28,6 +29,7 @@ use sinew_cli::{Outcome, PrecisionArgument, choice, exit_code, print, quiet_driv
 use sinew_scene::assemble::{BuildOptions, generate};
 use sinew_scene::cell_springs::{CellFibres, SpringTable};
 use sinew_scene::check::{check_file, mistakes};
+use sinew_scene::fill::fill;
 use sinew_scene::mesh_tool::{MeshInfo, convert, lattice, merge, read, write};
 use sinew_scene::picture::{page_beside, run_to_page};
 use sinew_scene::run::{LogOptions, Observer, RunOptions, Silent, replay, run};
@@ -94,6 +96,11 @@ enum Command {
     Sweep(sweep::SweepCommand),
     /// Print the JSON schema of scene files, for editors.
     Schema,
+    /// Print what makes a shell complete this command; `source <(sinew completions bash)`.
+    Completions {
+        /// Which shell.
+        shell: Shell,
+    },
     /// Look at, convert or generate a mesh.
     #[command(subcommand)]
     Mesh(MeshCommand),
@@ -307,6 +314,19 @@ enum MeshCommand {
         #[arg(long, default_value_t = MERGE_TOLERANCE, allow_negative_numbers = true)]
         tolerance: f64,
     },
+    /// Tetrahedra inside a closed surface, by Gmsh, which must be installed.
+    Fill {
+        /// Surface file (.stl, .obj) or mesh, whose inside is filled anew.
+        from: PathBuf,
+        /// Mesh file to write (.msh, .vtk, .vtu).
+        to: PathBuf,
+        /// Edge of the tetrahedra (m), with new triangles on the surface [default: triangles stay as they are].
+        #[arg(long, value_name = "M", allow_negative_numbers = true)]
+        edge: Option<f64>,
+        /// Factor on all coordinates (0.001 for a surface in millimetres).
+        #[arg(long, default_value_t = 1.0, allow_negative_numbers = true)]
+        scale: f64,
+    },
     /// Cubes over what a closed surface encloses; the cell data `filled` says how much of each.
     Lattice {
         /// Surface file (.stl, .obj) or mesh.
@@ -361,6 +381,7 @@ fn main() -> ExitCode {
         }
         Command::Render(arguments) => render::render_scene(*arguments),
         Command::Schema => print_schema(),
+        Command::Completions { shell } => print_completions(shell),
         Command::New(arguments) => new::new(&arguments),
         Command::Presets(arguments) => new::list(&arguments),
         Command::Plot(arguments) => plot::plot(&arguments),
@@ -377,6 +398,13 @@ fn main() -> ExitCode {
         Command::Fit(arguments) => fit(&arguments),
         Command::Sweep(command) => return sweep::sweep(command),
     })
+}
+
+fn print_completions(shell: Shell) -> Outcome {
+    let mut script = Vec::new();
+    completions(shell, &mut Cli::command(), "sinew", &mut script);
+    say!("{}", String::from_utf8(script)?);
+    Ok(true)
 }
 
 fn print_schema() -> Outcome {
@@ -543,6 +571,10 @@ fn mesh(command: MeshCommand) -> Outcome {
         MeshCommand::Merge { from, to, tolerance } => {
             say!("{}", merge(&from, &to, tolerance)?);
             sayln!("written to {}", to.display());
+        }
+        MeshCommand::Fill { from, to, edge, scale } => {
+            say!("{}", fill(&from, &to, edge, scale)?);
+            return check_scene_or_mesh(&CheckArguments { file: to, json: false });
         }
         MeshCommand::Lattice { from, to, cell, scale } => {
             say!("{}", lattice(&from, &to, cell, scale)?);

@@ -297,6 +297,8 @@ fn mistakes_and_schema() {
     let told = String::from_utf8(sinew(&["run", &path]).stderr).unwrap();
     assert_eq!(told.matches("error: ").count(), 2, "{told}");
     assert!(told.contains("dt = -0.01") && told.contains("^^^^"), "{told}");
+    check(&["completions", "bash"], 0, "_sinew()", "");
+    check(&["completions", "csh"], 2, "", "[possible values: bash");
     let schema = check(&["schema"], 0, "json-schema.org", "");
     let schema: serde_json::Value = serde_json::from_str(&schema).unwrap();
     assert_eq!(schema["properties"]["tool"]["items"]["properties"]["radius"]["type"], "number");

@@ -256,16 +256,7 @@ fn recipe(path: &Path, mesh: &Mesh) -> String {
     let stem = path.file_stem().unwrap_or_default().to_string_lossy();
     format!(
         "give it a thickness in a scene, membrane = {{ thickness = 0.001 }}, or fill it with cubes there, lattice = {cell}, \
-         or with tetrahedra:
-    Gmsh: write {stem}.geo
-        Merge \"{file}\";
-        Surface Loop(1) = Surface{{:}};
-        Volume(1) = {{1}};
-        Physical Volume(\"body\") = {{1}};
-        Physical Surface(\"surface\") = Surface{{:}};
-      and run: gmsh -3 {stem}.geo -o {stem}.msh
-    TetGen: tetgen -pq1.2 {file}
-    then: sinew check {stem}.msh (or {stem}.1.node); more in docs/own-mesh.md"
+         or with tetrahedra by Gmsh: sinew mesh fill {file} {stem}.msh (in millimetres: --scale 0.001; other triangles: --edge {cell}); more in docs/own-mesh.md"
     )
 }
 

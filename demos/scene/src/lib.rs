@@ -20,13 +20,14 @@
 //! * [`picture`]: pages of runs; pictures and films with the feature `render`.
 //! * [`schema`](mod@schema): the JSON schema of scene files, as the reader knows it.
 //! * [`new_scene`]: a first scene for a mesh of one's own.
-//! * [`check`], [`mesh_tool`], [`validate`](mod@validate): the other subcommands.
+//! * [`check`], [`mesh_tool`], [`fill`](mod@fill), [`validate`](mod@validate): the other subcommands.
 //! * [`modes`](mod@modes): modes of free vibration.
 
 pub mod assemble;
 pub mod cell_springs;
 pub mod check;
 pub mod error;
+pub mod fill;
 pub mod mesh_tool;
 pub mod modes;
 pub mod new_scene;

@@ -380,7 +380,7 @@ pub fn lattice(from: &Path, to: &Path, cell: f64, scale: f64) -> Result<MeshInfo
 }
 
 /// Reads a mesh, with every coordinate multiplied by `scale`.
-fn scaled(from: &Path, scale: f64) -> Result<Mesh, ConvertError> {
+pub(crate) fn scaled(from: &Path, scale: f64) -> Result<Mesh, ConvertError> {
     if !(scale > 0.0 && scale.is_finite()) {
         return Err(ConvertError::Scale(scale));
     }

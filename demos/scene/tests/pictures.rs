@@ -11,7 +11,7 @@ use sinew_scene::assemble::{BuildOptions, BuiltScene};
 use sinew_scene::picture::{
     CaptureOptions, GalleryEntry, Quantity, Recorder, RenderJob, Variant, render,
 };
-use sinew_scene::run::{Observer, RunOptions, Silent, run};
+use sinew_scene::run::{Both, Observer, RunOptions, Silent, run};
 use sinew_scene::scene::LoadedScene;
 use sinew_scene::shipped_scene;
 use std::io::Write;
@@ -34,8 +34,7 @@ fn record(scene: &LoadedScene, steps: u64, quantities: Vec<Quantity>) -> (Record
 
 fn record_as(scene: &LoadedScene, steps: u64, capture: CaptureOptions) -> (Recording, String) {
     let capture = CaptureOptions { frames: Some(9), ..capture };
-    let mut silent = Silent;
-    let mut recorder = Recorder::new(scene, capture, &mut silent);
+    let mut recorder = Recorder::new(&scene.scene.name, capture);
     let summary = run(scene, &options(steps), &mut recorder).unwrap();
     assert_eq!(summary.failure, None);
     let (recording, _) = recorder.finish();
@@ -261,12 +260,12 @@ fn record_tools(
     }
     let mut reports = Reports(WithTools(tools), Vec::new());
     let capture = CaptureOptions { quantities, ..CaptureOptions::default() };
-    let mut recorder = Recorder::new(scene, capture, &mut reports);
+    let mut recorder = Recorder::new(&scene.scene.name, capture);
     let options = RunOptions {
         build: BuildOptions { threads: Some(1), ..Default::default() },
         ..Default::default()
     };
-    run(scene, &options, &mut recorder).unwrap();
+    run(scene, &options, &mut Both(&mut reports, &mut recorder)).unwrap();
     let (recording, _) = recorder.finish();
     recording.check().unwrap();
     (recording, reports.1)
@@ -359,9 +358,8 @@ fn a_pull_has_its_arrow_from_the_patch_to_the_hand() {
         }
     }
     let (scene, _) = block_and_ball();
-    let mut observer = WithPull;
-    let mut recorder = Recorder::new(&scene, CaptureOptions::default(), &mut observer);
-    run(&scene, &RunOptions::default(), &mut recorder).unwrap();
+    let mut recorder = Recorder::new("pull", CaptureOptions::default());
+    run(&scene, &RunOptions::default(), &mut Both(&mut WithPull, &mut recorder)).unwrap();
     let (recording, _) = recorder.finish();
     let [arrow] = recording.frames.last().unwrap().arrows[..] else { panic!("one arrow") };
     let tail = glam::Vec3::from_array(arrow.to) - glam::Vec3::from_array(arrow.along);

@@ -509,12 +509,9 @@ fn the_check_of_a_surface_says_how_to_fill_it() {
     assert!(!text.contains("can be simulated"), "{text}");
     says(
         &text,
-        &["organ.stl (mesh): a surface only, no solid body", "gmsh -3 organ.geo -o organ.msh"],
+        &["organ.stl (mesh): a surface only, no solid body", "sinew mesh fill organ.stl organ.msh"],
     );
-    says(
-        &text,
-        &["lattice = ", "Merge \"organ.stl\";", "tetgen -pq1.2 organ.stl", "docs/own-mesh.md"],
-    );
+    says(&text, &["lattice = ", "--edge ", "docs/own-mesh.md"]);
     std::fs::remove_dir_all(out).unwrap();
 }
 

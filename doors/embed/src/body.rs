@@ -153,6 +153,7 @@ impl Embedding {
     pub fn add_body(&mut self, mesh: &Mesh, description: &BodyDescription) -> Result<Handle> {
         let name = description.name;
         self.name_is_free(Kind::Body, name)?;
+        self.shows_all()?;
         mesh.fits_into_memory()?;
         let mut checked = check(mesh, &CheckOptions::default())?;
         let settings = description.membrane.map(|m| m.settings());
@@ -429,6 +430,9 @@ impl Embedding {
         let index = self.body(body)?;
         let change = self.built.simulation.set_material(BodyHandle(index), field)?;
         self.built.bodies[index].material = field.material;
+        if let Some((recorder, _)) = &mut self.recorder {
+            recorder.material_changed(&mut self.built, index);
+        }
         self.epoch += 1;
         Ok(change)
     }

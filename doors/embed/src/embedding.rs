@@ -19,6 +19,7 @@ use sinew::solvers::settings::SolverSettings;
 pub use sinew_scene::assemble::BuildOptions as Overrides;
 use sinew_scene::assemble::{BuiltScene, RunPlan, build};
 use sinew_scene::error::{SceneError, hint};
+use sinew_scene::picture::Recorder;
 use sinew_scene::scene::{LoadedScene, Mode};
 use sinew_scene::warning::Warning;
 use std::path::Path;
@@ -95,6 +96,8 @@ pub struct Embedding {
     /// Counts changes of the state, from 1.
     pub(crate) epoch: u64,
     poisoned: Option<String>,
+    /// A recording on its way, and its steps from frame to frame.
+    pub(crate) recorder: Option<(Recorder, u64)>,
     /// Its own in this process.
     number: u64,
 }
@@ -209,7 +212,8 @@ impl Embedding {
         of_scene(Kind::Thread, built.strands.iter().map(|own| &own.name).collect());
         of_scene(Kind::Clip, built.clips.iter().map(|own| &own.name).collect());
         let number = NUMBER.fetch_add(1, Ordering::Relaxed);
-        Self { built, scene, handles, buffers, epoch: 1, poisoned: None, number }
+        let (poisoned, recorder) = (None, None);
+        Self { built, scene, handles, buffers, epoch: 1, poisoned, recorder, number }
     }
 
     /// Says that the simulation cannot be used any more, because something panicked in it; every later [`Embedding::check`]
@@ -250,6 +254,7 @@ impl Embedding {
                 prepared.map_err(|e| EmbedError::new(Code::Step, e.to_string()))?;
             }
             self.built.simulation.step()?;
+            self.recorded();
         }
         Ok(())
     }

@@ -32,6 +32,7 @@ mod cut;
 mod embedding;
 mod error;
 mod files;
+mod film;
 mod handle;
 mod mesh;
 mod snapshot;

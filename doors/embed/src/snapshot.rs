@@ -121,7 +121,7 @@ impl Embedding {
             self.built.plan.gravity = gravity;
         }
         self.epoch += 1;
-        Ok(())
+        self.record_anew()
     }
 
     /// Handles for what acts on bodies and has none, which another simulation added.

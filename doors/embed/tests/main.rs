@@ -3,6 +3,7 @@
 mod bodies;
 mod doors;
 mod errors;
+mod film;
 mod lists;
 mod scenes;
 mod snapshots;

@@ -582,6 +582,15 @@ impl Engine {
         self.0.with(|own| own.set_grip(tool, grip))
     }
 
+    fn record(&self, every: u64) -> PyResult<()> {
+        self.0.with(|own| own.record(every))
+    }
+
+    /// Ends the recording, as one HTML file.
+    fn page(&self) -> PyResult<String> {
+        self.0.with(|own| own.page())
+    }
+
     /// What a tool felt, as JSON.
     fn tool_report(&self, tool: Handle) -> PyResult<String> {
         self.0.read(|own| Ok(json(&own.tool_report(tool)?)))

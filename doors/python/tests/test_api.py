@@ -637,3 +637,21 @@ def test_blades_needles_threads_and_tears():
     assert body.tear.area > 0 and body.tear.separated > 0
     body.set_tear(None)
     assert body.tear is None
+
+
+def test_a_recording_is_shown_and_saved(tmp_path):
+    sim, body = block((3, 3, 2))[:2]
+    sim.record(every=2)
+    sim.step(5)
+    page = sim.show()
+    assert "<canvas>" in page.html and page.html.startswith("<!doctype html>")
+    page.save(tmp_path / "a.html")
+    assert (tmp_path / "a.html").read_text(encoding="utf-8") == page.html
+    shown = page._repr_html_()
+    assert shown.startswith("<iframe srcdoc=") and "<canvas>" not in shown and "&lt;canvas&gt;" in shown
+    # without a recording: the present state
+    assert len(sim.show().html) < len(page.html)
+    with pytest.raises(sinew.ArgumentError, match="at least 1"):
+        sim.record(every=0)
+    with pytest.raises(sinew.ArgumentError, match="no body"):
+        sinew.Simulation().show()

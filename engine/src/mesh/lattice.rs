@@ -233,8 +233,12 @@ impl Mesh {
         MeshError::NothingInside { file: self.source.clone(), cell }
     }
 
-    /// Refuses a surface with an edge that an odd number of its triangles have; whether all of them turn one way.
-    fn closed(&self, triangles: &[[u32; 3]]) -> Result<bool, MeshError> {
+    /// Whether all `triangles` of a closed surface turn one way, those of [`outside`](Self::outside) for a mesh.
+    ///
+    /// # Errors
+    ///
+    /// [`MeshError::Open`] where an odd number of them have an edge in common.
+    pub fn closed(&self, triangles: &[[u32; 3]]) -> Result<bool, MeshError> {
         let mut edges: Vec<([u32; 2], bool)> = triangles
             .iter()
             .flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]])

@@ -98,6 +98,14 @@ impl BuiltResection {
         what + &times
     }
 
+    /// Where (m) the ball that removes is at a time (s), and its radius (m).
+    pub fn ball(&self, time: f64) -> Option<(DVec3, f64)> {
+        let Action::Tool { path, radius } = &self.action else { return None };
+        let leg = path.windows(2).find(|leg| time >= leg[0].0 && time <= leg[1].0)?;
+        let [(t0, a), (t1, b)] = [leg[0], leg[1]];
+        Some((a.lerp(b, (time - t0) / (t1 - t0)), *radius))
+    }
+
     /// Until when (s) it acts; what acts once has the past here afterwards.
     pub(crate) fn until(&self) -> f64 {
         self.until

@@ -1,22 +1,25 @@
 //! Makes a recording of a scene while it runs: an observer that copies what pictures need.
 
 use super::boundary::{Face, boundary};
-use super::measure::{MeasuredBody, ModuliFields};
+use super::measure::MeasuredBody;
 use super::quantity::Quantity;
 use super::tools::{Force, Tools, append};
 use super::wound::Wound;
 use crate::assemble::{BuiltBody, BuiltScene};
 use crate::probe;
 use crate::run::Observer;
-use crate::scene::{LoadedScene, Mode, Scene};
+use crate::scene::Mode;
 use bevy_ecs::entity::Entity;
+use bevy_ecs::world::World;
 use glam::{DVec3, Vec3};
 use sinew::engine::connectivity::ElementKind;
-use sinew::engine::load::{Load, Pressure};
+use sinew::engine::load::{Constraint, Load, Motion, Pressure};
 use sinew::engine::mesh::Mesh;
 use sinew::engine::report::SystemTimes;
 use sinew::engine::row::{MeshVertex, VertexRow};
+use sinew::engine::step::StepClock;
 use sinew::engine::topology::BodyRows;
+use sinew::models::body::SoftBody;
 use sinew::touch::pull::{Pull, PullReport};
 use sinew_render::colour::{ColourMap, Rgb};
 use sinew_render::scale::with_unit;
@@ -46,6 +49,9 @@ pub struct CaptureOptions {
     pub quantities: Vec<Quantity>,
     /// Angle (degrees) between faces above which edges stay sharp.
     pub crease: f32,
+    /// Steps between frames of a recording whose end nobody knows, in place of those of the scene's output. Where there come to
+    /// be too many, every second goes and the steps between them double.
+    pub every: Option<u64>,
     /// Steps of this run in one of the run whose frames it must meet; 1 for a run of its own.
     pub substeps: u64,
     /// For a page: with what is inside of bodies and what probes record, and within a bound on its size.
@@ -65,6 +71,7 @@ impl Default for CaptureOptions {
     fn default() -> Self {
         Self {
             frames: None,
+            every: None,
             quantities: vec![Quantity::Displacement],
             crease: CREASE_ANGLE,
             substeps: 1,
@@ -92,11 +99,13 @@ type Push = (Vec3, f32, Vec3);
 /// Arrows of a pressure.
 const PUSHES: usize = 40;
 
-/// An observer that records; pass another one on to be told as well.
-pub struct Recorder<'a> {
-    scene: &'a LoadedScene,
+/// An observer that records.
+pub struct Recorder {
+    /// Name of what is recorded.
+    name: String,
     options: CaptureOptions,
-    inner: &'a mut dyn Observer,
+    /// Steps done when it began, and most frames, where nobody knows the end.
+    open: (u64, usize),
     parts: Vec<BodyPart>,
     /// Place of each point of the scene among those recorded.
     place: Vec<u32>,
@@ -119,24 +128,18 @@ pub struct Recorder<'a> {
     seconds: f64,
 }
 
-impl<'a> Recorder<'a> {
-    /// For a run of `scene`.
-    pub fn new(
-        scene: &'a LoadedScene,
-        options: CaptureOptions,
-        inner: &'a mut dyn Observer,
-    ) -> Self {
+impl Recorder {
+    /// For a run that has this name.
+    pub fn new(name: impl Into<String>, options: CaptureOptions) -> Self {
         let recording = Recording {
-            is_static: scene.scene.mode == Mode::Static,
-            falling: !(scene.scene.resections.is_empty() && scene.scene.cuts.is_empty()),
             up: Vec3::Z,
             fields: options.quantities.iter().filter_map(|q| q.field()).collect(),
             ..Recording::default()
         };
         Self {
-            scene,
+            name: name.into(),
             options,
-            inner,
+            open: (0, PAGE.1),
             parts: Vec::new(),
             place: Vec::new(),
             kept: Vec::new(),
@@ -206,12 +209,15 @@ impl<'a> Recorder<'a> {
     }
 
     fn prepare(&mut self, built: &mut BuiltScene) {
+        let cutting = self.opens(built);
         let r = &mut self.recording;
+        r.is_static = built.plan.mode == Mode::Static;
+        r.falling = !(built.resections.is_empty() && built.cuts.is_empty());
         r.up = -built.plan.gravity.normalize_or_zero().as_vec3();
         if r.up == Vec3::ZERO {
             r.up = Vec3::Z;
         }
-        (r.title, r.subtitle) = titles(self.scene, built);
+        (r.title, r.subtitle) = titles(&self.name, built);
         if self.options.page
             && self.options.quantities.first() == Some(&Quantity::default())
             && built.element_count() > MEASURED
@@ -220,20 +226,10 @@ impl<'a> Recorder<'a> {
             r.fields = self.options.quantities.iter().filter_map(|q| q.field()).collect();
         }
         let needs_measures = self.options.quantities.iter().any(|q| q.index().is_some());
-        let cutting = is_opened(built);
         let mut points = Vec::new();
         for (i, body) in built.bodies.iter().enumerate() {
-            let entry = &self.scene.scene.bodies[i].material;
-            let field = |name: &Option<String>| {
-                let data = body.mesh.data(name.as_ref()?)?;
-                Some(data.values.tetrahedra.iter().chain(&data.values.hexahedra).copied().collect())
-            };
-            let moduli = ModuliFields {
-                young_modulus: field(&entry.young_modulus_field),
-                poisson_ratio: field(&entry.poisson_ratio_field),
-            };
-            let fibres = body.axes.as_ref().is_some_and(|axes| !axes.families.is_empty());
-            let measured = (needs_measures || fibres).then(|| MeasuredBody::new(body, &moduli));
+            let world = built.simulation.world_mut();
+            let measured = (needs_measures || has_fibres(body)).then(|| measured(world, i, body));
             let (first, faces, changes, wound) = (points.len(), Vec::new(), None, None);
             // cuts open the body, of which the surface knows nothing
             let carries = body.carried.is_some() && !cutting;
@@ -247,8 +243,10 @@ impl<'a> Recorder<'a> {
         self.faces(built);
         if self.options.page {
             self.inside(built, points.len());
-            let quantities = probe::quantities(&built.probes);
-            self.recording.graphs = quantities.map(graph).collect();
+            if self.options.every.is_none() {
+                let quantities = probe::quantities(&built.probes);
+                self.recording.graphs = quantities.map(graph).collect();
+            }
             let before = std::mem::take(&mut self.before);
             self.probed(0.0, &before);
         }
@@ -294,6 +292,7 @@ impl<'a> Recorder<'a> {
         self.wanted.iter_mut().for_each(|step| *step *= substeps);
         self.wanted.dedup();
         self.due = self.wanted.len();
+        self.open.0 = built.simulation.world().resource::<StepClock>().step;
         if self.options.page && self.options.frames.is_none() {
             // every cut may bring a new surface
             let of_point = 6 + self.recording.fields.len() + if cutting { 32 } else { 0 };
@@ -301,6 +300,7 @@ impl<'a> Recorder<'a> {
             let spare: usize = built.simulation.topology().bodies.iter().map(|b| b.spare).sum();
             let points = self.kept.len() + spare;
             let most = (PAGE.0 / (of_point * points).max(1)).clamp(2, PAGE.1);
+            self.open.1 = most;
             let (every, last) = ((self.due - 1).div_ceil(most - 1).max(1), self.due - 1);
             let mut at = 0..;
             self.wanted
@@ -436,7 +436,7 @@ impl<'a> Recorder<'a> {
     fn record(&mut self, built: &mut BuiltScene, step: u64) {
         let start = Instant::now();
         let time = built.simulation.time();
-        let cutting = is_opened(built);
+        let cutting = self.opens(built);
         if step > 0 && cutting && self.faces(built) {
             self.skin = self.new_skin();
             self.change_cells(built);
@@ -521,7 +521,7 @@ impl<'a> Recorder<'a> {
         fields.iter_mut().zip(values_made).for_each(|(all, made)| all.extend(made));
         let now = Now::new(built, step, displacements);
         self.balls(built, &now, &points, &mut balls);
-        let mut forces = forces(&self.scene.scene, built, &now, &mut self.recording.forces);
+        let mut forces = forces(built, &now, &mut self.recording.forces);
         let world = built.simulation.world_mut();
         let (tools, own) = self.tools.record(world, step > 0, time);
         forces.extend(own);
@@ -535,23 +535,72 @@ impl<'a> Recorder<'a> {
         self.seconds += start.elapsed().as_secs_f64();
     }
 
-    /// Held and moved vertices, and tools that cut.
-    fn balls(&self, built: &BuiltScene, now: &Now, points: &[[f32; 3]], balls: &mut Vec<Ball>) {
-        let scene = &self.scene.scene;
-        for (c, entry) in built.constraints.iter().zip(&scene.constraints) {
-            if !c.acts(now.time) {
-                continue;
+    /// Whether bodies may lose elements or be cut: nobody knows where the end is open.
+    fn opens(&self, built: &BuiltScene) -> bool {
+        let spare = built.simulation.topology().bodies.iter().any(|body| body.spare > 0);
+        spare || !built.resections.is_empty() || self.options.every.is_some()
+    }
+
+    /// Records the state that is the last, unless it is recorded already.
+    pub fn last(&mut self, built: &mut BuiltScene) {
+        let done = built.simulation.world().resource::<StepClock>().step;
+        if self.recording.frames.last().is_some_and(|frame| frame.step != done) {
+            self.record(built, done);
+        }
+    }
+
+    /// Measures a body from now on by the material that it has now.
+    pub fn material_changed(&mut self, built: &mut BuiltScene, body: usize) {
+        let own = self.parts.get_mut(body).and_then(|part| part.measured.as_mut());
+        if let Some(own) = own {
+            *own = measured(built.simulation.world_mut(), body, &built.bodies[body]);
+        }
+    }
+
+    /// Leaves every second frame out where there are too many, and thins lines over time.
+    fn thin(&mut self) {
+        let long = self.recording.forces.iter_mut().filter(|series| series.points.len() >= LINE);
+        long.for_each(|series| series.points = series.thinned(LINE / 2));
+        if self.recording.frames.len() <= self.open.1 {
+            return;
+        }
+        fn every_second<T>(list: &mut Vec<T>) {
+            let mut at = 0..;
+            list.retain(|_| at.next().is_some_and(|i: usize| i.is_multiple_of(2)));
+        }
+        every_second(&mut self.recording.frames);
+        every_second(&mut self.forces);
+        every_second(&mut self.pushes);
+        for cell in &mut self.recording.cells {
+            cell.born = cell.born.div_ceil(2);
+            if cell.gone != u32::MAX {
+                cell.gone = cell.gone.div_ceil(2);
             }
-            let colour = if entry.motion.is_some() { MOVED } else { HELD };
-            let part = &self.parts[c.body];
-            let body = &built.bodies[c.body];
+        }
+        self.options.every = self.options.every.map(|every| 2 * every);
+    }
+
+    /// Held and moved vertices, and tools that cut.
+    fn balls(&self, built: &mut BuiltScene, now: &Now, points: &[[f32; 3]], balls: &mut Vec<Ball>) {
+        let BuiltScene { simulation, bodies, resections, .. } = built;
+        let world = simulation.world_mut();
+        for c in world.query::<&Constraint>().iter(world) {
+            let (Some((of, _)), true) =
+                (c.rows.first().and_then(|&row| now.place(row)), acts(c, now))
+            else {
+                continue;
+            };
+            let colour = if c.motion == Motion::Hold { HELD } else { MOVED };
+            let (part, body) = (&self.parts[of], &bodies[of]);
+            let own =
+                c.rows.iter().filter_map(|&row| now.place(row)).map(|(_, v)| v.index() as u32);
             let carried = body.carried.as_ref().filter(|_| part.carries);
             let held: Vec<u32> = match carried {
-                None => c.vertices.clone(),
+                None => own.collect(),
                 // points that hang on held vertices for the most part
                 Some(carried) => {
                     let mut held = vec![0.0; body.mesh.points.len()];
-                    c.vertices.iter().for_each(|&v| held[v as usize] = 1.0);
+                    own.for_each(|v| held[v as usize] = 1.0);
                     let share = carried.embedding.mean(|v| held[v as usize]);
                     let first = body.mesh.points.len() as u32;
                     (first..).zip(share).filter(|(_, share)| *share > 0.5).map(|x| x.0).collect()
@@ -565,15 +614,9 @@ impl<'a> Recorder<'a> {
                 }
             }
         }
-        for tool in scene.resections.iter().filter_map(|r| r.tool.as_ref()) {
-            let (path, time) = (&tool.path, now.time);
-            if let Some(i) = path.windows(2).position(|w| time >= w[0][0] && time <= w[1][0]) {
-                let ([t0, a @ ..], [t1, b @ ..]) = (path[i], path[i + 1]);
-                let s = (time - t0) / (t1 - t0);
-                let centre = DVec3::from_array(a).lerp(DVec3::from_array(b), s);
-                let centre = centre.as_vec3().to_array();
-                balls.push(Ball { centre, radius: tool.radius as f32, colour: CUTTER });
-            }
+        for (centre, radius) in resections.iter().filter_map(|own| own.ball(now.time)) {
+            let centre = centre.as_vec3().to_array();
+            balls.push(Ball { centre, radius: radius as f32, colour: CUTTER });
         }
     }
 
@@ -608,21 +651,19 @@ impl<'a> Recorder<'a> {
     }
 }
 
-impl Observer for Recorder<'_> {
+impl Observer for Recorder {
     fn built(&mut self, scene: &mut BuiltScene) {
-        self.inner.built(scene);
         let start = Instant::now();
         self.prepare(scene);
+        if self.open.0 > 0 && self.opens(scene) {
+            // what has gone before it began
+            self.change_cells(scene);
+        }
         self.seconds += start.elapsed().as_secs_f64();
-        self.record(scene, 0);
+        self.record(scene, self.open.0);
     }
 
-    fn start(&mut self, name: &str, steps: u64) {
-        self.inner.start(name, steps);
-    }
-
-    fn step(&mut self, done: u64, time: f64, scene: &mut BuiltScene) {
-        self.inner.step(done, time, scene);
+    fn step(&mut self, done: u64, _: f64, scene: &mut BuiltScene) {
         let start = Instant::now();
         // a blow may be over before the next frame
         let (time, world) = (scene.simulation.time(), scene.simulation.world_mut());
@@ -631,21 +672,21 @@ impl Observer for Recorder<'_> {
             append(&mut self.recording.forces, &pull.name, time, report.force.length());
         }
         self.seconds += start.elapsed().as_secs_f64();
-        if self.wanted.binary_search(&done).is_ok() {
-            self.record(scene, done);
+        match self.options.every {
+            Some(every) if done.saturating_sub(self.open.0).is_multiple_of(every) => {
+                self.record(scene, done);
+                self.thin();
+            }
+            None if self.wanted.binary_search(&done).is_ok() => self.record(scene, done),
+            _ => {}
         }
     }
 
     fn row(&mut self, step: u64, time: f64, probes: &[f64]) {
-        self.inner.row(step, time, probes);
         if step == 0 {
             self.before = probes.to_vec();
         }
         self.probed(time, probes);
-    }
-
-    fn finish(&mut self) {
-        self.inner.finish();
     }
 }
 
@@ -686,6 +727,21 @@ fn filling(mesh: &Mesh) -> Vec<([u32; 4], ElementKind, u32)> {
     cells
 }
 
+/// Whether a constraint acted on the step that has just ended.
+fn acts(constraint: &Constraint, now: &Now) -> bool {
+    (constraint.from..=constraint.until).contains(&now.time)
+}
+
+fn has_fibres(body: &BuiltBody) -> bool {
+    body.axes.as_ref().is_some_and(|axes| !axes.families.is_empty())
+}
+
+/// What measures need of a body, with the material that it has now.
+fn measured(world: &mut World, index: usize, body: &BuiltBody) -> MeasuredBody {
+    let own = world.query::<&SoftBody>().iter(world).find(|own| own.index == index);
+    MeasuredBody::new(body, own.map_or(body.material.into(), SoftBody::field))
+}
+
 /// Where everything is at a step.
 struct Now {
     time: f64,
@@ -719,33 +775,35 @@ impl Now {
 }
 
 /// Reactions of what moves at its middle, loads, and pulls.
-fn forces(
-    scene: &Scene,
-    built: &mut BuiltScene,
-    now: &Now,
-    series: &mut Vec<Series>,
-) -> Vec<Force> {
-    let BuiltScene { simulation, constraints, .. } = built;
+fn forces(built: &mut BuiltScene, now: &Now, series: &mut Vec<Series>) -> Vec<Force> {
+    let simulation = &mut built.simulation;
     let mut forces = Vec::new();
-    for (c, entry) in constraints.iter().zip(&scene.constraints) {
-        if now.step == 0 || entry.motion.is_none() {
-            continue;
-        }
-        if !c.acts(now.time) {
-            append(series, &c.name, now.time, 0.0);
-            continue;
-        }
+    let world = simulation.world_mut();
+    let mut all = world.query::<(Entity, &Constraint)>();
+    let moving: Vec<(Entity, String, Vec<VertexRow>, bool)> = all
+        .iter(world)
+        .filter(|(_, c)| now.step > 0 && c.motion != Motion::Hold)
+        .map(|(entity, c)| (entity, c.name.clone(), c.rows.clone(), acts(c, now)))
+        .collect();
+    if moving.iter().any(|(.., acts)| *acts) {
         let times = simulation.world().get_resource::<SystemTimes>().cloned();
         simulation.evaluate();
         if let Some(times) = times {
             simulation.world_mut().insert_resource(times);
         }
-        let Some(force) = simulation.reaction(c.entity) else { continue };
+    }
+    for (entity, name, rows, acts) in moving {
+        let force = if acts { simulation.reaction(entity) } else { Some(DVec3::ZERO) };
+        let (Some(force), Some((of, _))) = (force, rows.first().and_then(|&row| now.place(row)))
+        else {
+            continue;
+        };
         let force = force.as_vec3();
-        append(series, &c.name, now.time, f64::from(force.length()));
-        let at: DVec3 = c.vertices.iter().map(|&v| now.points[c.body][v as usize]).sum();
-        let at = (at / c.vertices.len().max(1) as f64).as_vec3();
-        forces.push(Force::new(at, force, now.centres[c.body].as_vec3(), MOVED));
+        append(series, &name, now.time, f64::from(force.length()));
+        let places = rows.iter().filter_map(|&row| now.place(row));
+        let at: DVec3 = places.map(|(body, v)| now.points[body][v.index()]).sum();
+        let at = (at / rows.len().max(1) as f64).as_vec3();
+        forces.push(Force::new(at, force, now.centres[of].as_vec3(), MOVED));
     }
     let world = simulation.world_mut();
     for load in world.query::<&Load>().iter(world) {
@@ -828,9 +886,8 @@ fn fibres(part: &BodyPart, body: &BuiltBody, u: &[DVec3], colour: Rgb, rods: &mu
 }
 
 /// First and second line of the caption.
-fn titles(loaded: &LoadedScene, built: &BuiltScene) -> (String, String) {
-    let scene = &loaded.scene;
-    let mut title = scene.name.replace('_', " ");
+fn titles(name: &str, built: &BuiltScene) -> (String, String) {
+    let mut title = name.replace('_', " ");
     if let Some(first) = title.get(..1) {
         title = first.to_uppercase() + &title[1..];
     }
@@ -934,10 +991,4 @@ pub(crate) fn set_ranges(recording: &mut Recording) {
             _ => [0.0, largest],
         };
     }
-}
-
-/// Whether bodies may lose elements or be cut.
-fn is_opened(built: &BuiltScene) -> bool {
-    let spare = built.simulation.topology().bodies.iter().any(|body| body.spare > 0);
-    spare || !built.resections.is_empty()
 }

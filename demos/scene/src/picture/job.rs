@@ -6,7 +6,7 @@ use super::quantity::Quantity;
 use crate::assemble::BuildOptions;
 use crate::error::RunError;
 use crate::output::stem;
-use crate::run::{Observer, RunOptions, Silent, run};
+use crate::run::{Both, Observer, RunOptions, Silent, run};
 use crate::scene::{LoadedScene, Mode};
 use crate::summary::RunSummary;
 use crate::warning::{Level, Warning};
@@ -15,7 +15,7 @@ use sinew_render::RenderError;
 #[cfg(feature = "render")]
 use sinew_render::adapter::{AdapterRequest, open};
 use sinew_render::camera::CameraRequest;
-use sinew_render::page::write_page;
+use sinew_render::page::{page, write_page};
 use sinew_render::scene::{Frame, Recording};
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -147,8 +147,9 @@ pub fn record(
     observer: &mut dyn Observer,
 ) -> Result<(Recording, RunSummary, [f64; 2]), RenderJobError> {
     let start = Instant::now();
-    let mut recorder = Recorder::new(scene, capture, observer);
-    let summary = run(scene, &RunOptions { build, ..RunOptions::default() }, &mut recorder)?;
+    let mut recorder = Recorder::new(&scene.scene.name, capture);
+    let options = RunOptions { build, ..RunOptions::default() };
+    let summary = run(scene, &options, &mut Both(observer, &mut recorder))?;
     let (mut recording, seconds) = recorder.finish();
     doubt(&mut recording, &summary);
     Ok((recording, summary, [start.elapsed().as_secs_f64(), seconds]))
@@ -297,8 +298,8 @@ pub fn run_to_page(
     }
     let quantities = page_quantities(Quantity::default());
     let capture = CaptureOptions { quantities, page: true, ..CaptureOptions::default() };
-    let mut recorder = Recorder::new(scene, capture, observer);
-    let mut summary = run(scene, options, &mut recorder)?;
+    let mut recorder = Recorder::new(&scene.scene.name, capture);
+    let mut summary = run(scene, options, &mut Both(observer, &mut recorder))?;
     let due = recorder.due;
     let (mut recording, _) = recorder.finish();
     doubt(&mut recording, &summary);
@@ -329,10 +330,39 @@ pub fn run_to_page(
     Ok(summary)
 }
 
+impl Recorder {
+    /// For a page of what nobody knows the end of: a frame now and after every so many steps.
+    pub fn open(name: impl Into<String>, every: u64) -> Self {
+        let quantities = page_quantities(Quantity::default());
+        let every = Some(every.max(1));
+        Self::new(
+            name,
+            CaptureOptions { quantities, every, page: true, ..CaptureOptions::default() },
+        )
+    }
+
+    /// Ends the recording; a page with a player of it, which says why it is not to be trusted, if so.
+    ///
+    /// # Errors
+    /// When something in it is not finite.
+    pub fn into_page(self, untrusted: Option<String>) -> Result<String, RenderError> {
+        let (mut recording, _) = self.finish();
+        if let Some(why) = untrusted {
+            mark_doubted(&mut recording, "NOT TO BE TRUSTED", why);
+        }
+        drop_unused_pressure(&mut recording);
+        page(&[&recording], CameraRequest::default())
+    }
+}
+
 /// Marks the recording of a run that is not to be trusted, or that failed: a page says why, and every caption that it is so.
 fn doubt(recording: &mut Recording, summary: &RunSummary) {
     let Some(why) = summary.doubted() else { return };
     let mark = if summary.untrusted { "NOT TO BE TRUSTED" } else { "FAILED" };
+    mark_doubted(recording, mark, why);
+}
+
+fn mark_doubted(recording: &mut Recording, mark: &str, why: String) {
     recording.subtitle = format!("{mark} · {}", recording.subtitle);
     recording.warning = why;
 }

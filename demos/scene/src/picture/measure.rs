@@ -8,6 +8,7 @@ use sinew::engine::isoparametric::{
 };
 use sinew::models::body::sheet::PlaneState;
 use sinew::models::element::precompute::RestTetrahedron;
+use sinew::models::material::field::MaterialField;
 use sinew::models::material::{LameParameters, YoungPoisson};
 
 /// Largest principal Green-Lagrange strain (-), von Mises stress (Pa), energy density (J/m^3), volume ratio (-);
@@ -54,13 +55,6 @@ pub(crate) struct Parted {
     pub share: f64,
 }
 
-/// Fields of moduli of a body: Young's moduli (Pa) and Poisson's ratios, for tetrahedra and then hexahedra.
-#[derive(Default)]
-pub(crate) struct ModuliFields {
-    pub young_modulus: Option<Vec<f64>>,
-    pub poisson_ratio: Option<Vec<f64>>,
-}
-
 fn lame(material: YoungPoisson) -> LameParameters {
     // the scene was built, so the material is valid
     material.lame().unwrap_or(LameParameters { lambda: 0.0, mu: 0.0 })
@@ -82,18 +76,13 @@ fn solid_points<const V: usize, const Q: usize>(
 }
 
 impl MeasuredBody {
-    /// Of a body at rest.
-    pub(crate) fn new(body: &BuiltBody, moduli: &ModuliFields) -> Self {
+    /// Of a body at rest, with the material of its elements.
+    pub(crate) fn new(body: &BuiltBody, field: MaterialField) -> Self {
+        // a stress is that of the part that is filled
+        let field = MaterialField { filled: None, ..field };
         let mesh = &body.mesh;
         let point = |v: u32| mesh.points[v as usize].to_array();
-        let of = |e: usize| {
-            let at = |list: &Option<Vec<f64>>, default| {
-                list.as_ref().and_then(|l| l.get(e)).copied().unwrap_or(default)
-            };
-            let young_modulus = at(&moduli.young_modulus, body.material.young_modulus);
-            let poisson_ratio = at(&moduli.poisson_ratio, body.material.poisson_ratio);
-            lame(YoungPoisson { young_modulus, poisson_ratio, ..body.material })
-        };
+        let of = |e: usize| lame(field.at(e));
         let mut solids = Vec::with_capacity(mesh.tetrahedra.len() + mesh.hexahedra.len());
         for (e, t) in mesh.tetrahedra.iter().enumerate() {
             if let Some(t) = mesh.second_order(e) {

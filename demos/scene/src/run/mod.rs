@@ -58,6 +58,41 @@ pub trait Observer {
     fn finish(&mut self) {}
 }
 
+/// Two observers: the second is told after the first.
+pub struct Both<'a>(pub &'a mut dyn Observer, pub &'a mut dyn Observer);
+
+impl Observer for Both<'_> {
+    fn built(&mut self, scene: &mut BuiltScene) {
+        self.0.built(scene);
+        self.1.built(scene);
+    }
+
+    fn resumed(&mut self, done: Option<u64>, damaged: &[PathBuf]) {
+        self.0.resumed(done, damaged);
+        self.1.resumed(done, damaged);
+    }
+
+    fn start(&mut self, name: &str, steps: u64) {
+        self.0.start(name, steps);
+        self.1.start(name, steps);
+    }
+
+    fn step(&mut self, done: u64, time: f64, scene: &mut BuiltScene) {
+        self.0.step(done, time, scene);
+        self.1.step(done, time, scene);
+    }
+
+    fn row(&mut self, step: u64, time: f64, probes: &[f64]) {
+        self.0.row(step, time, probes);
+        self.1.row(step, time, probes);
+    }
+
+    fn finish(&mut self) {
+        self.0.finish();
+        self.1.finish();
+    }
+}
+
 /// An observer that does nothing.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Silent;

@@ -44,7 +44,7 @@ from ._reports import (
     ToolReport,
     Volume,
 )
-from ._simulation import Batch, Body, Clip, Constraint, Contact, Load, Pressure, Pull, Simulation, Thread, Tool
+from ._simulation import Batch, Body, Clip, Constraint, Contact, Load, Page, Pressure, Pull, Simulation, Thread, Tool
 from ._types import (
     Axes,
     Box,
@@ -107,6 +107,7 @@ __all__ = [
     "Mesh",
     "MeshError",
     "Muscle",
+    "Page",
     "Panic",
     "Part",
     "PartReport",

@@ -1029,6 +1029,18 @@ class Simulation:
             values.append(probe(self))
         return Run(np.array(times), np.array(values))
 
+    def record(self, every: int = 1) -> None:
+        """Records what :meth:`show` plays, from now on: the state after every so many steps, and the forces of tools, pulls and
+        what moves after every one. A recording on its way is dropped; going back begins it anew. Of one that goes on
+        for long, every second state is kept."""
+        if every < 1:
+            raise ArgumentError(f"every: {every}; it must be at least 1")
+        self._own.record(every)
+
+    def show(self) -> Page:
+        """A player of what was recorded since :meth:`record`, which ends there, or else of the present state."""
+        return Page(self._own.page())
+
     @property
     def time(self) -> float:
         """Simulated time (s)."""
@@ -1148,6 +1160,27 @@ class Simulation:
             f"<p>elastic energy {energy.elastic:.4g} J, kinetic energy {energy.kinetic:.4g} J</p>"
             + (f"<ul>{notes}</ul>" if notes else "")
         )
+
+
+class Page:
+    """A player as one HTML file, which any browser opens without a network; a notebook shows it."""
+
+    def __init__(self, html: str) -> None:
+        self.html = html
+        """The file."""
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Writes the file."""
+        with open(path, "w", encoding="utf-8") as file:
+            file.write(self.html)
+
+    def __repr__(self) -> str:
+        return f"<sinew.Page: {len(self.html) / 1e6:.1f} MB; save(path) writes it>"
+
+    def _repr_html_(self) -> str:
+        import html  # of notebooks alone
+
+        return f'<iframe srcdoc="{html.escape(self.html)}" style="width: 100%; height: 560px; border: 0"></iframe>'
 
 
 class Batch(Sequence[Simulation]):
