@@ -38,6 +38,7 @@ pip=("$clean/bin/pip" --disable-pip-version-check install -q)
 "${pip[@]}" "$wheel"
 (cd / && "$clean/bin/python" -c "import sinew; print('installed', sinew.__version__, sinew.build_info())")
 "${pip[@]}" pytest mypy
+"${pip[@]}" nbclient ipykernel 2>/dev/null || true # a test says so where they are not to be had
 (cd "$place" && "$clean/bin/python" -m mypy --strict -p sinew && "$clean/bin/python" -m mypy.stubtest sinew)
 cp -r tests "$clean/tests"
 SINEW_REPOSITORY=$(cd ../.. && pwd) "$clean/bin/python" -m pytest -q -s -p no:cacheprovider "$clean/tests" -c pyproject.toml --rootdir "$clean"
