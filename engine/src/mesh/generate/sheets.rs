@@ -88,6 +88,12 @@ pub(super) fn grid_edges([nx, ny]: [usize; 2]) -> Vec<Group> {
     groups.into()
 }
 
+/// The unit vector at an angle (rad) to x, with the same bits on every machine.
+fn at_angle(angle: f64) -> DVec2 {
+    let (sin, cos) = libm::sincos(angle);
+    DVec2::new(cos, sin)
+}
+
 /// Vertices of a disc around the origin, ring by ring from the centre, and its counter-clockwise
 /// triangles.
 pub(super) fn disc(radius: f64, rings: usize) -> (Vec<DVec2>, Vec<[u32; 3]>) {
@@ -95,7 +101,7 @@ pub(super) fn disc(radius: f64, rings: usize) -> (Vec<DVec2>, Vec<[u32; 3]>) {
     for ring in 1..=rings {
         for i in 0..6 * ring {
             let angle = std::f64::consts::TAU * i as f64 / (6 * ring) as f64;
-            disc.push(DVec2::from_angle(angle) * (radius * ring as f64 / rings as f64));
+            disc.push(at_angle(angle) * (radius * ring as f64 / rings as f64));
         }
     }
     // Each sixth of a ring is a strip of triangles between its inner and its outer vertices.
@@ -174,9 +180,9 @@ pub(super) fn core_disc(radius: f64, core: usize, rings: usize) -> (Vec<DVec2>, 
         let quarter = std::f64::consts::FRAC_PI_4;
         // Equal angles along each side of the square.
         if u.abs() >= v.abs() {
-            DVec2::from_angle(quarter * v / u) * u.signum()
+            at_angle(quarter * v / u) * u.signum()
         } else {
-            let [x, y] = DVec2::from_angle(quarter * u / v).to_array();
+            let [x, y] = at_angle(quarter * u / v).to_array();
             DVec2::new(y, x) * v.signum()
         }
     };
