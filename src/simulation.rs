@@ -131,6 +131,9 @@ pub enum SimulationError {
          \"cpu\"", .0.name()
     )]
     Backend(Backend),
+    /// The build has no such number type.
+    #[error("precision = \"{}\" is not in WebAssembly: use precision = \"f64\"", .0.name())]
+    Precision(Precision),
     /// The graphics processor.
     #[cfg(feature = "gpu")]
     #[error(transparent)]
@@ -289,7 +292,7 @@ impl Simulation {
     /// variable `SINEW_ADAPTER` names.
     ///
     /// # Errors
-    /// When the threads cannot be started, or the backend is not in this build or finds no adapter.
+    /// When the threads cannot be started, or backend or precision are not in this build, or the backend finds no adapter.
     pub fn new(options: SimulationOptions) -> Result<Self, SimulationError> {
         match options.backend {
             Backend::Cpu => {
@@ -329,6 +332,9 @@ impl Simulation {
             workers = workers.with_instruction_set(set)?;
         }
         let SimulationOptions { precision, executor, .. } = options;
+        if !precision.is_built() {
+            return Err(SimulationError::Precision(precision));
+        }
         let mut world = World::new();
         by_precision!(precision, install_engine(&mut world, executor));
         by_precision!(precision, install_blades(&mut world));

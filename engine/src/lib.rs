@@ -29,6 +29,7 @@ pub mod schedule;
 pub mod sets;
 pub mod simd;
 pub mod step;
+pub mod stopwatch;
 pub mod substep;
 pub mod surface;
 pub mod time;

@@ -1,6 +1,6 @@
 //! Number type of a world's state, chosen once, when the engine is installed.
 
-use crate::scalar::Scalar;
+use crate::scalar::{Scalar, Single};
 use bevy_ecs::prelude::Resource;
 use serde::{Deserialize, Serialize};
 
@@ -21,6 +21,11 @@ impl Precision {
         if size_of::<S>() == size_of::<f64>() { Self::F64 } else { Self::F32 }
     }
 
+    /// Whether worlds of it can be: in WebAssembly there is double precision alone ([`Single`]).
+    pub fn is_built(self) -> bool {
+        self == Self::F64 || size_of::<Single>() == size_of::<f32>()
+    }
+
     /// `"f32"` or `"f64"`.
     pub fn name(self) -> &'static str {
         match self {
@@ -36,7 +41,7 @@ macro_rules! by_precision {
     ($precision:expr, $function:ident ( $($argument:expr),* $(,)? )) => {
         match $precision {
             $crate::precision::Precision::F64 => $function::<f64>($($argument),*),
-            $crate::precision::Precision::F32 => $function::<f32>($($argument),*),
+            $crate::precision::Precision::F32 => $function::<$crate::scalar::Single>($($argument),*),
         }
     };
 }

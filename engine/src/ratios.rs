@@ -17,6 +17,7 @@ use crate::report::{AreaReport, SystemTimes, VolumeReport};
 use crate::scalar::{Real, Scalar, xyz};
 use crate::schedule::{StepSchedule, StepSystems};
 use crate::step::StepFailure;
+use crate::stopwatch::Stopwatch;
 use crate::topology::Topology;
 use crate::vertex::{BodyId, Displacement};
 use crate::workers::Workers;
@@ -24,7 +25,6 @@ use bevy_ecs::prelude::*;
 use bevy_ecs::system::SystemParam;
 use bytemuck::TransparentWrapper;
 use std::ops::Range;
-use std::time::Instant;
 
 /// Query data of hexahedra.
 type HexahedraAtPoints<S> =
@@ -56,7 +56,7 @@ pub fn measure_volume_ratios<S: Scalar>(
     mut partial: Local<Vec<Vec<(BodyId, f64, u64, u64)>>>,
 ) {
     const CHUNK: usize = 4096;
-    let start = Instant::now();
+    let start = Stopwatch::start();
     let VolumeMeasure { workers, failure, topology, points, mut report, mut times, .. } = measure;
     if failure.0.is_some() {
         return;

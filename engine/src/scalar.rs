@@ -220,6 +220,14 @@ macro_rules! scalar {
 scalar!(f32, glam::Vec4, glam::Mat4);
 scalar!(f64, glam::DVec4, glam::DMat4);
 
+/// The number type of worlds with [`Precision::F32`](crate::precision::Precision::F32). In WebAssembly there are none, so that nothing is compiled
+/// twice: a page loads half as much.
+#[cfg(not(target_arch = "wasm32"))]
+pub type Single = f32;
+/// The number type of worlds with [`Precision::F32`](crate::precision::Precision::F32): there are none.
+#[cfg(target_arch = "wasm32")]
+pub type Single = f64;
+
 /// Calls the generic `$function` for `f64` or `f32`, whichever `$S` is, through two functions that are
 /// not generic: it is then compiled in the crate that holds it and not again in every crate and test that
 /// uses it, which for functions that reach all kernels saves minutes.
@@ -232,7 +240,7 @@ macro_rules! compiled_here {
         }
         #[inline(never)]
         fn single($($argument: $type),*) $(-> $result)? {
-            $function::<f32>($($argument),*)
+            $function::<$crate::scalar::Single>($($argument),*)
         }
         let is_double = size_of::<$S>() == size_of::<f64>();
         if is_double { double($($argument),*) } else { single($($argument),*) }

@@ -11,6 +11,7 @@ use crate::matrix::{PredictedValues, Tangent};
 use crate::precision::Precision;
 use crate::report::SystemTimes;
 use crate::scalar::Scalar;
+use crate::stopwatch::Stopwatch;
 use crate::topology::Topology;
 use crate::vertex::{Displacement, ElasticForce};
 use crate::workers::Workers;
@@ -24,7 +25,6 @@ use bevy_ecs::schedule::{
 use bevy_ecs::system::{ParamBuilder, QueryParamBuilder, SystemParamBuilder};
 use bytemuck::TransparentWrapper;
 use std::sync::PoisonError;
-use std::time::Instant;
 
 /// Where Sinew runs inside a host schedule (a Bevy app's `FixedPostUpdate`, for example), in this order.
 #[derive(SystemSet, Clone, Debug, PartialEq, Eq, Hash)]
@@ -244,7 +244,7 @@ where
               request: Res<EvaluationRequest>,
               workers: Res<Workers>,
               (recovering, points): (Res<RecoveringBodies>, Res<OwnPoints>)| {
-            let start = Instant::now();
+            let start = Stopwatch::start();
             if disabled.contains(info.name) {
                 return;
             }
@@ -449,7 +449,7 @@ fn gather<S: Scalar>(
     mut times: ResMut<SystemTimes>,
     mut forces: Query<&mut ElasticForce<S>>,
 ) {
-    let start = Instant::now();
+    let start = Stopwatch::start();
     energy.values.clear();
     if request.energy {
         energy.total = 0.0;
@@ -515,7 +515,7 @@ fn gather_dampers<S: Scalar>(
     mut tangent: ResMut<Tangent<S>>,
     mut times: ResMut<SystemTimes>,
 ) {
-    let start = Instant::now();
+    let start = Stopwatch::start();
     let LawBuffers { slots, order } = &mut *buffers;
     for &slot in order.iter() {
         let slot = &mut slots[slot];

@@ -30,6 +30,7 @@ use sinew_engine::report::{StepReport, SystemTimes};
 use sinew_engine::scalar::Scalar;
 use sinew_engine::schedule::{StepSchedule, StepSystems};
 use sinew_engine::step::{IntegratorInstalled, StepDivider, StepFailure};
+use sinew_engine::stopwatch::Stopwatch;
 use sinew_engine::topology::Topology;
 use sinew_engine::vertex::{Displacement, RestPosition};
 use sinew_engine::workers::Workers;
@@ -74,7 +75,7 @@ fn integrate<S: Scalar>(world: &mut World) {
         // an edit before it could not be done
         return;
     }
-    let start = std::time::Instant::now();
+    let start = Stopwatch::start();
     let mut settings = world.resource::<SolverSettings>().clone();
     settings.recovery &= settings.integrator.recovers();
     let workers = world.resource::<Workers>().clone();

@@ -18,7 +18,7 @@ use sinew_engine::isoparametric::{
 };
 use sinew_engine::lanes::Lanes;
 use sinew_engine::law::{LawBuffer, LawInfo, TangentKind};
-use sinew_engine::scalar::{Scalar, dot};
+use sinew_engine::scalar::{Scalar, Single, dot};
 use sinew_engine::schedule::Evaluation;
 use sinew_engine::vertex::Displacement;
 
@@ -72,58 +72,58 @@ pub(crate) fn shape_of<const V: usize, const Q: usize>(
 pub static TRIADS: LawRow = LawRow::of_systems(
     LawInfo::elastic("axes in hexahedra"),
     Elements::AxesInHexahedra,
-    [mark::<AxisAngleStiffness<f64, 0>>, mark::<AxisAngleStiffness<f32, 0>>],
-    [triads::<f64, Brick, 8, 28, 8>, triads::<f32, Brick, 8, 28, 8>],
+    [mark::<AxisAngleStiffness<f64, 0>>, mark::<AxisAngleStiffness<Single, 0>>],
+    [triads::<f64, Brick, 8, 28, 8>, triads::<Single, Brick, 8, 28, 8>],
 );
 /// Single fibres in hexahedra, passive and active.
 pub static FIBRES: LawRow = LawRow::of_systems(
     LawInfo::elastic("fibres in hexahedra"),
     Elements::AxesInHexahedra,
-    [mark::<FibreActive<f64>>, mark::<FibreActive<f32>>],
-    [fibres::<f64, Brick, 8, 28, 8>, fibres::<f32, Brick, 8, 28, 8>],
+    [mark::<FibreActive<f64>>, mark::<FibreActive<Single>>],
+    [fibres::<f64, Brick, 8, 28, 8>, fibres::<Single, Brick, 8, 28, 8>],
 );
 /// Biquadratic fibres in hexahedra.
 pub static BIQUADRATIC: LawRow = LawRow::of_systems(
     LawInfo::elastic("biquadratic fibres in hexahedra"),
     Elements::AxesInHexahedra,
     [mark::<Biquadratic>; 2],
-    [biquadratic::<f64, Brick, 8, 28, 8>, biquadratic::<f32, Brick, 8, 28, 8>],
+    [biquadratic::<f64, Brick, 8, 28, 8>, biquadratic::<Single, Brick, 8, 28, 8>],
 );
 /// The term of volume of hexahedra without axes.
 pub static VOLUMES: LawRow = LawRow::of_systems(
     LawInfo::elastic("volume preservation of hexahedra"),
     Elements::AxesInHexahedra,
     [mark::<VolumeAlone>; 2],
-    [volumes::<f64, Brick, 8, 28, 8>, volumes::<f32, Brick, 8, 28, 8>],
+    [volumes::<f64, Brick, 8, 28, 8>, volumes::<Single, Brick, 8, 28, 8>],
 );
 
 /// Triads of axes in ten-node tetrahedra, likewise.
 pub static TRIADS10: LawRow = LawRow::of_systems(
     LawInfo::elastic("axes in ten-node tetrahedra"),
     Elements::AxesInTetrahedra10,
-    [mark::<AxisAngleStiffness<f64, 0>>, mark::<AxisAngleStiffness<f32, 0>>],
-    [triads::<f64, TenNodes, 10, 45, 4>, triads::<f32, TenNodes, 10, 45, 4>],
+    [mark::<AxisAngleStiffness<f64, 0>>, mark::<AxisAngleStiffness<Single, 0>>],
+    [triads::<f64, TenNodes, 10, 45, 4>, triads::<Single, TenNodes, 10, 45, 4>],
 );
 /// Single fibres in ten-node tetrahedra, passive and active.
 pub static FIBRES10: LawRow = LawRow::of_systems(
     LawInfo::elastic("fibres in ten-node tetrahedra"),
     Elements::AxesInTetrahedra10,
-    [mark::<FibreActive<f64>>, mark::<FibreActive<f32>>],
-    [fibres::<f64, TenNodes, 10, 45, 4>, fibres::<f32, TenNodes, 10, 45, 4>],
+    [mark::<FibreActive<f64>>, mark::<FibreActive<Single>>],
+    [fibres::<f64, TenNodes, 10, 45, 4>, fibres::<Single, TenNodes, 10, 45, 4>],
 );
 /// Biquadratic fibres in ten-node tetrahedra.
 pub static BIQUADRATIC10: LawRow = LawRow::of_systems(
     LawInfo::elastic("biquadratic fibres in ten-node tetrahedra"),
     Elements::AxesInTetrahedra10,
     [mark::<Biquadratic>; 2],
-    [biquadratic::<f64, TenNodes, 10, 45, 4>, biquadratic::<f32, TenNodes, 10, 45, 4>],
+    [biquadratic::<f64, TenNodes, 10, 45, 4>, biquadratic::<Single, TenNodes, 10, 45, 4>],
 );
 /// The term of volume of ten-node tetrahedra without axes.
 pub static VOLUMES10: LawRow = LawRow::of_systems(
     LawInfo::elastic("volume preservation of ten-node tetrahedra"),
     Elements::AxesInTetrahedra10,
     [mark::<VolumeAlone>; 2],
-    [volumes::<f64, TenNodes, 10, 45, 4>, volumes::<f32, TenNodes, 10, 45, 4>],
+    [volumes::<f64, TenNodes, 10, 45, 4>, volumes::<Single, TenNodes, 10, 45, 4>],
 );
 
 /// What all tables of axes at points have.

@@ -5,7 +5,7 @@ use bevy_ecs::prelude::*;
 use sinew_engine::element::AxisVertices;
 use sinew_engine::lanes::{Lanes, MAX_LANES};
 use sinew_engine::law::{EvaluationRequest, LawBuffer, LawInfo, TangentKind};
-use sinew_engine::scalar::Scalar;
+use sinew_engine::scalar::{Scalar, Single};
 use sinew_engine::schedule::Evaluation;
 
 use super::columns::*;
@@ -23,22 +23,22 @@ pub struct AxesOnly;
 pub static TRIADS: LawRow = LawRow::of_systems(
     LawInfo::elastic("axes"),
     Elements::AxesInTetrahedra,
-    [mark::<AxisAngleStiffness<f64, 0>>, mark::<AxisAngleStiffness<f32, 0>>],
-    [triads::<f64>, triads::<f32>],
+    [mark::<AxisAngleStiffness<f64, 0>>, mark::<AxisAngleStiffness<Single, 0>>],
+    [triads::<f64>, triads::<Single>],
 );
 /// Single fibres, passive and active.
 pub static FIBRES: LawRow = LawRow::of_systems(
     LawInfo::elastic("fibres"),
     Elements::AxesInTetrahedra,
-    [mark::<FibreActive<f64>>, mark::<FibreActive<f32>>],
-    [fibres::<f64>, fibres::<f32>],
+    [mark::<FibreActive<f64>>, mark::<FibreActive<Single>>],
+    [fibres::<f64>, fibres::<Single>],
 );
 /// Biquadratic fibres.
 pub static BIQUADRATIC: LawRow = LawRow::of_systems(
     LawInfo::elastic("biquadratic fibres"),
     Elements::AxesInTetrahedra,
     [mark::<Biquadratic>; 2],
-    [biquadratic::<f64>, biquadratic::<f32>],
+    [biquadratic::<f64>, biquadratic::<Single>],
 );
 /// The projected tangent of biquadratic fibres whose springs are pooled with those of the material: the eigenvalues that
 /// are clamped belong to a fibre, as those of a material to a tetrahedron ([`PooledProjection`]). Each of the two is
@@ -51,7 +51,7 @@ pub static BIQUADRATIC_PROJECTION: LawRow = LawRow {
         LawInfo::elastic("projected tangent of biquadratic fibres"),
         Elements::AxesInTetrahedra,
         [mark::<PooledBiquadratic>; 2],
-        [biquadratic_projection::<f64>, biquadratic_projection::<f32>],
+        [biquadratic_projection::<f64>, biquadratic_projection::<Single>],
     )
     .with_tangent(|kind| kind == TangentKind::Projected)
 };
@@ -74,7 +74,7 @@ pub static VOLUMES: LawRow = LawRow::of_systems(
     LawInfo::elastic("volume preservation"),
     Elements::AxesInTetrahedra,
     [mark::<VolumeAlone>; 2],
-    [volumes::<f64>, volumes::<f32>],
+    [volumes::<f64>, volumes::<Single>],
 );
 
 fn triads<S: Scalar>(world: &mut World, law: PlacedLaw) {

@@ -61,12 +61,13 @@ use sinew_engine::layout::{Lumps, WHOLE_TRIANGLE, lowest_first, starts};
 use sinew_engine::load::Pressure;
 use sinew_engine::row::{LocalRow, MeshVertex, VertexRow};
 use sinew_engine::scalar::Scalar;
+use sinew_engine::stopwatch::Stopwatch;
 use sinew_engine::surface::SurfacePoint;
 use sinew_engine::topology::{BodyRows, ElementTables, Topology};
 use sinew_engine::vertex::{Displacement, Mass, Position, RestPosition, Velocity, WeightShift};
 use sinew_identify::mass::MassLumping;
 use std::collections::BTreeSet;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use self::columns::{Changed, points_of};
 use self::faces::Sheet;
@@ -179,7 +180,7 @@ fn cut<S: Scalar>(
     if strip.iter().all(|[p, q]| p == q) {
         return problem("has no width: the ends of the blade must be two points");
     }
-    let start = Instant::now();
+    let start = Stopwatch::start();
     let mut resection = prepared(world, body)?;
     let result = (|| {
         let own = resection.bodies[body].as_ref().expect("it was prepared");

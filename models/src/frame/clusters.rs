@@ -24,7 +24,7 @@ use sinew_engine::element::{TetrahedronVertices, displacement_gradient};
 use sinew_engine::isoparametric::OwnPoints;
 use sinew_engine::lanes::{Kernel, Lanes, MAX_LANES};
 use sinew_engine::law::LawInfo;
-use sinew_engine::scalar::{Scalar, mat_vec};
+use sinew_engine::scalar::{Scalar, Single, mat_vec};
 use sinew_engine::vertex::Displacement;
 use sinew_engine::workers::Workers;
 
@@ -58,7 +58,7 @@ impl LawRow {
         name: &'static str,
         measure: &'static str,
     ) -> Self {
-        let activate: [Activate; 2] = [activate::<L, f64>, activate::<L, f32>];
+        let activate: [Activate; 2] = [activate::<L, f64>, activate::<L, Single>];
         let mark: [Mark; 2] = [mark::<ByClusters<L>>; 2];
         Self {
             recovery: InRecovery::StandIn,
@@ -67,7 +67,7 @@ impl LawRow {
             softens: L::SOFTENS,
             spawn: Some([
                 spawn_clustered::<ByClusters<L>, f64>,
-                spawn_clustered::<ByClusters<L>, f32>,
+                spawn_clustered::<ByClusters<L>, Single>,
             ]),
             measure: Measure::of::<L>(measure),
             ..Self::of_systems(LawInfo::elastic(name), Elements::Tetrahedra, mark, activate)

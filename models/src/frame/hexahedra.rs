@@ -39,7 +39,7 @@ use sinew_engine::isoparametric::{
 };
 use sinew_engine::lanes::{Kernel, Lanes};
 use sinew_engine::law::{EvaluationRequest, LawBuffer, LawInfo, Span, TangentKind};
-use sinew_engine::scalar::{Real, Scalar, mat_vec};
+use sinew_engine::scalar::{Real, Scalar, Single, mat_vec};
 use sinew_engine::schedule::Evaluation;
 use sinew_engine::vertex::Displacement;
 use sinew_engine::workers::Workers;
@@ -181,9 +181,9 @@ impl LawRow {
         E: Shape<V, P, Q>,
     {
         let activate: [Activate; 2] =
-            [activate::<L, E, f64, V, P, Q>, activate::<L, E, f32, V, P, Q>];
+            [activate::<L, E, f64, V, P, Q>, activate::<L, E, Single, V, P, Q>];
         Self {
-            spawn: Some([E::spawn::<AtPoints<L, V>, f64>, E::spawn::<AtPoints<L, V>, f32>]),
+            spawn: Some([E::spawn::<AtPoints<L, V>, f64>, E::spawn::<AtPoints<L, V>, Single>]),
             ..Self::at_points::<L>(name, E::ELEMENTS, [mark::<AtPoints<L, V>>; 2], activate)
         }
     }
@@ -198,12 +198,12 @@ impl LawRow {
     {
         let mark: [Mark; 2] = [mark::<AtPoints<ByMean<L>, V>>; 2];
         let activate: [Activate; 2] =
-            [activate_by_mean::<L, E, f64, V, P, Q>, activate_by_mean::<L, E, f32, V, P, Q>];
+            [activate_by_mean::<L, E, f64, V, P, Q>, activate_by_mean::<L, E, Single, V, P, Q>];
         Self {
             measure: Measure::of::<L>(measure),
             spawn: Some([
                 E::spawn::<(AtPoints<ByMean<L>, V>, Pressures<f64>), f64>,
-                E::spawn::<(AtPoints<ByMean<L>, V>, Pressures<f32>), f32>,
+                E::spawn::<(AtPoints<ByMean<L>, V>, Pressures<Single>), Single>,
             ]),
             ..Self::at_points::<L>(name, E::ELEMENTS, mark, activate)
         }

@@ -10,7 +10,7 @@ use sinew_engine::isoparametric::{
 };
 use sinew_engine::lanes::Lanes;
 use sinew_engine::law::{LawBuffer, LawInfo, RecoveringBodies, TangentKind};
-use sinew_engine::scalar::{Real, Scalar};
+use sinew_engine::scalar::{Real, Scalar, Single};
 use sinew_engine::schedule::Evaluation;
 use sinew_engine::vertex::Displacement;
 
@@ -29,7 +29,7 @@ pub type Quadrilateral<L> = AtPoints<L, 4>;
 impl LawRow {
     /// Law `L` of triangles at the Gauss points of quadrilaterals, under another name.
     pub const fn quads<L: TriangleLaw>(name: &'static str) -> Self {
-        let activate: [Activate; 2] = [activate::<L, f64>, activate::<L, f32>];
+        let activate: [Activate; 2] = [activate::<L, f64>, activate::<L, Single>];
         let (info, elements) = (LawInfo::elastic(name), Elements::Quads);
         Self {
             tangent: L::contributes,

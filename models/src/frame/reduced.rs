@@ -19,7 +19,7 @@ use sinew_engine::isoparametric::{
 use sinew_engine::lanes::{Batch, Batches, Kernel, Lanes, MAX_LANES};
 use sinew_engine::law::{EvaluationRequest, LawBuffer, LawInfo, Span, TangentKind};
 use sinew_engine::mesh::Filled;
-use sinew_engine::scalar::{Calculation, Real, Scalar, mat_vec};
+use sinew_engine::scalar::{Calculation, Real, Scalar, Single, mat_vec};
 use sinew_engine::schedule::Evaluation;
 use sinew_engine::vertex::Displacement;
 use sinew_engine::workers::Workers;
@@ -103,12 +103,12 @@ impl<S: Scalar> HourglassStiffness<S> {
 impl LawRow {
     /// Law `L` of tetrahedra on hexahedra with reduced integration, under another name.
     pub const fn hexahedra_reduced<L: TetrahedronLaw>(name: &'static str) -> Self {
-        let activate: [Activate; 2] = [activate::<L, f64>, activate::<L, f32>];
+        let activate: [Activate; 2] = [activate::<L, f64>, activate::<L, Single>];
         let mark: [Mark; 2] = [mark::<AtPoints<Reduced<L>, 8>>; 2];
         Self {
             spawn: Some([
                 spawn_reduced::<AtPoints<Reduced<L>, 8>, f64>,
-                spawn_reduced::<AtPoints<Reduced<L>, 8>, f32>,
+                spawn_reduced::<AtPoints<Reduced<L>, 8>, Single>,
             ]),
             ..Self::reduced::<L>(name, mark, activate)
         }
@@ -119,13 +119,13 @@ impl LawRow {
         name: &'static str,
         measure: &'static str,
     ) -> Self {
-        let activate: [Activate; 2] = [activate_by_mean::<L, f64>, activate_by_mean::<L, f32>];
+        let activate: [Activate; 2] = [activate_by_mean::<L, f64>, activate_by_mean::<L, Single>];
         let mark: [Mark; 2] = [mark::<AtPoints<Reduced<ByMean<L>>, 8>>; 2];
         Self {
             measure: Measure::of::<L>(measure),
             spawn: Some([
                 spawn_reduced::<(AtPoints<Reduced<ByMean<L>>, 8>, Pressures<f64>), f64>,
-                spawn_reduced::<(AtPoints<Reduced<ByMean<L>>, 8>, Pressures<f32>), f32>,
+                spawn_reduced::<(AtPoints<Reduced<ByMean<L>>, 8>, Pressures<Single>), Single>,
             ]),
             ..Self::reduced::<L>(name, mark, activate)
         }

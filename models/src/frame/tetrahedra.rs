@@ -13,7 +13,7 @@ use sinew_engine::lanes::{Kernel, Lanes, MAX_LANES, padded};
 use sinew_engine::law::{
     EvaluationRequest, LawBuffer, LawBuffers, LawInfo, RecoveringBodies, Span, TangentKind,
 };
-use sinew_engine::scalar::{Real, Scalar};
+use sinew_engine::scalar::{Real, Scalar, Single};
 use sinew_engine::schedule::Evaluation;
 use sinew_engine::vertex::Displacement;
 use sinew_engine::workers::Workers;
@@ -35,19 +35,19 @@ impl LawRow {
     pub const fn tetrahedra<L: TetrahedronLaw<Mark = L> + Component + Default>() -> Self {
         Self {
             elements: Elements::Tetrahedra,
-            spawn: Some([spawn_tetrahedra::<L, f64>, spawn_tetrahedra::<L, f32>]),
+            spawn: Some([spawn_tetrahedra::<L, f64>, spawn_tetrahedra::<L, Single>]),
             ..Self::pooled_tetrahedra::<L>()
         }
     }
 
     /// This law by the kernels of the corotational one, with the tangent that holds rotations.
     pub(crate) const fn warped(self) -> Self {
-        Self { activate: [activate_warped::<f64>, activate_warped::<f32>], ..self }
+        Self { activate: [activate_warped::<f64>, activate_warped::<Single>], ..self }
     }
 
     /// Law `L` of the tetrahedra of pooled bodies.
     pub(crate) const fn pooled_tetrahedra<L: TetrahedronLaw>() -> Self {
-        let activate: [Activate; 2] = [activate::<L, f64>, activate::<L, f32>];
+        let activate: [Activate; 2] = [activate::<L, f64>, activate::<L, Single>];
         let (info, elements) = (LawInfo::elastic(L::NAME), Elements::PooledTetrahedra);
         Self {
             forces: L::FORCES,

@@ -9,7 +9,7 @@ use sinew_engine::lanes::{Lanes, MAX_LANES};
 use sinew_engine::law::{
     EvaluationRequest, LawBuffer, LawBuffers, LawInfo, RecoveringBodies, Span, TangentKind,
 };
-use sinew_engine::scalar::Scalar;
+use sinew_engine::scalar::{Scalar, Single};
 use sinew_engine::schedule::Evaluation;
 use sinew_engine::vertex::Displacement;
 use sinew_engine::workers::Workers;
@@ -35,7 +35,7 @@ scalar_columns! {
 impl LawRow {
     /// Law `L` of membrane triangles.
     pub const fn triangles<L: TriangleLaw>() -> Self {
-        let activate: [Activate; 2] = [activate::<L, f64>, activate::<L, f32>];
+        let activate: [Activate; 2] = [activate::<L, f64>, activate::<L, Single>];
         let (info, elements) = (LawInfo::elastic(L::NAME), Elements::Triangles);
         Self {
             forces: L::FORCES,

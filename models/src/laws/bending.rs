@@ -28,12 +28,12 @@ use sinew_engine::connectivity::ElementKind;
 use sinew_engine::law::{
     DisabledLaws, EvaluationRequest, LawBuffer, LawBuffers, LawInfo, Span, TangentKind,
 };
-use sinew_engine::scalar::{Scalar, scale};
+use sinew_engine::scalar::{Scalar, Single, scale};
 use sinew_engine::schedule::{ForceSystems, Input, activate_law_of_systems, declare_inputs};
+use sinew_engine::stopwatch::Stopwatch;
 use sinew_engine::topology::Topology;
 use sinew_engine::vertex::{Displacement, RestPosition};
 use sinew_engine::workers::Workers;
-use std::time::Instant;
 
 use crate::body::description::SoftBody;
 use crate::body::present::Resection;
@@ -47,7 +47,7 @@ pub static ROW: LawRow = LawRow::of_systems(
     LawInfo::elastic("bending of membranes"),
     Elements::Hinges,
     [mark::<SoftBody>; 2],
-    [activate_law::<f64>, activate_law::<f32>],
+    [activate_law::<f64>, activate_law::<Single>],
 )
 // membranes go on while solids recover
 .in_recovery(InRecovery::Unchanged)
@@ -338,7 +338,7 @@ fn evaluate<S: Scalar>(
     (buffers, disabled): (Res<LawBuffers<S>>, Res<DisabledLaws>),
     vertices: Query<&Displacement<S>>,
 ) {
-    let start = Instant::now();
+    let start = Stopwatch::start();
     if disabled.contains(ROW.info.name) {
         return;
     }

@@ -34,15 +34,15 @@ use sinew_engine::law::{
     Span, TangentKind,
 };
 use sinew_engine::report::SystemTimes;
-use sinew_engine::scalar::{Real, Scalar, add, dot, scale, sub};
+use sinew_engine::scalar::{Real, Scalar, Single, add, dot, scale, sub};
 use sinew_engine::schedule::{
     ForceSystems, Input, activate_law_of_systems, activate_systems, declare_inputs,
 };
+use sinew_engine::stopwatch::Stopwatch;
 use sinew_engine::vertex::Displacement;
 use sinew_engine::workers::Workers;
 
 use std::ops::Range;
-use std::time::Instant;
 
 use crate::element::matrix::{add_identity, add_outer};
 use crate::element::precompute::OPPOSITE_EDGES;
@@ -101,8 +101,8 @@ pub type VolumetricStiffnesses<S> = (
 pub static TENSILE: LawRow = LawRow::of_systems(
     LawInfo::elastic("tensile springs"),
     Elements::PooledEdges,
-    [mark::<TensileTension<f64>>, mark::<TensileTension<f32>>],
-    [activate_tensile::<f64>, activate_tensile::<f32>],
+    [mark::<TensileTension<f64>>, mark::<TensileTension<Single>>],
+    [activate_tensile::<f64>, activate_tensile::<Single>],
 )
 .with_tangent(is_spring_tangent);
 /// Angular springs in triangles: energy and tangent.
@@ -110,7 +110,7 @@ pub static ANGULAR: LawRow = LawRow::of_systems(
     LawInfo::elastic("angular springs"),
     Elements::PooledTriangles,
     [mark::<TriangleVertices>; 2],
-    [activate_angular::<f64>, activate_angular::<f32>],
+    [activate_angular::<f64>, activate_angular::<Single>],
 )
 .with_tangent(is_spring_tangent);
 /// Volumetric springs in tetrahedra: energy and tangent.
@@ -118,15 +118,15 @@ pub static VOLUMETRIC: LawRow = LawRow::of_systems(
     LawInfo::elastic("volumetric springs"),
     Elements::PooledTetrahedra,
     [mark::<TetrahedronEdges>; 2],
-    [activate_volumetric::<f64>, activate_volumetric::<f32>],
+    [activate_volumetric::<f64>, activate_volumetric::<Single>],
 )
 .with_tangent(is_spring_tangent);
 /// Edge tensions of all springs turned into forces.
 pub static SPRING_FORCES: LawRow = LawRow::of_systems(
     LawInfo::elastic("spring forces"),
     Elements::PooledEdges,
-    [mark::<TensileTension<f64>>, mark::<TensileTension<f32>>],
-    [activate_spring_forces::<f64>, activate_spring_forces::<f32>],
+    [mark::<TensileTension<f64>>, mark::<TensileTension<Single>>],
+    [activate_spring_forces::<f64>, activate_spring_forces::<Single>],
 )
 .with_tangent(|_| false);
 
@@ -260,7 +260,7 @@ fn measure_edges<S: Scalar>(
     mut edges: Query<(&EdgeVertices, RestEdges<S>, &mut EdgeChange<S>)>,
     mut times: ResMut<SystemTimes>,
 ) {
-    let start = Instant::now();
+    let start = Stopwatch::start();
     let Some(u) = single_table(vertices.contiguous_iter()) else { return };
     let Some((nodes, rest, mut change)) = single_table(edges.contiguous_iter_mut()) else { return };
     let shapes = &EdgeShapes::new(u, nodes, rest);
@@ -337,7 +337,7 @@ fn evaluate_tensile<S: Scalar>(
         &mut TensileTension<S>,
     )>,
 ) {
-    let start = Instant::now();
+    let start = Stopwatch::start();
     let Some(mut buffer) = with.buffers.get(TENSILE.info.name) else { return };
     let Some(u) = single_table(vertices.contiguous_iter()) else { return };
     let Some((nodes, block, rest, change, stiffness, mut tension)) =
@@ -491,7 +491,7 @@ fn evaluate_coupling<C: Coupling<V, E>, S: Scalar, const V: usize, const E: usiz
     name: &str,
     columns: &CouplingColumns<C, S, V, E>,
 ) {
-    let start = Instant::now();
+    let start = Stopwatch::start();
     let Some(mut buffer) = with.buffers.get(name) else { return };
     if with.disabled.contains(name) {
         buffer.spans.iter_mut().for_each(Span::clear_tension);
@@ -752,7 +752,7 @@ fn collect_tension<S: Scalar>(
     if !request.force {
         return;
     }
-    let start = Instant::now();
+    let start = Stopwatch::start();
     let Some((tensile, mut tension)) = single_table(edges.contiguous_iter_mut()) else { return };
     let tensile = TensileTension::peel_slice(tensile);
     let tension = EdgeTension::peel_slice_mut(tension.bypass_change_detection());
@@ -797,7 +797,7 @@ fn evaluate_spring_forces<S: Scalar>(
     if !request.force {
         return;
     }
-    let start = Instant::now();
+    let start = Stopwatch::start();
     let Some(mut buffer) = buffers.get(SPRING_FORCES.info.name) else { return };
     let Some(u) = single_table(vertices.contiguous_iter()) else { return };
     let Some((nodes, rest, tension)) = single_table(edges.contiguous_iter()) else { return };

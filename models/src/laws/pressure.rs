@@ -49,16 +49,16 @@ use sinew_engine::law::{
 use sinew_engine::load::{LoadTime, Pressure, PressureReach, SweptVolumes};
 use sinew_engine::order::Order;
 use sinew_engine::row::VertexRow;
-use sinew_engine::scalar::{Real, Scalar, add, cross, scale, sub};
+use sinew_engine::scalar::{Real, Scalar, Single, add, cross, scale, sub};
 use sinew_engine::schedule::{
     ForceSystems, Input, StepSchedule, StepSystems, activate_law_of_systems, declare_inputs,
 };
+use sinew_engine::stopwatch::Stopwatch;
 use sinew_engine::topology::{BodyRows, Topology};
 use sinew_engine::vertex::{Displacement, RestPosition};
 use sinew_engine::workers::Workers;
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::time::Instant;
 
 use crate::body::present::Resection;
 use crate::cutting::faces::face_parts;
@@ -132,7 +132,7 @@ pub static ROW: LawRow = LawRow::of_systems(
     LawInfo { name: "follower pressure", is_load: true },
     Elements::Faces,
     [mark::<Pressure>; 2],
-    [activate_law::<f64>, activate_law::<f32>],
+    [activate_law::<f64>, activate_law::<Single>],
 )
 // indefinite by itself, so no part of the stand-ins
 .with_tangent(|kind| matches!(kind, TangentKind::Exact))
@@ -449,7 +449,7 @@ fn evaluate<S: Scalar>(
     recovering: Res<RecoveringBodies>,
     vertices: Query<&Displacement<S>>,
 ) {
-    let start = Instant::now();
+    let start = Stopwatch::start();
     if disabled.contains(ROW.info.name) {
         return;
     }

@@ -38,7 +38,7 @@ use bytemuck::TransparentWrapper;
 use sinew_engine::element::{EdgeBlock, EdgeShapes, EdgeVertices, RestEdges};
 use sinew_engine::lanes::{Lanes, MAX_LANES};
 use sinew_engine::law::{LawInfo, RecoveringBodies, TangentKind};
-use sinew_engine::scalar::{Real, Scalar, add, cross, dot, scale, sub};
+use sinew_engine::scalar::{Real, Scalar, Single, add, cross, dot, scale, sub};
 use sinew_engine::schedule::Evaluation;
 
 use crate::element::matrix::{add_outer, part_of_tension, symmetrise};
@@ -257,7 +257,7 @@ pub static EDGE_SPRINGS: LawRow = LawRow::of_systems(
     LawInfo::elastic("edge springs"),
     Elements::Edges,
     [mark::<MassSpring>; 2],
-    [activate_mass_spring::<f64>, activate_mass_spring::<f32>],
+    [activate_mass_spring::<f64>, activate_mass_spring::<Single>],
 )
 .yielding_to_pressure()
 // on bodies that never recover, or beside a solid that does

@@ -8,8 +8,8 @@ use sinew_engine::element::{MembraneBlocks, MembraneVertices};
 use sinew_engine::isoparametric::{QuadBlocks, QuadVertices};
 use sinew_engine::layout::UNUSED;
 use sinew_engine::scalar::Scalar;
+use sinew_engine::stopwatch::Stopwatch;
 use sinew_engine::topology::{ElementTables, Topology};
-use std::time::Instant;
 
 use super::region::Region;
 use super::report::{RemovalError, RemovalReport};
@@ -103,7 +103,7 @@ pub(crate) fn remove_batch<S: Scalar>(
     regions: &[Region],
     mass: MassPolicy,
 ) -> Vec<Result<RemovalReport, RemovalError>> {
-    let start = Instant::now();
+    let start = Stopwatch::start();
     if let Err(error) = prepare_removals(world, body) {
         return vec![Err(error); regions.len()];
     }

@@ -15,9 +15,10 @@ use sinew_engine::matrix::{BlockMatrix, PredictedValues, Tangent};
 use sinew_engine::report::{StepReport, SystemTimes};
 use sinew_engine::scalar::Scalar;
 use sinew_engine::step::{StepError, not_finite};
+use sinew_engine::stopwatch::Stopwatch;
 use sinew_engine::topology::{BodyRows, Topology};
 use std::ops::Range;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 impl<S: Scalar> Step<'_, S> {
     /// Iterates for all bodies that are not done; the energy books are open.
@@ -169,7 +170,7 @@ impl<S: Scalar> Step<'_, S> {
     /// An exact one that turns out indefinite gives way to the projected one, and when even that gives no
     /// descent to the preconditioned gradient.
     fn find_directions(&mut self, kind: TangentKind) -> Result<(), StepError> {
-        let clock = Instant::now();
+        let clock = Stopwatch::start();
         let mut evaluation = Duration::ZERO;
         self.scratch.direction.clear();
         self.scratch.direction.resize(self.scratch.node.len(), [S::ZERO; 4]);
@@ -179,7 +180,7 @@ impl<S: Scalar> Step<'_, S> {
         if kind == TangentKind::Exact {
             pending = self.solve_exact(pending)?;
             if !pending.is_empty() {
-                let start = Instant::now();
+                let start = Stopwatch::start();
                 let kind = Some(TangentKind::Projected);
                 evaluate(self.world, &self.scratch.iterate, false, false, kind);
                 evaluation = start.elapsed();
