@@ -285,7 +285,9 @@ pub fn page(recordings: &[&Recording], camera: CameraRequest) -> Result<String, 
     let escaped = first.title.replace('&', "&amp;").replace('<', "&lt;");
     Ok(include_str!("../player/player.html")
         .replace("@TITLE@", &escaped)
+        .replace("@STYLE@\n", include_str!("../player/base.css"))
         .replace("@SCRIPT@", include_str!("../player/player.js"))
+        .replace("  @VIEW@\n", include_str!("../player/view.js"))
         .replace("@DATA@", &data))
 }
 
