@@ -1,0 +1,20 @@
+#!/usr/bin/env bash
+# Builds the page, then tests the engine in Node and the page in headless Chromium. What needs something that is not there says
+# "skipped". SINEW_COMMAND names the command whose results are compared; an argument a folder for pictures of the page.
+set -euo pipefail
+cd "$(dirname "$0")/../.."
+page=$(realpath -m "${CARGO_TARGET_DIR:-target}/web/sinew.html")
+code=0
+doors/web/build.sh "$page" || code=$?
+case $code in 0) ;; 3) exit 0 ;; *) exit "$code" ;; esac
+engine=$(realpath "${CARGO_TARGET_DIR:-target}")/wasm32-unknown-unknown/web/sinew_web.wasm
+[ "$(wc -c <"$engine")" -le "${SINEW_WEB_LIMIT:-3000000}" ] || { echo "$engine has more than 3 MB" >&2; exit 1; }
+node=$(command -v node || true)
+[ -n "$node" ] && "$node" -e 'process.exit(parseInt(process.versions.node) < 18)' || { echo "skipped: no node of version 18 or later"; exit 0; }
+"$node" doors/web/tests/engine.mjs "$engine" ${SINEW_COMMAND:+"$SINEW_COMMAND"}
+for name in chromium chromium-browser google-chrome; do
+    browser=$(command -v $name || true)
+    [ -z "$browser" ] || break
+done
+[ -n "$browser" ] || { echo "skipped: no Chromium"; exit 0; }
+"$node" doors/web/tests/page.mjs "$page" "$browser" "$@"
