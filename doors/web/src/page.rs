@@ -262,7 +262,7 @@ impl Page {
     pub fn cut(&mut self, body: u32) -> Result<Vec<u8>> {
         let numbers: Vec<f64> =
             self.room.as_chunks::<8>().0.iter().map(|bytes| f64::from_le_bytes(*bytes)).collect();
-        if self.room.len() % 48 != 0 {
+        if !self.room.len().is_multiple_of(48) {
             return Err(invalid("blade", "it needs six numbers of 64 bits a position"));
         }
         let ends = numbers.as_chunks::<6>().0.iter();
