@@ -8,6 +8,8 @@ import { resolve, join } from "node:path";
 import { pathToFileURL } from "node:url";
 
 const [page, program, pictures] = process.argv.slice(2);
+// programs that want a core, before there is a browser
+const busy = loadavg()[0] / cpus().length;
 const profile = mkdtempSync(join(tmpdir(), "sinew-page-"));
 const browser = spawn(program, ["--headless=new", "--no-sandbox", "--disable-gpu-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
   "--no-first-run", "--mute-audio", "--remote-debugging-pipe", `--user-data-dir=${profile}`, "about:blank"],
@@ -96,8 +98,8 @@ async function test() {
   }
   console.log(`${best.rate.toFixed(1)} steps in a second, ${best.cost.toFixed(2)} ms each`);
   // tests/engine.mjs judges the time of the processor, whatever else runs
-  const busy = loadavg()[0] / cpus().length;
-  if (best.rate < 57 && busy > 1.5) console.log(`skipped: ${busy.toFixed(1)} programs want every core, so the rate is not judged`);
+  assert.ok(best.rate > 5, "the page stands still");
+  if (best.rate < 57 && busy > 0.75) console.log(`skipped: ${busy.toFixed(1)} programs wanted every core, so the rate is not judged`);
   else assert.ok(best.rate >= 57, "a step of a sixtieth of a second is to take no longer");
 
   // the further the pull, the more the hand feels
@@ -153,9 +155,11 @@ test().then(() => console.log("the page is in order")).catch((error) => {
   console.error(error, errors());
   process.exitCode = 1;
 }).finally(async () => {
+  const gone = new Promise((done) => { browser.once("exit", done); });
   await Promise.race([send("Browser.close").catch(() => {}), pause(3000)]);
   browser.kill();
-  await pause(300);
-  rmSync(profile, { recursive: true, force: true, maxRetries: 5 });
+  await Promise.race([gone, pause(5000)]);
+  // its helpers may write for a moment longer
+  try { rmSync(profile, { recursive: true, force: true, maxRetries: 10, retryDelay: 200 }); } catch { /* in the folder for such things */ }
   process.exit();
 });
