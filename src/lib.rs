@@ -37,6 +37,7 @@
 //! | cut, remove | [`Simulation::cut`], [`models::cutting`]; [`Simulation::remove_elements`], [`models::resection`] |
 //! | choose integrator, damping and tolerances | [`SolverSettings`](solvers::settings::SolverSettings), [`Integrator`](solvers::settings::Integrator) |
 //! | keep a rate, read states on another thread | [`live`] |
+//! | let a haptic device hold tissue | [`haptics`] |
 //! | go back, keep a state, do a session again | [`snapshot`], [`replay`] |
 //! | know what went wrong or looks unintended, and whether to trust a run | [`Simulation::warnings`], [`Simulation::verdict`], [`warning`] |
 //! | know what a step did | [`StepReport`](engine::report::StepReport), [`VolumeReport`](engine::report::VolumeReport) |
@@ -78,11 +79,13 @@ mod axes;
 mod blade;
 mod contact;
 mod cutting;
+pub mod haptics;
 pub mod live;
 mod needle;
 pub mod plugin;
 pub mod replay;
 mod resection;
+mod slots;
 pub mod snapshot;
 mod tear;
 mod thread;

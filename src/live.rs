@@ -31,11 +31,10 @@
 //! ```
 
 use crate::simulation::{BodyHandle, Simulation};
+use crate::slots::{WordReader, WordWriter, word_slots};
 use bevy_ecs::entity::Entity;
 use glam::DVec3;
 use sinew_engine::step::StepClock;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicU8, AtomicU64, Ordering};
 use std::time::Duration;
 
 /// A loop that cannot be.
@@ -135,22 +134,10 @@ pub struct Frame {
     pub wrenches: Vec<[DVec3; 2]>,
 }
 
-/// Three copies of a state: one is written, one is read, and one waits. Whoever is done swaps his with the one that waits, so
-/// that nobody ever waits for anybody.
-#[derive(Debug)]
-struct Slots {
-    words: [Box<[AtomicU64]>; 3],
-    /// Number of the copy that waits, and [`FRESH`] where it was not read yet.
-    waiting: AtomicU8,
-}
-
-const FRESH: u8 = 4;
-
 /// Gives states away; see [`share`].
 #[derive(Debug)]
 pub struct StateWriter {
-    slots: Arc<Slots>,
-    own: u8,
+    words: WordWriter,
     bodies: Vec<BodyHandle>,
     tools: Vec<Entity>,
 }
@@ -158,8 +145,7 @@ pub struct StateWriter {
 /// Reads the last states on a thread of its own; see [`share`].
 #[derive(Debug)]
 pub struct StateReader {
-    slots: Arc<Slots>,
-    own: u8,
+    words: WordReader,
     frames: [Frame; 2],
 }
 
@@ -172,18 +158,11 @@ pub fn share(
 ) -> (StateWriter, StateReader) {
     let positions: Vec<_> = bodies.iter().map(|&body| simulation.positions(body)).collect();
     let words = 2 + 3 * positions.iter().map(Vec::len).sum::<usize>() + 6 * tools.len();
-    let empty = || (0..words).map(|_| AtomicU64::new(0)).collect();
-    let slots = Slots { words: [empty(), empty(), empty()], waiting: AtomicU8::new(1) };
-    let slots = Arc::new(slots);
+    let (writer, reader) = word_slots(words);
     let wrenches = vec![[DVec3::ZERO; 2]; tools.len()];
     let frame = Frame { positions, wrenches, ..Frame::default() };
-    let mut writer = StateWriter {
-        slots: Arc::clone(&slots),
-        own: 0,
-        bodies: bodies.to_vec(),
-        tools: tools.to_vec(),
-    };
-    let mut reader = StateReader { slots, own: 2, frames: [frame.clone(), frame] };
+    let mut writer = StateWriter { words: writer, bodies: bodies.to_vec(), tools: tools.to_vec() };
+    let mut reader = StateReader { words: reader, frames: [frame.clone(), frame] };
     writer.write(simulation);
     reader.update();
     reader.frames[0] = reader.frames[1].clone();
@@ -193,38 +172,31 @@ pub fn share(
 impl StateWriter {
     /// Writes the state as it is now.
     pub fn write(&mut self, simulation: &mut Simulation) {
-        let mut words = self.slots.words[usize::from(self.own)].iter();
-        let mut put = |bits: u64| {
-            if let Some(word) = words.next() {
-                word.store(bits, Ordering::Relaxed);
+        let Self { words, bodies, tools } = self;
+        words.write(|put| {
+            put(simulation.world().resource::<StepClock>().step);
+            put(simulation.time().to_bits());
+            for &body in &*bodies {
+                let positions = simulation.positions(body);
+                positions.iter().flat_map(DVec3::to_array).for_each(|x| put(x.to_bits()));
             }
-        };
-        put(simulation.world().resource::<StepClock>().step);
-        put(simulation.time().to_bits());
-        for &body in &self.bodies {
-            let positions = simulation.positions(body);
-            positions.iter().flat_map(DVec3::to_array).for_each(|x| put(x.to_bits()));
-        }
-        for &tool in &self.tools {
-            let report = simulation.tool_report(tool);
-            let wrench = report.map_or([DVec3::ZERO; 2], |own| [own.force, own.torque]);
-            wrench.iter().flat_map(DVec3::to_array).for_each(|x| put(x.to_bits()));
-        }
-        // all of it is there before whoever swaps it out looks at it
-        let before = self.slots.waiting.swap(self.own | FRESH, Ordering::AcqRel);
-        self.own = before & !FRESH;
+            for &tool in &*tools {
+                let report = simulation.tool_report(tool);
+                let wrench = report.map_or([DVec3::ZERO; 2], |own| [own.force, own.torque]);
+                wrench.iter().flat_map(DVec3::to_array).for_each(|x| put(x.to_bits()));
+            }
+        });
     }
 }
 
 impl StateReader {
     /// Takes the last state that was written; false where there is no new one.
     pub fn update(&mut self) -> bool {
-        if self.slots.waiting.load(Ordering::Relaxed) & FRESH == 0 {
+        if !self.words.update() {
             return false;
         }
-        self.own = self.slots.waiting.swap(self.own, Ordering::AcqRel) & !FRESH;
-        let mut words = self.slots.words[usize::from(self.own)].iter();
-        let mut get = || words.next().map_or(0, |word| word.load(Ordering::Relaxed));
+        let mut words = self.words.words();
+        let mut get = || words.next().unwrap_or(0);
         self.frames.swap(0, 1);
         let frame = &mut self.frames[1];
         (frame.step, frame.time) = (get(), f64::from_bits(get()));

@@ -5,6 +5,7 @@ mod burst;
 pub mod cg;
 pub mod cholesky;
 pub mod coarse;
+pub mod compliance;
 #[cfg(feature = "direct")]
 pub mod direct;
 pub mod explicit;

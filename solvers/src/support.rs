@@ -13,6 +13,7 @@ use sinew_engine::step::StepError;
 use sinew_engine::topology::{BodyRows, Topology};
 use sinew_engine::vertex::RestPosition;
 use std::collections::HashMap;
+use std::ops::Range;
 
 /// Pivot of the rigid-motion matrix, relative to the largest, below which a motion counts as free.
 const FREE: f64 = 1e-9;
@@ -30,13 +31,33 @@ pub fn check_support<S: Scalar>(world: &mut World, node: &NodeState<S>) -> Resul
     let mut query = world.query::<&RestPosition>();
     let Some(rest) = single_table(query.contiguous_iter(world)) else { return Ok(()) };
     let topology = world.resource::<Topology>();
-    for body in &topology.bodies {
-        let held = held_motions(body, node, rest);
-        check_pieces(body, &held)?;
-        let parts = RigidParts::new(topology, body);
-        if (2..=MOST_PARTS).contains(&parts.count) {
-            check_parts(body, rest, &parts, &held)?;
-        }
+    topology.bodies.iter().try_for_each(|body| check_body(topology, body, node, rest))
+}
+
+/// Whether that holds of consecutive bodies.
+pub(crate) fn is_supported<S: Scalar>(
+    world: &mut World,
+    node: &NodeState<S>,
+    bodies: &Range<usize>,
+) -> bool {
+    let mut query = world.query::<&RestPosition>();
+    let Some(rest) = single_table(query.contiguous_iter(world)) else { return true };
+    let topology = world.resource::<Topology>();
+    let mut own = topology.bodies[bodies.clone()].iter();
+    own.all(|body| check_body(topology, body, node, rest).is_ok())
+}
+
+fn check_body<S: Scalar>(
+    topology: &Topology,
+    body: &BodyRows,
+    node: &NodeState<S>,
+    rest: &[RestPosition],
+) -> Result<(), StepError> {
+    let held = held_motions(body, node, rest);
+    check_pieces(body, &held)?;
+    let parts = RigidParts::new(topology, body);
+    if (2..=MOST_PARTS).contains(&parts.count) {
+        check_parts(body, rest, &parts, &held)?;
     }
     Ok(())
 }

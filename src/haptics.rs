@@ -1,0 +1,533 @@
+//! Haptic devices at a kilohertz beside a simulation at its own rate.
+//!
+//! The hand holds a patch of a body by a spring that is part of the implicit step ([`Pull`]), so that the point that is held
+//! stays free: prescribing it and feeding its reaction back a step later is unstable with light devices. After every step the
+//! simulation gives away where the patch is and how it follows the hand at rest, `p = p_n + G (x - x_n)`
+//! ([`sinew_solvers::compliance`]). The device feels `f = -K (x - p) - B v` at its own rate with that model, which it
+//! moves over to evenly when the next one comes. Steps are taken for where the device will be at their end.
+//!
+//! What may go wrong at the hand is met there: an observer adds up the energy that the device has got, and damps when it is
+//! more than it has given (Hannaford & Ryu 2002, IEEE Trans. Robotics and Automation 18); force and its first rise are
+//! limited; and a simulation that no longer answers lets the force fall to zero.
+//!
+//! ```
+//! use sinew::engine::mesh::generate::box_tets;
+//! use sinew::haptics::HapticOptions;
+//! use sinew::prelude::*;
+//!
+//! let mesh = box_tets(DVec3::new(0.1, 0.1, 0.05), [4, 4, 2])?;
+//! let mut simulation = Simulation::new(SimulationOptions::default())?;
+//! let body = simulation.add_body(&BodyDescription::new("box", &mesh, preset("liver")?.material))?;
+//! let floor = simulation.group_rows(body, &mesh, "z0")?;
+//! simulation.add_constraint(Constraint::hold("floor", floor));
+//! simulation.set_gravity(DVec3::ZERO);
+//! // the corners of the upper face are held
+//! let top = &mesh.group("z1").unwrap().vertices;
+//! let (mut tissue, mut device) = simulation.haptic_handle(HapticOptions::new(body, top.clone()))?;
+//! // the device belongs to a thread of its own; here both take turns
+//! let mut felt = device.exchange(DVec3::ZERO, DVec3::ZERO, 0.001);
+//! for step in 1..=10 {
+//!     tissue.step(&mut simulation)?;
+//!     for tick in 0..10 {
+//!         let lift = 1e-5 * f64::from(10 * (step - 1) + tick);
+//!         felt = device.exchange(DVec3::Z * lift, DVec3::Z * 0.01, 0.001);
+//!     }
+//! }
+//! assert!(felt.force.z < -0.01 && felt.energy > 0.0, "{felt:?}");
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+pub mod simulated;
+
+use crate::simulation::{Backend, BodyHandle, Simulation, SimulationError};
+use crate::slots::{WordReader, WordWriter, word_slots};
+use bevy_ecs::prelude::*;
+use glam::{DMat3, DVec3};
+use sinew_contact::pull::Pull;
+use sinew_contact::set::ContactSet;
+use sinew_engine::precision::Precision;
+use sinew_engine::scalar::Scalar;
+use sinew_engine::step::{StepClock, StepError};
+use sinew_engine::topology::Topology;
+use sinew_solvers::compliance::{PatchCompliance, PatchSolver};
+
+/// Time (s) in which the force of a model that is too old falls to zero.
+const FALL: f64 = 0.05;
+/// Rate (N/s) at which the force may rise at the first contact, and when a simulation answers again.
+const FIRST_RISE: f64 = 50.0;
+
+/// How a device holds a patch. The defaults are for soft organs, some 20 to 200 N/m at a tool, and light devices.
+#[derive(Clone, Debug, PartialEq)]
+pub struct HapticOptions {
+    /// Name of the [`Pull`], for reports and errors.
+    pub name: String,
+    /// Body.
+    pub body: BodyHandle,
+    /// Vertices of the patch in the user's order. They share the stiffness evenly, each by a spring of its own.
+    pub vertices: Vec<u32>,
+    /// Stiffness `K` (N/m) of the coupling; 300 by default, and at most 1000 for what light devices render stably.
+    pub stiffness: f64,
+    /// Damping `B` (N s/m) of the motion of the device; 2 by default.
+    pub damping: f64,
+    /// Largest force (N); 3.3 by default.
+    pub limit: f64,
+    /// Age (s) of the last step from which the force falls, to zero within another 50 ms; 0.05 by default. It has to be
+    /// longer than a step takes.
+    pub stale: f64,
+    /// Time (s) in which the force goes over from one step's model to the next one's; 0.008 by default.
+    pub fade: f64,
+    /// Moving mass (kg) of the device, which limits what damping may be added in a cycle; 0.05 by default.
+    pub device_mass: f64,
+    /// Relative residual of the linear systems of the model; 0.01 by default. The error of `G` goes by its square.
+    pub tolerance: f64,
+}
+
+impl HapticOptions {
+    /// Defaults for vertices of a body.
+    pub fn new(body: BodyHandle, vertices: Vec<u32>) -> Self {
+        Self {
+            name: "haptic device".into(),
+            body,
+            vertices,
+            stiffness: 300.0,
+            damping: 2.0,
+            limit: 3.3,
+            stale: 0.05,
+            fade: 0.008,
+            device_mass: 0.05,
+            tolerance: 0.01,
+        }
+    }
+
+    fn problem(&self) -> Option<String> {
+        let positive = [
+            ("stiffness", self.stiffness, "N/m"),
+            ("limit", self.limit, "N"),
+            ("stale", self.stale, "s"),
+            ("device_mass", self.device_mass, "kg"),
+        ];
+        let not_negative = [("damping", self.damping, "N s/m"), ("fade", self.fade, "s")];
+        let wrong = |own: &(&str, f64, &str), zero: bool| {
+            let (_, x, _) = own;
+            !(x.is_finite() && (*x > 0.0 || zero && *x == 0.0))
+        };
+        if let Some((name, x, unit)) = positive.iter().find(|own| wrong(own, false)) {
+            return Some(format!("{name} is {x} {unit}: it must be positive"));
+        }
+        if let Some((name, x, unit)) = not_negative.iter().find(|own| wrong(own, true)) {
+            return Some(format!("{name} is {x} {unit}: it must be zero or positive"));
+        }
+        if !(self.tolerance > 0.0 && self.tolerance < 1.0) {
+            return Some(format!("tolerance is {}: it must be between 0 and 1", self.tolerance));
+        }
+        self.vertices.is_empty().then(|| "it holds no vertex: name those of the patch".into())
+    }
+}
+
+/// A handle that cannot be, or a step with one that failed.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum HapticError {
+    /// An option is unusable.
+    #[error("haptic handle `{name}`: {problem}")]
+    Invalid {
+        /// Handle.
+        name: String,
+        /// The error, with the value at fault.
+        problem: String,
+    },
+    /// The world has no such body.
+    #[error("haptic handle `{name}`: there is no body {body}; use what `add_body` returned")]
+    NoBody {
+        /// Handle.
+        name: String,
+        /// Number of the body.
+        body: usize,
+    },
+    /// Pulls are on the processor alone.
+    #[error(
+        "haptic handle `{0}` on backend = \"gpu\": pulls are computed on the processor; use backend = \"cpu\""
+    )]
+    Gpu(String),
+    /// The pull was taken away, or holds nothing any more.
+    #[error(
+        "haptic handle `{0}`: what it pulled by is gone, or acted in no step; make a new handle"
+    )]
+    Released(String),
+    /// A vertex of the patch.
+    #[error(transparent)]
+    Simulation(#[from] SimulationError),
+    /// The step.
+    #[error(transparent)]
+    Step(#[from] StepError),
+}
+
+/// What is not as it should be with a force.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct HapticFlags {
+    /// No step has answered yet: no force.
+    pub waiting: bool,
+    /// The last step is too old: the force falls, or is zero.
+    pub stale: bool,
+    /// The force was cut to the limit.
+    pub limited: bool,
+    /// The force rises no faster than 50 N/s: first contact, or the simulation answers again.
+    pub rising: bool,
+    /// The device has got more energy than it gave; damping was added.
+    pub damped: bool,
+    /// Position, velocity or time were no finite numbers, or time ran backwards: no force.
+    pub bad_input: bool,
+    /// Nothing supports the body: the model is that of one step from rest, not of rest.
+    pub with_inertia: bool,
+    /// The tangent was indefinite; the model is that of the projected one.
+    pub projected: bool,
+    /// The model was not found in this step; `G` is that of an earlier one, or zero.
+    pub unsolved: bool,
+    /// The step itself did not converge.
+    pub unconverged: bool,
+}
+
+const WITH_INERTIA: u64 = 1;
+const PROJECTED: u64 = 2;
+const UNSOLVED: u64 = 4;
+const UNCONVERGED: u64 = 8;
+
+/// What a device is to render until the next exchange.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Feedback {
+    /// Force (N) on the hand.
+    pub force: DVec3,
+    /// Time (s) since the model of the last step arrived.
+    pub age: f64,
+    /// Steps that had been taken when that model was made, and its simulated time (s).
+    pub step: u64,
+    /// Simulated time (s) at the end of that step.
+    pub time: f64,
+    /// Energy (J) that the hand has given so far, by forces held between exchanges; below zero it has got some.
+    pub energy: f64,
+    /// Exchanges in which damping was added so far.
+    pub dampings: u64,
+    /// What is not as it should be.
+    pub flags: HapticFlags,
+}
+
+/// What the simulation found for the device after a step.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct HapticReport {
+    /// Way (m) of the hand since it took hold that the step was taken with, and that of the patch at its end.
+    pub hand: DVec3,
+    /// Way (m) of the weighted mean of the patch.
+    pub patch: DVec3,
+    /// Force (N) of the coupling on the hand there.
+    pub force: DVec3,
+    /// How the patch follows the hand.
+    pub compliance: PatchCompliance,
+    /// The step did not converge.
+    pub unconverged: bool,
+}
+
+#[derive(Debug)]
+enum Solver {
+    F64(Box<PatchSolver<f64>>),
+    F32(Box<PatchSolver<f32>>),
+}
+
+/// The end of a handle beside the simulation; see [`Simulation::haptic_handle`].
+#[derive(Debug)]
+pub struct HapticTissue {
+    name: String,
+    pull: Entity,
+    tolerance: f64,
+    solver: Solver,
+    poses: WordReader,
+    models: WordWriter,
+    /// Way (m) of the hand at the end of the coming step.
+    hand: DVec3,
+}
+
+/// Words of a pose: way and velocity. Of a model: step, time, notes, hand, patch, `G`.
+const POSE_WORDS: usize = 6;
+const MODEL_WORDS: usize = 18;
+
+/// # Haptic devices
+impl Simulation {
+    /// Lets a haptic device hold a patch of a body, from the next step on, where both are then: the place of the device at its
+    /// first exchange is where the patch is when it is taken hold of. The first value stays beside the simulation, the
+    /// second one goes to the thread of the device.
+    ///
+    /// # Errors
+    /// When an option, the body or a vertex cannot be used, or the backend has no pulls.
+    pub fn haptic_handle(
+        &mut self,
+        options: HapticOptions,
+    ) -> Result<(HapticTissue, HapticDevice), HapticError> {
+        let name = options.name.clone();
+        if let Some(problem) = options.problem() {
+            return Err(HapticError::Invalid { name, problem });
+        }
+        if self.backend() == Backend::Gpu {
+            return Err(HapticError::Gpu(name));
+        }
+        if options.body.0 >= self.topology().bodies.len() {
+            return Err(HapticError::NoBody { name, body: options.body.0 });
+        }
+        let rows = self.rows(options.body, &name, &options.vertices)?;
+        let pull = self.add_pull(Pull::new(&name, rows, options.stiffness, 0.0));
+        let solver = match self.precision() {
+            Precision::F64 => Solver::F64(Box::default()),
+            Precision::F32 => Solver::F32(Box::default()),
+        };
+        let (to_tissue, poses) = word_slots(POSE_WORDS);
+        let (models, to_device) = word_slots(MODEL_WORDS);
+        let tolerance = options.tolerance;
+        let hand = DVec3::ZERO;
+        let tissue = HapticTissue { name, pull, tolerance, solver, poses, models, hand };
+        Ok((tissue, HapticDevice::new(options, to_tissue, to_device)))
+    }
+}
+
+impl HapticTissue {
+    /// Takes a step for the device: [`before_step`](Self::before_step), the step, [`after_step`](Self::after_step).
+    ///
+    /// # Errors
+    /// When the step fails, or the handle was taken away. The device then hears nothing, and its force falls.
+    pub fn step(&mut self, simulation: &mut Simulation) -> Result<HapticReport, HapticError> {
+        self.before_step(simulation)?;
+        simulation.step()?;
+        self.after_step(simulation)
+    }
+
+    /// Moves the hand to where the device will be at the end of the step, by its last place and velocity.
+    ///
+    /// # Errors
+    /// When the handle was taken away.
+    pub fn before_step(&mut self, simulation: &mut Simulation) -> Result<(), HapticError> {
+        if self.poses.update() {
+            let mut words = self.poses.words().map(f64::from_bits);
+            let [x, v] = [(); 2].map(|()| take_vector(&mut words));
+            self.hand = x + v * simulation.world().resource::<StepClock>().dt;
+        }
+        let moved = simulation.move_pull(self.pull, self.hand);
+        if moved { Ok(()) } else { Err(HapticError::Released(self.name.clone())) }
+    }
+
+    /// Finds the local model at the end of the step, and gives it to the device.
+    ///
+    /// # Errors
+    /// When the handle was taken away, or acted in no step yet.
+    pub fn after_step(&mut self, simulation: &mut Simulation) -> Result<HapticReport, HapticError> {
+        let released = || HapticError::Released(self.name.clone());
+        let own = simulation.pull_report(self.pull).copied().ok_or_else(released)?;
+        let world = simulation.columns();
+        let pull = world.get::<Pull>(crate::snapshot::current(world, self.pull)).cloned();
+        let pull = pull.ok_or_else(released)?;
+        let found = match &mut self.solver {
+            Solver::F64(solver) => find(world, solver, &pull, self.tolerance),
+            Solver::F32(solver) => find(world, solver, &pull, self.tolerance),
+        };
+        let compliance = found.ok_or_else(released)?;
+        let report = HapticReport {
+            hand: self.hand,
+            patch: self.hand + own.force / pull.stiffness,
+            force: own.force,
+            compliance,
+            unconverged: own.unconverged,
+        };
+        let clock = *world.resource::<StepClock>();
+        let note = |on: bool, word: u64| if on { word } else { 0 };
+        let notes = note(compliance.with_inertia, WITH_INERTIA)
+            | note(compliance.projected, PROJECTED)
+            | note(!compliance.solved, UNSOLVED)
+            | note(own.unconverged, UNCONVERGED);
+        self.models.write(|put| {
+            put(clock.step);
+            put(clock.time.to_bits());
+            put(notes);
+            let vectors = [report.hand, report.patch].into_iter().flat_map(|x| x.to_array());
+            let gain = compliance.gain.to_cols_array();
+            vectors.chain(gain).for_each(|x| put(x.to_bits()));
+        });
+        Ok(report)
+    }
+
+    /// The pull by which the device holds the patch.
+    pub fn pull(&self) -> Entity {
+        self.pull
+    }
+
+    /// Lets go. The force of the device falls as if the simulation had stopped.
+    pub fn release(self, simulation: &mut Simulation) {
+        simulation.remove_contact(self.pull);
+    }
+}
+
+/// The compliance of a pull; none where it acted in no step.
+fn find<S: Scalar>(
+    world: &mut World,
+    solver: &mut PatchSolver<S>,
+    pull: &Pull,
+    tolerance: f64,
+) -> Option<PatchCompliance> {
+    let bodies = &world.resource::<Topology>().bodies;
+    let row = pull.rows.first()?.0;
+    let body = bodies.iter().position(|body| body.vertices.contains(&row))?;
+    let contact = world.get_resource::<ContactSet>()?;
+    let group = contact.groups(bodies.len()).into_iter().find(|group| group.contains(&body))?;
+    let acts = contact.touches(&group);
+    acts.then(|| solver.find(world, pull, &group, tolerance))
+}
+
+/// Place of the patch over that of the hand: `at + gain x`.
+#[derive(Clone, Copy, Debug, Default)]
+struct Follows {
+    at: DVec3,
+    gain: DMat3,
+}
+
+/// The end of a handle at the device, for a thread of its own; see [`Simulation::haptic_handle`].
+#[derive(Debug)]
+pub struct HapticDevice {
+    options: HapticOptions,
+    poses: WordWriter,
+    models: WordReader,
+    /// Place (m) of the device at the first exchange.
+    origin: Option<DVec3>,
+    /// Way (m) at the last exchange.
+    x: DVec3,
+    /// Models between which the force goes over, and the time (s) since the second one came.
+    follows: [Follows; 2],
+    rising: bool,
+    /// Notes of the tissue.
+    notes: u64,
+    /// What was given back last.
+    felt: Feedback,
+}
+
+impl HapticDevice {
+    fn new(options: HapticOptions, poses: WordWriter, models: WordReader) -> Self {
+        let felt = Feedback {
+            flags: HapticFlags { waiting: true, ..HapticFlags::default() },
+            ..Feedback::default()
+        };
+        Self {
+            options,
+            poses,
+            models,
+            origin: None,
+            x: DVec3::ZERO,
+            follows: [Follows::default(); 2],
+            rising: true,
+            notes: 0,
+            felt,
+        }
+    }
+
+    /// Tells where the device is (m) and how fast it moves (m/s), and what it is to render until the next exchange. `seconds` is the
+    /// time since the last one, during which the last force was held.
+    ///
+    /// It never waits, takes no lock and asks for no memory. Call it at a kilohertz or so; it costs well below a microsecond.
+    pub fn exchange(&mut self, position: DVec3, velocity: DVec3, seconds: f64) -> Feedback {
+        let mut flags = HapticFlags::default();
+        if !(position.is_finite() && velocity.is_finite() && seconds.is_finite() && seconds >= 0.0)
+        {
+            flags.bad_input = true;
+            self.rising = true;
+            self.felt = Feedback { force: DVec3::ZERO, flags, ..self.felt };
+            return self.felt;
+        }
+        let x = position - *self.origin.get_or_insert(position);
+        // what the hand did against the force that was held
+        self.felt.energy -= self.felt.force.dot(x - self.x);
+        self.x = x;
+        self.poses.write(|put| {
+            [x, velocity].iter().flat_map(DVec3::to_array).for_each(|x| put(x.to_bits()));
+        });
+        self.felt.age += seconds;
+        let is_new = self.models.update();
+        if is_new {
+            self.take_model();
+        }
+        flags.waiting = self.felt.step == 0;
+        let mut force = if flags.waiting { DVec3::ZERO } else { self.coupling(velocity) };
+        let speed = velocity.length_squared();
+        if self.felt.energy < 0.0 && speed > 0.0 && seconds > 0.0 && !flags.waiting {
+            let most = self.options.device_mass / (4.0 * seconds);
+            force -= (-self.felt.energy / (seconds * speed)).min(most) * velocity;
+            flags.damped = true;
+            self.felt.dampings += 1;
+        }
+        if self.felt.age > self.options.stale && !flags.waiting {
+            force *= (1.0 - (self.felt.age - self.options.stale) / FALL).max(0.0);
+            flags.stale = true;
+        }
+        let length = force.length();
+        if length > self.options.limit {
+            force *= self.options.limit / length;
+            flags.limited = true;
+        }
+        let change = force - self.felt.force;
+        let most = FIRST_RISE * seconds;
+        if flags.stale {
+            self.rising = true;
+        } else if self.rising && change.length() > most {
+            force = self.felt.force + change * (most / change.length());
+            flags.rising = true;
+        } else {
+            self.rising = flags.waiting;
+        }
+        if !force.is_finite() {
+            (force, self.rising, flags.bad_input) = (DVec3::ZERO, true, true);
+        }
+        flags.with_inertia = self.notes & WITH_INERTIA != 0;
+        flags.projected = self.notes & PROJECTED != 0;
+        flags.unsolved = self.notes & UNSOLVED != 0;
+        flags.unconverged = self.notes & UNCONVERGED != 0;
+        (self.felt.force, self.felt.flags) = (force, flags);
+        self.felt
+    }
+
+    /// The part of the way (0 to 1) from the last model to the present one.
+    fn part(&self) -> f64 {
+        let fade = self.options.fade;
+        if fade > 0.0 { (self.felt.age / fade).min(1.0) } else { 1.0 }
+    }
+
+    /// The model that holds now.
+    fn now(&self) -> Follows {
+        let ([a, b], part) = (self.follows, self.part());
+        Follows { at: a.at.lerp(b.at, part), gain: a.gain * (1.0 - part) + b.gain * part }
+    }
+
+    /// Reads the model that came, and begins to go over to it.
+    fn take_model(&mut self) {
+        let before = self.now();
+        let mut words = self.models.words();
+        let mut next = || words.next().unwrap_or(0);
+        let (step, time, notes) = (next(), f64::from_bits(next()), next());
+        let mut numbers = words.map(f64::from_bits);
+        let [hand, patch] = [(); 2].map(|()| take_vector(&mut numbers));
+        let [a, b, c] = [(); 3].map(|()| take_vector(&mut numbers));
+        let gain = DMat3::from_cols(a, b, c);
+        let new = Follows { at: patch - gain * hand, gain };
+        let is_first = self.felt.step == 0;
+        self.follows = [if is_first { new } else { before }, new];
+        (self.notes, self.felt.age) = (notes, 0.0);
+        (self.felt.step, self.felt.time) = (step, time);
+    }
+
+    /// Force (N) of spring and damper.
+    fn coupling(&self, velocity: DVec3) -> DVec3 {
+        let Follows { at, gain } = self.now();
+        let patch = at + gain * self.x;
+        -self.options.stiffness * (self.x - patch) - self.options.damping * velocity
+    }
+
+    /// What was given back last.
+    pub fn felt(&self) -> Feedback {
+        self.felt
+    }
+}
+
+fn take_vector(words: &mut impl Iterator<Item = f64>) -> DVec3 {
+    DVec3::from_array([(); 3].map(|()| words.next().unwrap_or(0.0)))
+}
