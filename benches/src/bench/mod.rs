@@ -11,6 +11,7 @@ pub mod elements;
 pub mod flops;
 #[cfg(feature = "gpu")]
 pub mod gpu;
+pub mod haptics;
 pub mod integrators;
 pub mod kernels;
 pub mod membranes;
@@ -49,6 +50,8 @@ pub enum BenchPart {
     Cutting,
     /// Steps with contact beside those without.
     Contact,
+    /// A haptic device beside couplings that are usual, and what it costs.
+    Haptics,
     /// Graphics processor beside processor.
     #[cfg(feature = "gpu")]
     Gpu,
@@ -71,6 +74,7 @@ impl BenchPart {
             Self::Resection => "resection",
             Self::Cutting => "cutting",
             Self::Contact => "contact",
+            Self::Haptics => "haptics",
             #[cfg(feature = "gpu")]
             Self::Gpu => "gpu",
         }
@@ -154,6 +158,11 @@ pub fn run(
                 let sizes = sizes([1, if brief { 1 } else { 2 }]);
                 let found = contact::run(&sizes, &threads, repeats, kinds, &mut tell)?;
                 report.tables.push(found.0);
+                aims = found.1;
+            }
+            BenchPart::Haptics => {
+                let found = haptics::run(quick, &mut tell)?;
+                report.tables.extend(found.0);
                 aims = found.1;
             }
             #[cfg(feature = "gpu")]

@@ -31,11 +31,14 @@ pub enum BenchCommand {
     /// Steps with contact beside those without, in turns: a tool far away, slow and fast, two bodies, a liver that is
     /// palpated; not part of `all`.
     Contact(BenchArguments),
+    /// A haptic device that holds a liver: force beside a simulation at 1 kHz, devices that are let go, and what it costs; beside
+    /// plain virtual coupling and a proxy, in turns; not part of `all`.
+    Haptics(BenchArguments),
     /// Force passes and implicit steps on the graphics processor beside the processor, with the errors of both;
     /// not part of `all`. The environment variable SINEW_ADAPTER names an adapter.
     #[cfg(feature = "gpu")]
     Gpu(BenchArguments),
-    /// Everything but `resection`, `cutting`, `contact`, `gpu` and `stability`, one report.
+    /// Everything but `resection`, `cutting`, `contact`, `haptics`, `gpu` and `stability`, one report.
     All(BenchArguments),
     /// Run the hard cases and print the pass table; fails when a case misses that must pass.
     Stability(StabilityArguments),
@@ -77,6 +80,7 @@ fn measured(command: &BenchCommand) -> Option<(Vec<BenchPart>, &'static str, &Be
         BenchCommand::Resection(a) => (BenchPart::Resection, a),
         BenchCommand::Cutting(a) => (BenchPart::Cutting, a),
         BenchCommand::Contact(a) => (BenchPart::Contact, a),
+        BenchCommand::Haptics(a) => (BenchPart::Haptics, a),
         #[cfg(feature = "gpu")]
         BenchCommand::Gpu(a) => (BenchPart::Gpu, a),
         BenchCommand::All(a) => return Some((BenchPart::ALL.to_vec(), "all", a)),

@@ -61,6 +61,7 @@ of_engine! {
     sinew::engine::mesh::MeshError,
     sinew::engine::step::StepError,
     sinew::engine::workers::WorkersError,
+    sinew::haptics::HapticError,
     sinew::models::body::BodyError,
     sinew::models::cutting::CutError,
     sinew::models::element::membrane::RestTriangleError,
