@@ -1,5 +1,7 @@
 //! Devices that are simulated, in simulated time: nothing here looks at a clock.
 
+#![allow(clippy::print_stdout, reason = "figures beside their bars, and known misses, are shown")]
+
 use allocation_counter::measure;
 use glam::{DMat3, DVec3};
 use sinew::haptics::simulated::SimulatedDevice;

@@ -158,7 +158,8 @@ impl Rig {
                 let proxy = x - *last / COUPLING[0];
                 let failed = simulation.set_target(*hold, proxy).is_err()
                     || simulation.step().is_err()
-                    || !(proxy.length() < 0.2);
+                    || proxy.length().is_nan()
+                    || proxy.length() > 0.2;
                 *last = simulation.reaction(*hold).unwrap_or_default() - *at_rest;
                 self.told[1] = *last;
                 failed
