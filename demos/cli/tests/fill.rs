@@ -24,7 +24,12 @@ fn fill(folder: &Path, commands: &str, more: &[&str]) -> (Option<i32>, String) {
 /// A file in millimetres.
 fn ball(folder: &Path) {
     let file = folder.join("ball.msh").display().to_string();
-    check(&["mesh", "generate", "balloon", "--radius", "50", "--cuts", "3", &file], 0, "", "");
+    check(
+        &["mesh", "generate", "balloon", "--radius", "50", "--cuts", "3", "--out", &file],
+        0,
+        "",
+        "",
+    );
     let info = sinew_scene::mesh_tool::read(file.as_ref()).unwrap();
     let mut text = String::from("solid ball\n");
     for corners in &info.triangles {
