@@ -929,3 +929,31 @@ proptest! {
         }
     }
 }
+
+/// Right after a compaction nothing of the last step holds but what solves search along.
+#[test]
+fn a_snapshot_after_a_compaction_goes_on() {
+    let handle = BodyHandle(0);
+    let mut simulation = plain_beam(threads(1));
+    simulation.steps(1);
+    let mut compactions = 0;
+    while compactions == 0 {
+        let left = simulation.remaining_tetrahedra(handle);
+        let list = Removal::new(Region::Tetrahedra(pick(left, 6, 0)));
+        let report = simulation.remove_elements(handle, &list).unwrap();
+        compactions += usize::from(report.compacted);
+    }
+    let snapshot = simulation.snapshot().unwrap();
+    let follow = |simulation: &mut Simulation| {
+        [(); 4].map(|()| {
+            simulation.steps(1);
+            (simulation.state_hash(), simulation.report().cg_iterations)
+        })
+    };
+    let followed = follow(&mut simulation);
+    simulation.restore(&snapshot).unwrap();
+    assert_eq!(follow(&mut simulation), followed);
+    let mut new = plain_beam(threads(1));
+    new.restore(&Snapshot::from_bytes(&snapshot.to_bytes()).unwrap()).unwrap();
+    assert_eq!(follow(&mut new), followed);
+}

@@ -139,13 +139,14 @@ impl<S: Scalar> StepHistory<S> {
             && (self.revision == topology.revision || same())
     }
 
-    /// As it is to be recalled, into `memory`; `None` where nothing of it holds.
+    /// As it is to be recalled, into `memory`; `None` where it is of other rows. What does not hold any more is kept as well:
+    /// later steps search along velocities of before.
     pub fn remember(&self, world: &mut World, memory: &mut Option<Self>) {
         let void = !self.energies_hold(world);
         let topology = world.resource::<Topology>();
         let stale: Vec<bool> =
             (0..self.bodies.len()).map(|body| !self.holds(topology, body)).collect();
-        if !stale.contains(&false) {
+        if self.tick.is_none() || !self.fits(topology.vertex_count(), topology.bodies.len()) {
             *memory = None;
             return;
         }
