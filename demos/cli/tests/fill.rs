@@ -25,7 +25,7 @@ fn fill(folder: &Path, commands: &str, more: &[&str]) -> (Option<i32>, String) {
 fn ball(folder: &Path) {
     let file = folder.join("ball.msh").display().to_string();
     check(
-        &["mesh", "generate", "balloon", "--radius", "50", "--cuts", "3", "--out", &file],
+        &["mesh", "generate", "balloon", "--radius", "50", "--cuts", "6", "--out", &file],
         0,
         "",
         "",
@@ -57,11 +57,9 @@ fn a_surface_that_cannot_be_filled_is_refused_by_name() {
     assert!(fill(&folder, "", &["--edge", "-0.01"]).1.contains("edge is -0.01"));
     assert!(fill(&folder, "", &["--scale", "0"]).1.contains("scale is 0"));
     let text = std::fs::read_to_string(folder.join("ball.stl")).unwrap();
-    std::fs::write(
-        folder.join("ball.stl"),
-        text.replacen("facet", "lost", 1).replacen("endfacet", "lost", 1),
-    )
-    .unwrap();
+    let (head, facets) = text.split_once("facet normal").unwrap();
+    let (_, rest) = facets.split_once("endfacet\n").unwrap();
+    std::fs::write(folder.join("ball.stl"), format!("{head}{rest}")).unwrap();
     let open = fill(&folder, "", &[]).1;
     assert!(open.contains("not closed: 3 edges"), "{open}");
 }
