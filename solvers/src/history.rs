@@ -61,6 +61,8 @@ pub(crate) struct BodyHistory {
     pub largest: f64,
     /// Number of coming steps that have to be safe steps.
     pub wait: u32,
+    /// Number of steps that led to its end without a change from outside; what is stored of earlier ones is of another state.
+    pub depth: usize,
 }
 
 impl BodyHistory {
@@ -139,14 +141,13 @@ impl<S: Scalar> StepHistory<S> {
             && (self.revision == topology.revision || same())
     }
 
-    /// As it is to be recalled, into `memory`; `None` where it is of other rows. What does not hold any more is kept as well:
-    /// later steps search along velocities of before.
+    /// As it is to be recalled, into `memory`; `None` where nothing of it holds.
     pub fn remember(&self, world: &mut World, memory: &mut Option<Self>) {
         let void = !self.energies_hold(world);
         let topology = world.resource::<Topology>();
         let stale: Vec<bool> =
             (0..self.bodies.len()).map(|body| !self.holds(topology, body)).collect();
-        if self.tick.is_none() || !self.fits(topology.vertex_count(), topology.bodies.len()) {
+        if !stale.contains(&false) {
             *memory = None;
             return;
         }
@@ -157,7 +158,18 @@ impl<S: Scalar> StepHistory<S> {
         if let Some(memory) = memory {
             memory.void = void;
             memory.stale = if stale.contains(&true) { stale } else { Vec::new() };
+            memory.keep_rows(topology.vertex_count());
         }
+    }
+
+    /// Leaves out the rows of bodies that have gone.
+    fn keep_rows(&mut self, rows: usize) {
+        let [older, oldest] = &mut self.v_older;
+        for field in [&mut self.u, &mut self.v, &mut self.increment, &mut self.v_before, older, oldest] {
+            field.truncate(rows);
+        }
+        self.mass.truncate(rows);
+        self.fixed.truncate(rows);
     }
 
     /// Whether it can belong to so many vertex rows and bodies.
@@ -165,8 +177,8 @@ impl<S: Scalar> StepHistory<S> {
         // bodies may have come since
         let (own, own_bodies) = (self.u.len(), self.bodies.len());
         let lengths = [&self.v, &self.increment, &self.v_before].map(|field| field.len() == own);
-        // the first steps have none before them
-        let older = self.v_older.iter().all(|v| [0, own].contains(&v.len()));
+        // the first steps have none before them, and bodies that came later had no rows then
+        let older = self.v_older.iter().all(|v| v.len() <= own);
         let groups = self.groups.iter().map(|group| group.start..group.end);
         lengths == [true; 3]
             && older

@@ -60,10 +60,8 @@ impl<S: Scalar> Step<'_, S> {
             }
             let energies = [kinetic + potential, kinetic + body.elastic + stored];
             scratch.history.bodies.push(body.history(energies));
-            let others = BodyHistory {
-                wait: scratch.history.bodies.last().map_or(0, |own| own.wait),
-                ..Default::default()
-            };
+            let own = scratch.history.bodies.last().copied().unwrap_or_default();
+            let others = BodyHistory { wait: own.wait, depth: own.depth, ..Default::default() };
             scratch.history.bodies.extend(body.bodies.clone().skip(1).map(|_| others));
         }
         // contact
@@ -146,6 +144,7 @@ impl BodyStep {
             } else {
                 past.wait.saturating_sub(1)
             },
+            depth: 1 + if self.past.same_state { past.depth } else { 0 },
         }
     }
 }

@@ -357,8 +357,8 @@ impl<S: Scalar> ImplicitScratch<S> {
     }
 
     /// How far (m) inertia alone was left in the last two steps, which tells nearly how far it will be in this one: by changes
-    /// of velocities over its length, one for each step, one more where inertia goes by the step before. Empty where the
-    /// last step does not lead to this one.
+    /// of velocities over its length, one for each step, one more where inertia goes by the step before. Fewer where not so
+    /// many steps lead to this one.
     pub(super) fn seeds(&self, body: &BodyStep, warm_start: bool) -> Vec<Rows<S>> {
         if !(warm_start && body.past.same_state && body.weights.inertia > 0.0) {
             return Vec::new();
@@ -367,7 +367,7 @@ impl<S: Scalar> ImplicitScratch<S> {
         let end = rows.end;
         let [older, oldest] = &self.history.v_older;
         let v = [&self.node.v, &self.history.v_before, older, oldest];
-        let count = if body.uses_bdf2() { 3 } else { 2 };
+        let count = body.past.body.depth.min(if body.uses_bdf2() { 3 } else { 2 });
         let seed = |v: &[&Rows<S>]| {
             let mut seed = vec![[S::ZERO; 4]; rows.len()];
             for (own, row) in seed.iter_mut().zip(rows.clone()) {

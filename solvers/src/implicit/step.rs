@@ -249,11 +249,6 @@ impl<'w, S: Scalar> Step<'w, S> {
     /// When a recovery does not end.
     pub fn recall(&mut self) -> Result<(), StepError> {
         let scratch = &mut *self.scratch;
-        let topology = self.world.resource::<Topology>();
-        if !scratch.history.fits(topology.vertex_count(), topology.bodies.len()) {
-            // bodies have gone, and their rows belong to others: no snapshot has it either
-            scratch.history = StepHistory::default();
-        }
         let (unchanged, past) = scratch.history.compare(self.world, &scratch.node, self.dt);
         // the potential of a pressure changes with time
         self.energies_hold = unchanged && !self.world.contains_resource::<SweptVolumes>();
