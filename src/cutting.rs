@@ -8,6 +8,7 @@ use sinew_contact::tool::Tool;
 use sinew_engine::by_precision;
 use sinew_engine::row::VertexRow;
 use sinew_engine::topology::Topology;
+use sinew_models::cutting::glue::{GlueReport, glue_report};
 use sinew_models::cutting::{
     CutError, CutReport, MaterialSkin, check_cut, cut_body, is_cut, node_places, node_velocities,
     update_skin,
@@ -78,6 +79,11 @@ impl Simulation {
             }
         }
         check_cut(self.world_mut(), body.0)
+    }
+
+    /// What the [glue](sinew_models::cutting::glue) of a body does; `None` where it has none.
+    pub fn glue_report(&self, body: BodyHandle) -> Option<GlueReport> {
+        by_precision!(self.precision(), glue_report(self.world(), body.0))
     }
 
     /// The surface of the material of a body that can be cut: faces of its mesh as far as they have material, and both sides

@@ -38,6 +38,7 @@ use sinew_engine::workers::Workers;
 use sinew_models::axes::muscle::{self, ActivationWork, Activations, Muscles};
 use sinew_models::body::edit_log::{Edit, scene_hash};
 use sinew_models::cutting::blade::{BladeViews, StrokeMemory};
+use sinew_models::cutting::glue::{self, GlueMemory};
 use sinew_models::cutting::tear::{Tear, TearReport};
 use sinew_models::edits::{EditError, EditState};
 use sinew_models::laws::pressure::activate as activate_pressure;
@@ -255,6 +256,7 @@ struct WorldState<S: Scalar> {
     solver: SolverMemory<S>,
     contact: Option<ContactMemory>,
     strokes: Option<StrokeMemory>,
+    glue: Option<GlueMemory>,
     recovering: Vec<bool>,
     swept: Option<SweptVolumes>,
     activations: Activations,
@@ -453,6 +455,7 @@ impl<S: Scalar> WorldState<S> {
         let step = state.clock.step;
         state.contact = world.get_resource::<ContactSet>().map(|set| set.memory(step).clone());
         state.strokes = world.get_resource().cloned();
+        state.glue = world.get_resource().cloned();
         let recovering = world.get_resource::<RecoveringBodies>();
         state.recovering = recovering.map_or_else(Vec::new, |bodies| bodies.0.clone());
         state.swept = world.get_resource().cloned();
@@ -494,6 +497,7 @@ impl<S: Scalar> WorldState<S> {
             && self.acting.iter().flat_map(|acting| &acting.tool).all(|(tool, _)| whole(tool))
             && self.contact.as_ref().is_none_or(|contact| contact.fits(bodies, rows))
             && self.strokes.as_ref().is_none_or(|strokes| strokes.fits(bodies))
+            && self.glue.as_ref().is_none_or(|glue| glue.fits(bodies))
             && self.solver.fits(topology)
     }
 
@@ -547,6 +551,7 @@ impl<S: Scalar> WorldState<S> {
         put(world, self.areas);
         put(world, self.totals.clone());
         put(world, self.strokes.clone());
+        glue::recall::<S>(world, self.glue.as_ref());
         world.remove_resource::<BladeViews>();
         // the hooks of tools and the like make the set when commands are carried out
         world.flush();

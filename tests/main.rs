@@ -17,6 +17,7 @@ mod determinism;
 mod documents;
 mod elements;
 mod explicit;
+mod glue;
 mod haptics;
 mod host;
 mod linear;

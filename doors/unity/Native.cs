@@ -101,6 +101,9 @@ namespace Sinew
         ThreadSlid = 17,
         /// <summary>Forces (N) on what holds its first and its last point, three numbers each.</summary>
         ThreadEnds = 18,
+        /// <summary>Of a body with glue, three numbers: springs that hold, energy (J) in them, and energy (J) that was
+        /// in those that blades have passed.</summary>
+        Glue = 19,
     }
 
     /// <summary>What a tool does; several by `|`.</summary>
@@ -249,6 +252,7 @@ namespace Sinew
         internal double VolumeModulus;
         internal IntPtr Volume;
         internal UIntPtr Spare;
+        internal double Glue;
     }
 
     /// <summary>What a cut did.</summary>

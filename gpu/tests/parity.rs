@@ -72,6 +72,7 @@ fn every_row_of_the_table_has_a_twin() {
     let without = [
         "spring forces",
         "bending of membranes",
+        "glue of wounds",
         "biquadratic fibres of membranes",
         "projected tangent of biquadratic fibres of membranes",
     ];

@@ -13,7 +13,7 @@ use crate::body::axis_modulus::set_axis_modulus;
 use crate::body::change::set_material;
 use crate::body::edit_log::{Edit, EditImage, EditLog, before_edit};
 use crate::body::present::{Resection, rows_again};
-use crate::cutting::open_again;
+use crate::cutting::{glue, open_again};
 use crate::laws::{bending, pressure};
 use crate::resection::{Region, remove_batch};
 
@@ -163,6 +163,7 @@ impl EditImage {
         }
         bending::refresh::<S>(world, None);
         pressure::refresh::<S>(world, None);
+        glue::refresh::<S>(world, None);
         muscle::apply_all::<S>(world);
     }
 }

@@ -83,6 +83,8 @@ fn walk<S: Scalar>(body: &BodyDescription, pressed: bool, reached: &mut BTreeSet
         Elements::Triangles => Some(body.membrane.unwrap().triangles.len()),
         Elements::Quads => Some(body.membrane.unwrap().quads.len()),
         Elements::Faces => Some(usize::from(pressed)),
+        // nothing was cut
+        Elements::Bonds => Some(0),
         _ => None,
     };
     for kind in KINDS {

@@ -165,7 +165,9 @@ impl<S: Scalar> StepHistory<S> {
     /// Leaves out the rows of bodies that have gone.
     fn keep_rows(&mut self, rows: usize) {
         let [older, oldest] = &mut self.v_older;
-        for field in [&mut self.u, &mut self.v, &mut self.increment, &mut self.v_before, older, oldest] {
+        for field in
+            [&mut self.u, &mut self.v, &mut self.increment, &mut self.v_before, older, oldest]
+        {
             field.truncate(rows);
         }
         self.mass.truncate(rows);

@@ -89,6 +89,7 @@ impl Meshes {
                 bodies.push(BodyDescription { model, axes, ..body.clone() });
             }
             if body.middles.is_empty() && body.hexahedra.is_empty() {
+                bodies.push(BodyDescription { glue: 5.0, ..body.clone() });
                 let (evaluation, axes) = (Evaluation::Pooled, Some(axes(3)));
                 bodies.push(BodyDescription { evaluation, axes, ..body });
             }

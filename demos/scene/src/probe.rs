@@ -6,6 +6,7 @@ use crate::assemble::conditions::BuiltConstraint;
 use crate::assemble::{BuiltContact, BuiltPull, BuiltThread, BuiltTool};
 use glam::DVec3;
 use sinew::engine::mesh::enclosed_volume;
+use sinew::models::cutting::glue::GlueReport;
 use sinew::models::cutting::tear::TearReport;
 use sinew::simulation::Simulation;
 use sinew::touch::pair::BodyContactReport;
@@ -65,7 +66,7 @@ pub enum ProbeValue {
 use ProbeValue::{Scalar, Vector};
 
 /// Everything that probes can record.
-pub static PROBES: [Probe; 52] = [
+pub static PROBES: [Probe; 54] = [
     vector("mean_displacement", "m", Needs::Body, |now, of| {
         of.mean(&now.simulation.displacements(of.body.handle))
     }),
@@ -106,6 +107,9 @@ pub static PROBES: [Probe; 52] = [
     scalar("torn_area", "m^2", Needs::Body, |now, of| of.tear(now).area),
     scalar("tear_stress", "Pa", Needs::Body, |now, of| of.tear(now).stress),
     scalar("tear_energy_release", "J/m^2", Needs::Body, |now, of| of.tear(now).energy_release),
+    // in the glue of its wounds, and in what of it blades have come to
+    scalar("glue_energy", "J", Needs::Body, |now, of| of.glue(now).energy),
+    scalar("glue_released", "J", Needs::Body, |now, of| of.glue(now).released),
     // between the faces of a group and their rim: what a cavity holds
     scalar("enclosed_volume", "m^3", Needs::Faces, |now, of| {
         enclosed_volume(&of.body.deformed(now.simulation), &of.probe.faces).abs()
@@ -302,6 +306,11 @@ impl ProbeSubject<'_> {
     /// What tore of its body.
     fn tear(&self, now: &Sampler) -> TearReport {
         now.simulation.tear_report(self.body.handle).unwrap_or_default()
+    }
+
+    /// What the glue of its body does.
+    fn glue(&self, now: &mut Sampler) -> GlueReport {
+        now.simulation.glue_report(self.body.handle).unwrap_or_default()
     }
 
     /// What a thread or clip did.

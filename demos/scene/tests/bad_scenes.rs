@@ -145,6 +145,8 @@ bad! {
     box_without_cells: "[4, 1, 1]" => "[4, 0, 1]", Mesh { .. }, 11, ["cells[1]"];
     two_shapes: "{ box =" => "{ sphere = { radius = 1.0, shells = 2 }, box =",
         Value { .. }, 11, ["exactly one shape"];
+    glue_that_pushes: SHAPE => "generate = { box = { size = [0.2, 0.04, 0.04], cells = [4, 1, 1] } }\nglue = -1.0",
+        Body(_), 12, ["glue is -1", "0 or positive"];
     cut_with_one_position: "[[probe]]"
         => "[[cut]]\nname = \"cut\"\ntime = 0.0\nstrip = [[[0, 0, 1], [0, 0, 0]]]\n\n[[probe]]", Value { .. }, 27, ["1 position(s)", "two at least"];
     cut_without_a_blade: "[[probe]]"

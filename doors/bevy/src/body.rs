@@ -63,6 +63,8 @@ pub struct SinewBody {
     pub masses: MassRule,
     /// Vertices kept for what [`cut_body`](sinew::models::cutting::cut_body) makes; without, it cannot be cut.
     pub spare: usize,
+    /// Stiffness of what holds its wounds closed ahead of a blade ([glue](sinew::models::cutting::glue)); it cannot be changed later.
+    pub glue: f64,
     /// Makes all triangles and quadrilaterals of the mesh a membrane; it cannot be changed later.
     pub membrane: Option<MembraneSettings>,
 }
@@ -79,6 +81,7 @@ impl SinewBody {
             integration: Integration::default(),
             masses: MassRule::default(),
             spare: 0,
+            glue: 0.0,
             membrane: None,
         }
     }
@@ -386,6 +389,7 @@ fn build_body(
         integration: body.integration,
         masses: body.masses,
         spare: body.spare,
+        glue: body.glue,
         membrane: body.membrane.as_ref().map(|m| m.of(&mesh.triangles, &mesh.quads)),
         ..BodyDescription::new(&name, mesh, body.material)
     };

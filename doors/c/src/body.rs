@@ -79,7 +79,7 @@ pub unsafe extern "C" fn sinew_body_add(
             None => None,
         };
         own.axes = fibres(&b)?;
-        own.spare = b.spare;
+        (own.spare, own.glue) = (b.spare, b.glue);
         if b.membrane.is_null() {
             return sim.add_body(mesh, &own);
         }

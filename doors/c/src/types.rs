@@ -264,6 +264,8 @@ pub struct sinew_body {
     pub volume: *const c_char,
     /// Vertices kept for what cuts make of it, such as their number in the mesh; without, it cannot be cut.
     pub spare: usize,
+    /// Stiffness of what holds its wounds closed ahead of a blade, in Young's moduli over the mean edge: 0 for none, 5 is a good value.
+    pub glue: f64,
 }
 
 /// What a cut did.
@@ -578,3 +580,6 @@ pub const SINEW_THREAD_FREE: u32 = 16;
 pub const SINEW_THREAD_SLID: u32 = 17;
 /// Forces (N) on what holds its first and its last point, three numbers each.
 pub const SINEW_THREAD_ENDS: u32 = 18;
+/// Of a body with glue, three numbers: springs that hold, energy (J) in them, and energy (J) that was in those that blades have
+/// passed.
+pub const SINEW_GLUE: u32 = 19;

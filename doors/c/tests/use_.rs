@@ -542,8 +542,12 @@ fn a_body_is_cut_and_drawn() {
     let strip =
         [[0.045, -0.01, 0.06, 0.045, -0.01, -0.01], [0.045, 0.11, 0.06, 0.045, 0.11, -0.01]];
     let strip = strip.as_flattened().as_ptr();
-    let described =
-        sized!(sinew_body { name: name.as_ptr(), material: &material, spare: slab.vertices });
+    let described = sized!(sinew_body {
+        name: name.as_ptr(),
+        material: &material,
+        spare: slab.vertices,
+        glue: 5.0
+    });
     let (mut body, mut needed, mut revision) = (0, 0, [0; 2]);
     let mut report = sized!(sinew_cut_report {});
     unsafe {
@@ -559,6 +563,13 @@ fn a_body_is_cut_and_drawn() {
         );
         ok(sinew_skin_triangles(sim, body, null_mut(), 0, &mut needed, &mut revision[1]));
         assert!(revision[1] > revision[0]);
+        // the blade passed all of its glue
+        let mut glue = [7.0; 3];
+        ok(sinew_read(sim, body, SINEW_GLUE, glue.as_mut_ptr(), 3, null_mut()));
+        assert_eq!(glue, [0.0; 3]);
+        let none = sinew_read(sim, slab.body, SINEW_GLUE, glue.as_mut_ptr(), 3, null_mut());
+        assert_eq!(none, SINEW_ARGUMENT);
+        assert!(said().contains("no glue"), "{}", said());
         let mut triangles = vec![0; needed];
         let list = triangles.as_mut_ptr();
         ok(sinew_skin_triangles(sim, body, list, needed, &mut needed, null_mut()));

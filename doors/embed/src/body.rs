@@ -105,6 +105,8 @@ pub enum Quantity {
     ThreadSlid = 17,
     /// Forces on its two ends.
     ThreadEnds = 18,
+    /// Of a body with glue, its `GlueReport`: springs, energy and energy released.
+    Glue = 19,
 }
 
 impl Quantity {
@@ -131,6 +133,7 @@ impl Quantity {
             ThreadFree,
             ThreadSlid,
             ThreadEnds,
+            Glue,
         ];
         all.into_iter().find(|own| *own as u32 == number)
     }
@@ -262,8 +265,8 @@ impl Embedding {
         Ok(values)
     }
 
-    /// Numbers of a body in the order of its mesh: three a vertex for vectors, else one a vertex or an element; or of a tear, thread
-    /// or clip.
+    /// Numbers of a body in the order of its mesh: three a vertex for vectors, else one a vertex or an element; or of a tear, thread,
+    /// clip or glue.
     pub fn numbers(&mut self, body: Handle, quantity: Quantity) -> Result<Cow<'_, [f64]>> {
         let vectors = |own: Vec<[f64; 3]>| Cow::Owned(own.into_flattened());
         Ok(match quantity {
@@ -278,6 +281,7 @@ impl Embedding {
             Quantity::VolumeRatios => self.volume_ratios(body)?.into(),
             Quantity::AreaRatios => self.area_ratios(body)?.into(),
             Quantity::Tear => self.tear_numbers(body)?.into(),
+            Quantity::Glue => self.glue_numbers(body)?.into(),
             _ => self.thread_numbers(body, quantity)?.into(),
         })
     }

@@ -75,6 +75,7 @@ pub use sinew::models::body::sheet::{
 };
 pub use sinew::models::body::{BodyDescription, Evaluation, Integration, MassRule, Model};
 pub use sinew::models::cutting::CutReport;
+pub use sinew::models::cutting::glue::GlueReport;
 pub use sinew::models::cutting::tear::TearReport;
 pub use sinew::models::material::YoungPoisson;
 pub use sinew::models::material::field::{MaterialArrays, MaterialField};

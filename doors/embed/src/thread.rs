@@ -9,6 +9,7 @@ use crate::mesh::vector;
 use bevy_ecs::entity::Entity;
 use glam::DVec3;
 use serde::Deserialize;
+use sinew::models::cutting::glue::GlueReport;
 use sinew::models::cutting::tear::{Tear, TearReport};
 use sinew::simulation::BodyHandle;
 use sinew::touch::thread::{Clip, Hold, Thread, ThreadReport};
@@ -245,6 +246,18 @@ impl Embedding {
     pub fn tear_report(&self, body: Handle) -> Result<Option<TearReport>> {
         let body = BodyHandle(self.body(body)?);
         Ok(self.built.simulation.tear_report(body))
+    }
+
+    /// What the glue of a body does; `None` when it has none.
+    pub fn glue_report(&self, body: Handle) -> Result<Option<GlueReport>> {
+        let body = self.body(body)?;
+        Ok(self.built.simulation.glue_report(body))
+    }
+
+    pub(crate) fn glue_numbers(&self, body: Handle) -> Result<Vec<f64>> {
+        let none = || InputError::invalid("glue", "the body has no glue; build it with some");
+        let GlueReport { springs, energy, released } = self.glue_report(body)?.ok_or_else(none)?;
+        Ok(vec![springs as f64, energy, released])
     }
 
     pub(crate) fn tear_numbers(&self, body: Handle) -> Result<Vec<f64>> {

@@ -425,6 +425,25 @@ fn a_body_is_cut_and_what_is_drawn_of_it_follows() {
     assert!(sim.cut(body, &strip).unwrap_err().text.contains("spare"));
 }
 
+#[test]
+fn glue_is_told() {
+    let (mut sim, mesh) = (Embedding::new(&options()).unwrap(), slab());
+    let own = BodyDescription::new("slab", &mesh, preset("liver").unwrap());
+    let own = BodyDescription { spare: 4 * mesh.points.len(), glue: 5.0, ..own };
+    let body = sim.add_body(&mesh, &own).unwrap();
+    let none = sim.glue_report(body).unwrap().unwrap();
+    assert_eq!((none.springs, none.energy, none.released), (0, 0.0, 0.0));
+    let edge = |y: f64| [DVec3::new(0.045, y, 0.06), DVec3::new(0.045, y, 0.02)];
+    sim.cut(body, &[edge(-0.01), edge(0.055)]).unwrap();
+    let report = sim.glue_report(body).unwrap().unwrap();
+    assert!(report.springs > 0 && report.energy == 0.0, "{report:?}");
+    let numbers = sim.numbers(body, Quantity::Glue).unwrap();
+    assert_eq!(*numbers, [report.springs as f64, 0.0, report.released]);
+    let (mut sim, body) = wounded();
+    assert_eq!(sim.glue_report(body).unwrap(), None);
+    assert!(sim.numbers(body, Quantity::Glue).unwrap_err().text.contains("glue"));
+}
+
 /// A slab that can be cut, held below, and `length` m of the way through it from above cut at x = 45 mm.
 fn wounded() -> (Embedding, Handle) {
     let (mut sim, mesh) = (Embedding::new(&options()).unwrap(), slab());

@@ -200,6 +200,7 @@ pub struct BodyIn {
     pub masses: String,
     pub springs: SpringsIn,
     pub spare: usize,
+    pub glue: f64,
     pub membrane: Option<MembraneIn>,
     pub axes: Option<AxesIn>,
 }

@@ -170,6 +170,7 @@ fn add_body(
         masses: choice("rule of masses", &spec.masses)?,
         springs: springs(&spec.springs)?,
         spare: spec.spare,
+        glue: spec.glue,
         membrane,
         axes: spec.axes.map(AxesIn::description).transpose()?,
         ..BodyDescription::new(name, mesh, spec.material.uniform())
@@ -684,6 +685,11 @@ impl Engine {
 
     fn set_tear(&self, body: Handle, settings: Option<&str>) -> PyResult<()> {
         self.0.with(|own| own.set_tear(body, settings))
+    }
+
+    /// What the glue of a body does, as JSON, if it has some.
+    fn glue_report(&self, body: Handle) -> PyResult<Option<String>> {
+        self.0.read(|own| Ok(own.glue_report(body)?.as_ref().map(json)))
     }
 
     /// What tears of a body did, as JSON, if it tears.

@@ -579,6 +579,19 @@ def test_a_cut_and_what_is_drawn_of_it():
         body.cut(strip[0])
 
 
+def test_glue_holds_what_a_blade_has_not_passed():
+    mesh = sinew.generate("box", size=(0.1, 0.1, 0.05), cells=(4, 4, 2))
+    sim = sinew.Simulation(dt=0.01, threads=1)
+    body = sim.add_body("slab", mesh, sinew.preset("liver"), spare=4 * len(mesh.points), glue=5.0)
+    assert sim.add_body("plain", mesh, sinew.preset("liver")).glue is None
+    body.cut([[(0.045, y, 0.06), (0.045, y, 0.02)] for y in (-0.01, 0.055)])
+    assert body.glue.springs > 0 and body.glue.energy == 0
+    sim.step(3)
+    assert body.glue.energy > 0
+    with pytest.raises(sinew.Error, match="0 or positive"):
+        sim.add_body("other", mesh, sinew.preset("liver"), glue=-1.0)
+
+
 def test_blades_needles_threads_and_tears():
     mesh = sinew.generate("box", size=(0.1, 0.1, 0.05), cells=(4, 4, 2))
     sim = sinew.Simulation(dt=0.01, threads=1, gravity=(0, 0, 0))

@@ -13,6 +13,7 @@ use std::sync::Arc;
 use crate::axes::description::{AxesDescription, AxesError, AxisFamily, BodyAxes};
 use crate::body::lumped::{ElementSprings, GivenSprings, SpringRule};
 use crate::body::sheet::{MembraneDescription, MembraneError, MembraneSettings};
+use crate::cutting::glue::Glue;
 use crate::element::precompute::RestTetrahedronError;
 use crate::frame::row::{LawError, LawRow};
 use crate::frame::rules::{Evaluation, Integration, VolumeRule};
@@ -74,6 +75,9 @@ pub struct BodyDescription<'a> {
     /// change: without any the body cannot be cut. A full section of a block of n x n x n cells needs some 2 (n + 1)^2,
     /// with ten-node tetrahedra more. What bodies can be cut is told [there](crate::cutting).
     pub spare: usize,
+    /// Stiffness of what holds parts of wounds closed that a blade has not come to yet, in Young's moduli over the mean edge of the mesh:
+    /// 0 for none, as by default, 5 is a good value. Of linear tetrahedra; see [glue](crate::cutting::glue).
+    pub glue: f64,
     /// Axes of anisotropy beside the model, or with [`Model::Axes`] instead of one.
     pub axes: Option<AxesDescription<'a>>,
 }
@@ -113,6 +117,7 @@ impl<'a> BodyDescription<'a> {
             masses: MassRule::default(),
             membrane: None,
             spare: 0,
+            glue: 0.0,
             axes: None,
         }
     }
@@ -321,6 +326,14 @@ pub enum BodyError {
         /// What is wrong.
         source: MembraneError,
     },
+    /// Glue of wounds that cannot be used.
+    #[error("body `{body}`: glue {problem}")]
+    Glue {
+        /// Name of the body.
+        body: String,
+        /// What is wrong, and what to do.
+        problem: String,
+    },
     /// Axes that cannot be used.
     #[error("axes of body `{body}`: {source}")]
     Axes {
@@ -396,6 +409,8 @@ pub struct SoftBody {
     pub membrane: Option<MembraneSettings>,
     /// Fibres of its membrane.
     pub sheet_fibres: Vec<AxisFamily<'static>>,
+    /// What glues its wounds.
+    pub glue: Option<Glue>,
     /// Its axes, and which of their directions were repaired.
     pub axes: Option<BodyAxes>,
 }

@@ -185,6 +185,9 @@ pub fn scene_hash<S: Scalar>(world: &mut World) -> u64 {
             if *integration != Integration::default() {
                 sums[own.index].text(&format!("{integration:?}"));
             }
+            if let Some(glue) = &own.glue {
+                sums[own.index].text(&format!("{glue:?}"));
+            }
         }
         let hashes = sums[known..].iter().map(|sum| sum.0.0);
         world.resource_mut::<EditLog>().hashes.extend(hashes);

@@ -34,6 +34,7 @@ use super::surface::read_surface;
 use crate::axes::description::{AxesError, BodyAxes, validate_sheet};
 use crate::axes::spawn::spawn_axes;
 use crate::axes::systems::AxesOnly;
+use crate::cutting::glue::{self, Glue};
 use crate::cutting::held::read_point;
 use crate::element::plate::Neighbours;
 use crate::element::precompute::RestTetrahedron;
@@ -179,6 +180,15 @@ fn spawn<S: Scalar>(world: &mut World, body: &BodyDescription) -> Result<Entity,
     if let Some(axes) = &body.axes {
         spawn_axes::<S>(world, axes, &part, evaluation);
     }
+    let glue = (body.glue > 0.0).then(|| {
+        let edges = &layout.cells.edges;
+        let length = |&[a, b]: &[u32; 2]| rest_of(a).distance(rest_of(b));
+        let edge = edges.iter().map(length).sum::<f64>() / edges.len() as f64;
+        Glue { factor: body.glue, edge }
+    });
+    if glue.is_some() {
+        glue::activate::<S>(world);
+    }
     partition_laws::<S>(world);
     resection::install::<S>(world);
     let tables = ElementTables::of(world);
@@ -202,6 +212,7 @@ fn spawn<S: Scalar>(world: &mut World, body: &BodyDescription) -> Result<Entity,
         springs: Arc::new(springs),
         membrane,
         sheet_fibres: membrane_fibres.iter().map(|own| own.clone().into_owned()).collect(),
+        glue,
         axes,
     };
     let entity = world.spawn(soft).id();
@@ -279,6 +290,7 @@ fn check<'a>(
             return Err(BodyError::SpringConstant { body: name(), value: springs.constant });
         }
     }
+    check_glue(body)?;
     check_springs(body, membrane.as_ref())?;
     check_axes(body, solid).map_err(|source| BodyError::Axes { body: name(), source })?;
     Ok((membrane, lame))
@@ -301,6 +313,19 @@ fn check_clusters(body: &BodyDescription, lame: &[LameParameters]) -> Result<(),
         return Ok(());
     };
     Err(BodyError::Volume { body: body.name.to_string(), problem })
+}
+
+/// What glue needs.
+fn check_glue(body: &BodyDescription) -> Result<(), BodyError> {
+    let linear = body.middles.is_empty() && body.hexahedra.is_empty();
+    let problem = if !(body.glue >= 0.0 && body.glue.is_finite()) {
+        format!("is {}: it must be 0 or positive, and finite", body.glue)
+    } else if body.glue > 0.0 && (!linear || body.tetrahedra.is_empty()) {
+        "holds wounds of linear tetrahedra alone: leave it out, or take these".into()
+    } else {
+        return Ok(());
+    };
+    Err(BodyError::Glue { body: body.name.to_string(), problem })
 }
 
 /// What ten-node tetrahedra need.

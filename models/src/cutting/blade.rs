@@ -10,10 +10,11 @@ use sinew_engine::topology::Topology;
 use sinew_engine::vertex::{Displacement, RestPosition};
 use std::collections::BTreeMap;
 
-use super::material::{Cell, Material};
+use super::glue::{self, BY};
+use super::material::{Cell, Material, Point};
 use super::stroke::{BladeMove, Progress, Uncut, share};
 use super::tear::TearView;
-use super::{CutError, CutReport, material_of, open_now, prepared, rest_of, row_of};
+use super::{CutError, CutReport, cut_material, material_of, open_now, prepared, rest_of, row_of};
 
 /// How far (mean edges) from the plane of a blade a point counts as on the side on which it was first: its lips move while it passes.
 const NEAR: f64 = 0.02;
@@ -194,6 +195,13 @@ impl BladeView {
         }
     }
 
+    /// Place (m) of a point of the material that elements on either side of a wound have: the middle between them.
+    fn middle(&self, place: &Point, sides: [u32; 2], at: &[DVec3]) -> DVec3 {
+        let own = |e: u32| &self.material.elements[e as usize];
+        let of = |e| place.moved_by(own(e), |node| self.node(node, at));
+        0.5 * (of(sides[0]) + of(sides[1]))
+    }
+
     /// Looks at what is in a box (m).
     pub fn focus(&mut self, [low, high]: [DVec3; 2]) {
         let inside = |x: [DVec3; 4]| {
@@ -239,7 +247,7 @@ fn bounds([a, b, c, d]: [DVec3; 4]) -> [DVec3; 2] {
 }
 
 /// Barycentric coordinates of a place in a tetrahedron.
-fn shares([a, b, c, d]: [DVec3; 4], x: DVec3) -> Option<[f64; 4]> {
+pub(super) fn shares([a, b, c, d]: [DVec3; 4], x: DVec3) -> Option<[f64; 4]> {
     let edges = glam::DMat3::from_cols(b - a, c - a, d - a);
     let own = edges.inverse() * (x - a);
     own.is_finite().then_some([1.0 - own.x - own.y - own.z, own.x, own.y, own.z])
@@ -351,8 +359,54 @@ impl BodyStroke {
             let stroke = view.uncut.stroke(&mut progress, separated, goes_on);
             report = Some(open_now::<S>(world, body, &stroke)?);
         }
+        self.unglue::<S>(world, body, view, moves);
         self.progress = Some(progress);
         Ok(report)
+    }
+
+    /// Lets glue go that edges passed since the last look. What just came apart is looked at as its elements moved before, and what of it is
+    /// behind an edge was passed earlier.
+    fn unglue<S: Scalar>(
+        &self,
+        world: &mut World,
+        body: usize,
+        view: &BladeView,
+        moves: &[EdgeMove],
+    ) {
+        let Some(material) = cut_material(world, body) else { return };
+        let unswept = glue::unswept(world, body, material.bonds.len());
+        let known = view.material.elements.len() as u32;
+        let before = |e: u32| if e < known { e } else { material.elements[e as usize].parent };
+        let is_passed = |bond: &usize| {
+            let own = &material.bonds[*bond];
+            let sides = own.sides.map(before);
+            let place = [&self.places, &view.places].map(|at| view.middle(&own.place, sides, at));
+            let is_new = *bond >= view.material.bonds.len();
+            moves.iter().any(|own| {
+                own.passes(place, view.edge) || is_new && own.is_past(place[1], view.edge)
+            })
+        };
+        let passed: Vec<usize> = unswept.into_iter().filter(is_passed).collect();
+        glue::release::<S>(world, body, &passed);
+    }
+}
+
+impl EdgeMove {
+    /// Whether it went by a place (m), before and now, near to it beside tissue of such edges (m).
+    fn passes(&self, place: [DVec3; 2], edge: f64) -> bool {
+        let along = self.after[1] - self.after[0];
+        let beside = BY * edge * along.cross(self.into).normalize_or_zero();
+        let ends = [-beside, beside].map(|away| place.map(|x| x + away));
+        beside != DVec3::ZERO && crossing(ends, [DVec3::ZERO; 2], self).is_some()
+    }
+
+    /// Whether a place (m) is behind it now, and so near to it beside.
+    fn is_past(&self, place: DVec3, edge: f64) -> bool {
+        let (at, along) = (place - self.after[0], self.after[1] - self.after[0]);
+        let part = at.dot(along) / along.length_squared();
+        let beside = at.dot(along.cross(self.into).normalize_or_zero()).abs();
+        let is_behind = (at - part * along).dot(self.into) < 0.0;
+        (0.0..=1.0).contains(&part) && is_behind && beside < BY * edge
     }
 }
 

@@ -5,7 +5,9 @@ use sinew_engine::isoparametric::{hexahedron_shape, middle_of, tetrahedron10_sha
 use sinew_engine::sets::DisjointSets;
 use std::collections::{BTreeMap, BTreeSet};
 
+use super::blade::shares;
 use super::faces::Sheet;
+use super::glue::Bond;
 use super::hexahedra;
 use super::stroke::{Mark, Stroke, Uncut, groups};
 
@@ -54,6 +56,12 @@ impl Point {
     pub fn weights_in(&self, vertices: [u32; 4]) -> [f64; 4] {
         let of = |v| (0..4).filter(|&i| self.vertices[i] == v).map(|i| self.weights[i]).sum();
         vertices.map(of)
+    }
+
+    /// Where a linear element moves it, when `at` says where vertices and ghosts are.
+    pub(super) fn moved_by(&self, element: &Element, at: impl Fn(u32) -> DVec3) -> DVec3 {
+        let weights = self.weights_in(element.vertices);
+        element.nodes.iter().zip(weights).map(|(&node, w)| w * at(node)).sum()
     }
 }
 
@@ -185,7 +193,28 @@ pub struct Material {
     pub order: Order,
     /// Membrane triangles on faces of its elements; those of the mesh first.
     pub sheets: Vec<Sheet>,
+    /// What glue holds, swept since or not; that of earlier strokes first.
+    pub bonds: Vec<Bond>,
 }
+
+/// Where glue is in a triangle of a wound: middles of nine equal parts, by the corners.
+const SAMPLES: [[f64; 3]; 9] = {
+    const A: [f64; 5] = [1.0 / 9.0, 2.0 / 9.0, 4.0 / 9.0, 5.0 / 9.0, 7.0 / 9.0];
+    [
+        [A[4], A[0], A[0]],
+        [A[0], A[4], A[0]],
+        [A[0], A[0], A[4]],
+        [A[2], A[2], A[0]],
+        [A[0], A[2], A[2]],
+        [A[2], A[0], A[2]],
+        [A[3], A[1], A[1]],
+        [A[1], A[3], A[1]],
+        [A[1], A[1], A[3]],
+    ]
+};
+
+/// Stiffness (N/m) of the glue at each of nine points of a triangle of a wound, by the element of the mesh and the corners.
+pub type Gluing<'a> = &'a dyn Fn(u32, [Point; 3]) -> f64;
 
 impl Material {
     /// Of a whole mesh.
@@ -258,7 +287,7 @@ impl Material {
             weights.iter().enumerate().map(|(i, w)| *w * at(element.node(i))).sum()
         };
         match self.order {
-            Order::Linear => weighted(&point.weights_in(element.vertices)),
+            Order::Linear => point.moved_by(element, at),
             Order::TenNodes => weighted(&tetrahedron10_shape(point.weights_in(element.vertices))),
             Order::Hexahedra => {
                 let at = hexahedra::local(&element.all_vertices(), point);
@@ -270,6 +299,11 @@ impl Material {
     /// Divides the material by what a stroke decided; see [`Material::stroke`]. Shares, copies and ghosts follow. For every
     /// ghost that came to be the vertex or ghost in whose place it comes.
     pub fn open(&mut self, stroke: &Stroke) -> Vec<u32> {
+        self.open_glued(stroke, None)
+    }
+
+    /// The same, with glue in all that opens.
+    pub fn open_glued(&mut self, stroke: &Stroke, glue: Option<Gluing>) -> Vec<u32> {
         if !stroke.goes_on {
             self.uncut = Some(Box::new(Uncut::new(self)));
             self.cut.clear();
@@ -318,17 +352,22 @@ impl Material {
             .filter(|(began, _)| falls_apart[*began as usize])
             .collect();
         parts.sort_unstable();
+        let mut opened = Vec::new();
         for own in parts.chunk_by(|a, b| a.0 == b.0) {
             let corners = uncut.cells[own[0].0 as usize];
             let is_cut = EDGES.map(|ends| self.is_cut(sorted(ends.map(|i| corners[i]))));
             let group = groups(is_cut);
             let of = |part: &Cell| group[(0..4).find(|&i| part.has(corners[i])).unwrap_or(0)];
             let places: Vec<usize> = own.iter().map(|(_, at)| *at).collect();
-            part_groups(&mut cells, &places, of);
+            opened.extend(part_groups(&mut cells, &places, of));
         }
         self.cells = cells;
         let own = parts.iter().map(|&(_, at)| self.cells[at].element).collect();
         let touched = self.part_elements(own);
+        self.part_bonds(known);
+        if let Some(glue) = glue {
+            self.bind(&opened, glue);
+        }
         self.part_points(uncut.points);
         self.uncut = Some(uncut);
         let origins = self.part_nodes(&touched);
@@ -440,6 +479,61 @@ impl Material {
         }
         self.free(&chips);
         own.into_keys().chain(copies..self.elements.len() as u32).collect()
+    }
+
+    /// Glues triangles that were opened, by the cells on either side.
+    fn bind(&mut self, opened: &[([u32; 3], [usize; 2])], glue: Gluing) {
+        for &(face, cells) in opened {
+            let sides = cells.map(|cell| self.cells[cell].element);
+            if sides[0] == sides[1] {
+                continue;
+            }
+            let places = face.map(|p| self.points[p as usize]);
+            let source = self.elements[sides[0] as usize];
+            let stiffness = glue(source.source, places);
+            let corners = places.map(|place| place.weights_in(source.vertices));
+            for part in SAMPLES {
+                let weight = |i: usize| (0..3).map(|k| part[k] * corners[k][i]).sum::<f64>();
+                let weights = [0, 1, 2, 3].map(weight);
+                let place = Point { vertices: source.vertices, weights };
+                self.bonds.push(Bond { place, sides, stiffness });
+            }
+        }
+    }
+
+    /// Lets bonds go with those copies of their elements, numbered from `first` on, that have their places.
+    fn part_bonds(&mut self, first: u32) {
+        if self.bonds.is_empty() || self.elements.len() == first as usize {
+            return;
+        }
+        // by the element from which each came
+        let copies = &self.elements[first as usize..];
+        let mut parts: BTreeMap<u32, Vec<&Cell>> =
+            copies.iter().map(|copy| (copy.parent, Vec::new())).collect();
+        for cell in &self.cells {
+            let e = cell.element;
+            let from = if e < first { e } else { self.elements[e as usize].parent };
+            if let Some(own) = parts.get_mut(&from) {
+                own.push(cell);
+            }
+        }
+        let inside = |place: &Point, cell: &Cell| {
+            let vertices = self.elements[cell.element as usize].vertices;
+            let at = |point: &Point| {
+                let [_, x, y, z] = point.weights_in(vertices);
+                DVec3::new(x, y, z)
+            };
+            let corners = cell.corners.map(|p| at(&self.points[p as usize]));
+            let shares = shares(corners, at(place));
+            shares.map_or(f64::NEG_INFINITY, |own| own.into_iter().fold(f64::INFINITY, f64::min))
+        };
+        for Bond { place, sides, .. } in &mut self.bonds {
+            for side in sides {
+                let own = parts.get(side).into_iter().flatten();
+                let best = own.max_by(|a, b| inside(place, a).total_cmp(&inside(place, b)));
+                *side = best.map_or(*side, |cell| cell.element);
+            }
+        }
     }
 
     /// Opens all faces of some cells.
@@ -665,19 +759,28 @@ impl Cell {
     }
 }
 
-/// Opens the faces between parts of different groups of one cell, given by their places.
-fn part_groups(cells: &mut [Cell], parts: &[usize], group: impl Fn(&Cell) -> u32) {
+/// Opens the faces between parts of different groups of one cell, given by their places: those that were not open, with the two parts.
+fn part_groups(
+    cells: &mut [Cell],
+    parts: &[usize],
+    group: impl Fn(&Cell) -> u32,
+) -> Vec<([u32; 3], [usize; 2])> {
     let mut faces: Vec<([u32; 3], usize, usize)> = Vec::new();
     for &part in parts {
         faces.extend((0..4).map(|i| (sorted(cells[part].face(i)), part, i)));
     }
     faces.sort_unstable();
+    let mut opened = Vec::new();
     for pair in faces.windows(2) {
         let [(face, a, i), (other, b, j)] = [pair[0], pair[1]];
         if face == other && group(&cells[a]) != group(&cells[b]) {
+            if !cells[a].wound[i] {
+                opened.push((face, [a, b]));
+            }
             (cells[a].wound[i], cells[b].wound[j]) = (true, true);
         }
     }
+    opened
 }
 
 fn sorted<const N: usize>(mut points: [u32; N]) -> [u32; N] {

@@ -40,6 +40,7 @@ mod axes;
 pub mod blade;
 mod columns;
 pub mod faces;
+pub mod glue;
 pub mod held;
 mod hexahedra;
 pub mod material;
@@ -97,7 +98,7 @@ pub struct CutReport {
     pub vertices: usize,
     /// Vertices that further cuts may make.
     pub spare: usize,
-    /// Connected pieces of the body now.
+    /// Connected pieces of the body now; what glue holds together is one.
     pub pieces: usize,
     /// Least share of an element of the body now; of hexahedra in local coordinates.
     pub least_share: f64,
@@ -182,7 +183,7 @@ fn cut<S: Scalar>(
     }
     let start = Stopwatch::start();
     let mut resection = prepared(world, body)?;
-    let result = (|| {
+    let result: Result<_, CutError> = (|| {
         let own = resection.bodies[body].as_ref().expect("it was prepared");
         let material = material_of(world, body, own);
         let at = places::<S>(world, body);
@@ -192,7 +193,10 @@ fn cut<S: Scalar>(
         Ok(report)
     })();
     world.insert_resource(resection);
-    result
+    let mut report = result?;
+    glue::cross::<S>(world, body, strip);
+    report.pieces = world.resource::<Topology>().bodies[body].piece_count();
+    Ok(report)
 }
 
 /// Does a cut again.
@@ -453,7 +457,13 @@ fn open<S: Scalar>(
     let rest = rest_of(world, &old);
     let at_rest = |vertex: u32| rest[row_of(&old, vertex) as usize];
     let area = material.wound_area(&at_rest);
-    let origins = if stroke.separated.is_empty() { Vec::new() } else { material.open(stroke) };
+    let soft = soft_of(world, body);
+    let gluing = soft.as_ref().and_then(|soft| glue::gluing(soft, &at_rest));
+    let gluing = gluing.as_ref().map(|own| own as material::Gluing);
+    let origins = match stroke.separated.is_empty() {
+        true => Vec::new(),
+        false => material.open_glued(stroke, gluing),
+    };
     let changed: Vec<u32> = (0..material.elements.len())
         .filter(|&e| before.get(e) != Some(&material.elements[e]))
         .map(|e| e as u32)
@@ -559,13 +569,14 @@ fn divide<S: Scalar>(
     if let Some(soft) = &soft {
         sum_masses::<S>(world, soft, (&old, &was), (&new, &own.connectivity), &rows);
     }
-    new.piece = own.connectivity.pieces();
+    own.element_of[kind] = element_of;
+    own.element_of[ElementKind::Triangle] = of_sheets;
+    new.piece = glue::pieces(world, (body, &new), own, &material);
     new.splits += u64::from(new.piece != old.piece);
     new.changes += 1;
     own.pieces = new.piece_count();
-    own.element_of[kind] = element_of;
-    own.element_of[ElementKind::Triangle] = of_sheets;
-    merge_edges(world, body, new.clone(), &own.connectivity);
+    let glued = own.glued_pairs(&material, &new);
+    merge_edges(world, body, new.clone(), (&own.connectivity, &glued));
     let elements = (&before[..], &material);
     let rest = &rest_of(world, &new);
     let (rows, numbers) = (&new, &changed[..]);
@@ -584,6 +595,7 @@ fn divide<S: Scalar>(
     let pieces = own.pieces;
     bending::refresh::<S>(world, Some(resection));
     pressure::refresh::<S>(world, Some(resection));
+    glue::refresh::<S>(world, Some(resection));
     (pieces, energy)
 }
 
@@ -795,16 +807,21 @@ fn sum_masses<S: Scalar>(
     }
 }
 
-/// Adds the edges of copies to the edge graph, and numbers the blocks of all elements anew.
-fn merge_edges(world: &mut World, body: usize, new: BodyRows, connectivity: &Connectivity) {
+/// Adds the edges of copies and the pairs that glue couples to the edge graph, and numbers the blocks of all elements anew.
+fn merge_edges(
+    world: &mut World,
+    body: usize,
+    new: BodyRows,
+    (connectivity, glued): (&Connectivity, &[[u32; 2]]),
+) {
     let mut topology = world.resource_mut::<Topology>();
     let topology = &mut *topology;
     let own = new.vertices.clone();
     let used = (0..).zip(&connectivity.cells.edges).filter(|(e, _)| connectivity.uses_edge(*e));
     let used: Vec<[u32; 2]> = used.map(|(_, edge)| edge.map(|v| v + own.start)).collect();
     let before = std::mem::take(&mut topology.edges);
-    let mut edges: Vec<[u32; 2]> = before.iter().chain(&used).copied().collect();
-    // two runs that are ascending, which a stable sort merges
+    let mut edges: Vec<[u32; 2]> = before.iter().chain(&used).chain(glued).copied().collect();
+    // runs that are ascending, which a stable sort merges
     edges.sort();
     edges.dedup();
     let mut unused = vec![false; edges.len()];

@@ -388,7 +388,7 @@ pub(super) fn share(a: [f64; 2], b: [f64; 2]) -> f64 {
 }
 
 /// Where a segment crosses a triangle, as a part of the segment. An end that lies in its plane is on one side of it, for all segments there.
-fn crossing([a, b]: [DVec3; 2], &[p, q, r]: &[DVec3; 3]) -> Option<f64> {
+pub(super) fn crossing([a, b]: [DVec3; 2], &[p, q, r]: &[DVec3; 3]) -> Option<f64> {
     let (d, [x, y, z]) = (b - a, [p - a, q - a, r - a]);
     // triangles on either side of an edge get opposite numbers to the last bit: nothing passes between them
     let sides = [x.cross(y).dot(d), y.cross(z).dot(d), z.cross(x).dot(d)];

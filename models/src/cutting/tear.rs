@@ -149,6 +149,9 @@ pub fn check_tear(world: &mut World, tear: &Tear) -> Result<Tear, CutError> {
                 .into(),
         );
     }
+    if soft.glue.is_some() {
+        return refuse("glue would hold its tears closed; build it without".into());
+    }
     if soft.membrane.is_some() {
         return refuse("what its membrane bears is not known; build it without".into());
     }

@@ -63,6 +63,8 @@ pub enum Elements {
     Faces,
     /// Edges between two membrane triangles that resist bending.
     Hinges,
+    /// Points of wounds that glue holds together.
+    Bonds,
 }
 
 /// What a law does while its body recovers from inversion.

@@ -30,6 +30,7 @@ pub mod svk;
 pub mod svk_volume;
 
 use crate::axes::{damper, points as axes_at_points, systems as axes};
+use crate::cutting::glue;
 use crate::frame::row::{LawRow, LawTable};
 
 /// All laws that come with Sinew, in the order in which they are summed up.
@@ -53,6 +54,7 @@ pub static LAWS: &[&LawRow] = &[
     &membranes::PROJECTION,
     &membranes::COMPRESSION,
     &bending::ROW,
+    &glue::ROW,
     &stvk_fem::TETRAHEDRA,
     &neo_hookean::TETRAHEDRA,
     &svk_volume::TETRAHEDRA,

@@ -22,6 +22,7 @@ use sinew_engine::topology::{ElementTables, Topology};
 use sinew_engine::vertex::BodyId;
 
 use crate::body::present::Resection;
+use crate::cutting::glue;
 use crate::laws::bending;
 use crate::laws::pooled::TriangleVertices;
 
@@ -55,7 +56,8 @@ pub(super) fn compact<S: Scalar>(world: &mut World, resection: &mut Resection) -
         }
     }
 
-    let coupled = bending::used_blocks::<S>(world);
+    let mut coupled = bending::used_blocks::<S>(world);
+    glue::mark_edges(world.resource::<Topology>(), resection, &mut coupled);
     let mut topology = world.resource_mut::<Topology>();
     let used: Vec<bool> = (0..topology.edges.len()).map(|edge| topology.uses_edge(edge)).collect();
     let keep: Vec<bool> =
@@ -87,6 +89,7 @@ pub(super) fn compact<S: Scalar>(world: &mut World, resection: &mut Resection) -
     resection.bodies.iter_mut().flatten().for_each(|own| own.dead = ByKind::default());
     resection.find_rows(world);
     bending::refresh::<S>(world, Some(resection));
+    glue::refresh::<S>(world, Some(resection));
     true
 }
 

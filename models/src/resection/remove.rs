@@ -20,6 +20,7 @@ use crate::body::description::SoftBody;
 use crate::body::edit_log::{Edit, before_edit, log_edit};
 use crate::body::matter::Chosen;
 use crate::body::present::{BodyResection, Entities, MassPolicy, Resection};
+use crate::cutting::glue;
 use crate::frame::row::LawTable;
 use crate::laws::{bending, pressure};
 
@@ -156,7 +157,7 @@ impl Resection {
             log_edit(world, Edit::Removal { body, elements, mass });
         }
         let mut report = RemovalReport::default();
-        let bent = bending::energy::<S>(world, body);
+        let (bent, glued) = (bending::energy::<S>(world, body), glue::energy::<S>(world, body));
         let mut queries = Queries::<S>::new(world);
         let state = State::new(own, world, &soft, &mut queries);
         state.book(&chosen, &mut report);
@@ -195,6 +196,10 @@ impl Resection {
         let is_cut = self.bodies[body].as_ref().is_some_and(|own| own.material.is_some());
         if report.compacted || report.pressure_faces > 0 || is_cut {
             pressure::refresh::<S>(world, Some(self));
+        }
+        if is_cut {
+            glue::refresh::<S>(world, Some(self));
+            report.elastic_energy += glued - glue::energy::<S>(world, body);
         }
         results.push(Ok(report));
         results

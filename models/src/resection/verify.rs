@@ -12,7 +12,7 @@ use crate::body::description::{BodyDescription, BodyError, SoftBody};
 use crate::body::present::Resection;
 use crate::body::sheet::MembraneDescription;
 use crate::body::spawn::spawn_body;
-use crate::cutting::divide_alike;
+use crate::cutting::{divide_alike, glue};
 use crate::frame::moduli::ClusterIndex;
 use crate::frame::row::ElementRows;
 use crate::frame::rules::VolumeRule;
@@ -123,6 +123,7 @@ fn compare<S: Scalar>(world: &mut World, body: usize) -> Result<FreshDifference,
         let spare = rows.spare;
         spawn_again(&mut fresh, &soft, (&mesh, clusters.as_deref(), spare), index)?;
         if let Some(material) = &material {
+            glue::sweep_alike(world, body, &mut fresh);
             divide_alike::<S>(&mut fresh, 0, material);
         }
         copy_state(world, &mut fresh, body, &displacement);
@@ -230,6 +231,7 @@ fn spawn_again(
         integration: soft.integration,
         clusters,
         spare,
+        glue: soft.glue.map_or(0.0, |glue| glue.factor),
         membrane: soft
             .membrane
             .as_ref()

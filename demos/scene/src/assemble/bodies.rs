@@ -17,7 +17,7 @@ use sinew::models::body::lumped::{HexahedronSprings, SpringRule, UniformSprings}
 use sinew::models::body::sheet::{
     Bending, MembraneDescription, MembraneModel, MembraneSettings, PlaneState,
 };
-use sinew::models::body::{BodyDescription, Model, VolumeRule};
+use sinew::models::body::{BodyDescription, BodyError, Model, VolumeRule};
 use sinew::models::cutting::tear::Tear;
 use sinew::models::material::YoungPoisson;
 use sinew::simulation::BodyHandle;
@@ -117,6 +117,7 @@ pub(super) fn body(
                 super::cuts::spare(planes, checked.mesh.points.len())
             }
         },
+        glue: body.glue,
         membrane: membrane.as_ref().map(|m| MembraneDescription {
             fibres: &m.fibres,
             ..m.settings.of(&m.triangles, &m.quads)
@@ -128,10 +129,12 @@ pub(super) fn body(
         .material_field()
         .validate(counts.0, counts.1)
         .map_err(|source| field_error(&key.at("material"), entry, &checked.mesh, source))?;
-    let handle = built
-        .simulation
-        .add_checked_body(&description, &checked.report)
-        .map_err(|e| mesh_key.error(e))?;
+    let handle = built.simulation.add_checked_body(&description, &checked.report).map_err(|e| {
+        match matches!(e, BodyError::Glue { .. }) {
+            true => key.at("glue").error(e),
+            false => mesh_key.error(e),
+        }
+    })?;
     if let Some(entry) = body.tear {
         tear(&key.at("tear"), entry, handle, built)?;
     }

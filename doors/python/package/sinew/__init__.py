@@ -35,6 +35,7 @@ from ._reports import (
     ContactReport,
     Cut,
     Fallbacks,
+    GlueReport,
     PartReport,
     PullReport,
     Removal,

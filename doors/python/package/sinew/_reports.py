@@ -238,6 +238,20 @@ class ThreadReport:
 
 
 @dataclass(frozen=True)
+class GlueReport:
+    """What holds the wounds of a body closed ahead of blades."""
+
+    springs: int
+    """Springs that hold."""
+
+    energy: float
+    """Energy (J) in them."""
+
+    released: float
+    """Energy (J) that was in those that blades have passed, as they did."""
+
+
+@dataclass(frozen=True)
 class TearReport:
     """What tears of a body did up to the last step."""
 

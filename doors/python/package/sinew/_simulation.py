@@ -369,6 +369,12 @@ class Body(_Thing):
         self._own.set_tear(self.handle, None if strength is None else _lines(own))
 
     @property
+    def glue(self) -> reports.GlueReport | None:
+        """What the glue of its wounds does; ``None`` when it has none."""
+        report = self._own.glue_report(self.handle)
+        return None if report is None else reports.GlueReport(**json.loads(report))
+
+    @property
     def tear(self) -> reports.TearReport | None:
         """What its tears did up to the last step; ``None`` when it does not tear."""
         report = self._own.tear_report(self.handle)
@@ -662,12 +668,14 @@ class Simulation:
         masses: str = "volume",
         springs: str | float | None = None,
         spare: int = 0,
+        glue: float = 0.0,
         membrane: Membrane | None = None,
         axes: Axes | None = None,
     ) -> Body:
         """Adds a body; its mesh is checked and repaired first, see ``warnings``. Words are those of scene files. ``integration``: of
         hexahedra, "full" or "reduced". ``springs``: of mass-spring models a method of fitting, or one constant (N/m) for all.
-        ``spare``: vertices kept for what cuts make, such as their number in the mesh; without, it cannot be cut."""
+        ``spare``: vertices kept for what cuts make, such as their number in the mesh; without, it cannot be cut.
+        ``glue``: stiffness of what holds its wounds closed ahead of a blade, in Young's moduli over the mean edge of the mesh; 5 if any."""
         spec = _Spec(
             material=_material(material),
             model=model,
@@ -677,6 +685,7 @@ class Simulation:
             masses=masses,
             springs=_springs(springs),
             spare=spare,
+            glue=glue,
             membrane=None if membrane is None else _membrane(membrane),
             axes=None if axes is None else _axes(axes),
         )

@@ -80,12 +80,13 @@ pub(super) fn run(case: &ReferenceCase) -> Rows {
 
 /// A criterion: its rows, by what the file says of it.
 type Criterion = fn(&mut CutRows, &CaseEntry);
-const CRITERIA: [(&str, Criterion); 9] = [
+const CRITERIA: [(&str, Criterion); 10] = [
     ("random cuts", random::cuts),
     ("loose piece", hand::loose_piece),
     ("wound surface", wounds::on_the_blade),
     ("blade without force", hand::without_force),
     ("cutting force", hand::steady),
+    ("glue", wounds::glued),
     ("iterations", wounds::iterations),
     ("tearing", wounds::tearing),
     ("closing tension", wounds::closing),

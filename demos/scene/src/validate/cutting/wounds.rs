@@ -4,6 +4,7 @@
 use super::super::compare::worst;
 use super::*;
 use sinew::engine::mesh::generate::{box_tets, jitter_interior};
+use sinew::engine::vertex::{Displacement, ExternalForce};
 use sinew::models::body::VolumeRule;
 use std::f64::consts::PI;
 
@@ -245,6 +246,73 @@ pub(super) fn iterations(rows: &mut CutRows, _: &CaseEntry) {
             });
         }
     }
+}
+
+/// Criterion 12: where glue holds what a steady blade has not come to, nearly every move opens its wound.
+pub(super) fn glued(rows: &mut CutRows, _: &CaseEntry) {
+    let threads = rows.threads();
+    rows.add("steady stroke of 60 moves", |row| {
+        let (mut most, mut fall) = (0, f64::NEG_INFINITY);
+        for seed in SEEDS {
+            let mesh = CUBE.mesh(8, seed)?;
+            (row.nodes, row.cells) = (mesh.points.len(), mesh.tetrahedra.len());
+            for glue in [5.0, 0.0] {
+                let works = works_of_moves(threads, &mesh, glue);
+                let works = match (works, glue > 0.0) {
+                    (Ok(works), _) => works,
+                    (Err(error), true) => return Err(error),
+                    // told beside it alone
+                    (Err(error), false) => {
+                        row.remark(format!("without glue: {error}"));
+                        continue;
+                    }
+                };
+                let all = works[works.len() - 1] - works[0];
+                let parts: Vec<f64> = works.windows(2).map(|two| (two[1] - two[0]) / all).collect();
+                // far above what the solver leaves
+                let still = parts.iter().filter(|part| **part < 1e-6).count();
+                let rise = parts.iter().copied().fold(0.0, worst);
+                row.remark(format!("glue {glue}: {still} still, largest rise {rise:.3}"));
+                if glue > 0.0 {
+                    most = most.max(still);
+                    fall = parts.iter().map(|part| -part).fold(fall, worst);
+                }
+            }
+        }
+        row.at_most("moves in which nothing opens", most as f64, 15.0);
+        row.at_most("largest fall of the work of the load", fall, 1e-9);
+        Ok(())
+    });
+}
+
+/// Work (J) of the load on the cube before and after each of 60 moves of a blade along its cut, at rest.
+fn works_of_moves(threads: usize, mesh: &Mesh, glue: f64) -> Outcome<Vec<f64>> {
+    const MOVES: u32 = 60;
+    let material = YoungPoisson { young_modulus: 1.0, poisson_ratio: 0.3, density: 1.0 };
+    let body = BodyDescription { glue, ..cuttable(mesh, material, Model::Linear) };
+    let (mut simulation, body) = alone(threads, &body)?;
+    hold(&mut simulation, body, mesh, CUBE.held)?;
+    for (side, way) in CUBE.loads {
+        pull(&mut simulation, body, side_of(mesh, side)?, *way * LOAD)?;
+    }
+    simulation.set_solver(static_settings());
+    let at = |y: f64| DVec3::new((CUBE.x)(y, CUBE.low), y, CUBE.low);
+    let up = DVec3::new((CUBE.x)(0.0, 1.05), 0.0, 1.05) - at(0.0);
+    let ends = [up, DVec3::ZERO];
+    let edge = Edge { ends, into: DVec3::Y, toughness: 0.0, travel: DVec3::ZERO };
+    let blade = simulation.add_tool(Tool::blade("scalpel", edge, at(-0.05)))?;
+    simulation.step()?;
+    let mut works = Vec::new();
+    for i in 0..=MOVES {
+        simulation.move_tool(blade, at(-0.05 + 1.1 * f64::from(i) / f64::from(MOVES)))?;
+        // what a move crosses comes apart as the next step begins
+        simulation.step()?;
+        simulation.step()?;
+        let world = simulation.world_mut();
+        let mut query = world.query::<(&ExternalForce<f64>, &Displacement<f64>)>();
+        works.push(query.iter(world).map(|(f, u)| f.get().dot(u.get())).sum());
+    }
+    Ok(works)
 }
 
 /// Criterion 19: the load at which the notch of the cube tears on does not depend on the mesh.
