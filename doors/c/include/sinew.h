@@ -231,6 +231,10 @@
 // Forces (N) on what holds its first and its last point, three numbers each.
 #define SINEW_THREAD_ENDS 18
 
+// Of a body with glue, three numbers: springs that hold, energy (J) in them, and energy (J) that was in those that blades have
+// passed.
+#define SINEW_GLUE 19
+
 // A mesh; it never changes, and any number of threads may use it at once.
 typedef struct sinew_mesh sinew_mesh;
 
@@ -428,6 +432,8 @@ typedef struct sinew_body {
   const char *volume;
   // Vertices kept for what cuts make of it, such as their number in the mesh; without, it cannot be cut.
   size_t spare;
+  // Stiffness of what holds its wounds closed ahead of a blade, in Young's moduli over the mean edge: 0 for none, 5 is a good value.
+  double glue;
 } sinew_body;
 
 // Which elements to remove.
