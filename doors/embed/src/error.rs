@@ -202,6 +202,7 @@ fn body(error: &BodyError) -> Code {
         | BodyError::HexahedronModel { .. }
         | BodyError::Integration { .. }
         | BodyError::Evaluation { .. }
+        | BodyError::Glue { .. }
         | BodyError::Law { .. }
         | BodyError::Springs { .. }
         | BodyError::MissingSprings { .. } => Code::Material,

@@ -250,7 +250,7 @@ impl Embedding {
 
     /// What the glue of a body does; `None` when it has none.
     pub fn glue_report(&self, body: Handle) -> Result<Option<GlueReport>> {
-        let body = self.body(body)?;
+        let body = BodyHandle(self.body(body)?);
         Ok(self.built.simulation.glue_report(body))
     }
 

@@ -89,6 +89,7 @@ fn kept(path: &str, text: &str) {
 const TOOL: &str = "solvers/contact/src/tool.rs";
 const THREAD: &str = "solvers/contact/src/thread.rs";
 const TEAR: &str = "models/src/cutting/tear.rs";
+const GLUE: &str = "models/src/cutting/glue.rs";
 
 /// Type in C, and how it is read, of a field of a report.
 fn plain_c(name: &str, of: &str) -> (&'static str, String) {
@@ -187,6 +188,7 @@ fn reports_of_python() -> String {
         ("solvers/contact/src/pair.rs", "BodyContactReport", "ContactReport", false),
         ("solvers/contact/src/pull.rs", "PullReport", "PullReport", false),
         (THREAD, "ThreadReport", "ThreadReport", false),
+        (GLUE, "GlueReport", "GlueReport", false),
         (TEAR, "TearReport", "TearReport", false),
         (engine, "Fallbacks", "Fallbacks", true),
         (engine, "ContactFigures", "ContactFigures", true),
@@ -346,12 +348,7 @@ fn header_of_csharp() -> String {
     for (doc, name, first, last) in [
         ("Kinds of errors.", "Code", "OK", "PANIC"),
         ("Kinds of things that a handle may stand for.", "Kind : uint", "BODY", "CLIP"),
-        (
-            "What can be read of a body, thread or clip.",
-            "Quantity : uint",
-            "POSITIONS",
-            "THREAD_ENDS",
-        ),
+        ("What can be read of a body, thread or clip.", "Quantity : uint", "POSITIONS", "GLUE"),
         ("What a tool does; several by `|`.", "ToolFlags : uint", "GRIP", "CAVITY"),
     ] {
         let place = |name: &str| left.iter().position(|own| own.name[6..] == *name).unwrap();

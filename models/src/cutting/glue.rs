@@ -103,14 +103,14 @@ impl BodyGlue {
     }
 }
 
-/// What the glue of a body does.
+/// What holds the wounds of a body closed ahead of blades.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct GlueReport {
     /// Springs that hold.
     pub springs: usize,
     /// Energy (J) in them.
     pub energy: f64,
-    /// Energy (J) that was in those that blades have come to, as they did.
+    /// Energy (J) that was in those that blades have passed, as they did.
     pub released: f64,
 }
 

@@ -607,7 +607,7 @@ class Cut:
     """Vertices that further cuts may make."""
 
     pieces: int
-    """Connected pieces of the body now."""
+    """Connected pieces of the body now; what glue holds together is one."""
 
     least_share: float
     """Least share of an element of the body now; of hexahedra in local coordinates."""
