@@ -34,7 +34,7 @@ use super::surface::read_surface;
 use crate::axes::description::{AxesError, BodyAxes, validate_sheet};
 use crate::axes::spawn::spawn_axes;
 use crate::axes::systems::AxesOnly;
-use crate::cutting::glue::{self, Glue};
+use crate::cutting::glue;
 use crate::cutting::held::read_point;
 use crate::element::plate::Neighbours;
 use crate::element::precompute::RestTetrahedron;
@@ -180,19 +180,10 @@ fn spawn<S: Scalar>(world: &mut World, body: &BodyDescription) -> Result<Entity,
     if let Some(axes) = &body.axes {
         spawn_axes::<S>(world, axes, &part, evaluation);
     }
-    let glue = (body.glue > 0.0).then(|| {
-        let edges = &layout.cells.edges;
-        let length = |&[a, b]: &[u32; 2]| rest_of(a).distance(rest_of(b));
-        let edge = edges.iter().map(length).sum::<f64>() / edges.len() as f64;
-        Glue { factor: body.glue, edge }
-    });
-    if glue.is_some() {
-        glue::activate::<S>(world);
-    }
+    let glue = glue::spawn::<S>(world, body.glue, &layout.cells.edges, rest_of);
     partition_laws::<S>(world);
     resection::install::<S>(world);
-    let tables = ElementTables::of(world);
-    world.insert_resource(tables);
+    world.insert_resource(ElementTables::of(world));
     let axes = body.axes.as_ref().map(|axes| BodyAxes {
         description: axes.clone().into_owned(),
         repaired: axes.count_repairs(),

@@ -196,12 +196,23 @@ fn activate_law<S: Scalar>(world: &mut World, law: PlacedLaw) {
     declare_inputs(world, law.row.info.name, &[Input::Watch(changed)]);
 }
 
-/// Puts the law into the schedule; [`refresh`] finds its springs.
-pub(crate) fn activate<S: Scalar>(world: &mut World) {
+/// The glue of a body whose mesh has these edges, by the places (m) of their ends, none for a stiffness of 0; puts the law into the schedule, [`refresh`] finds
+/// its springs.
+pub(crate) fn spawn<S: Scalar>(
+    world: &mut World,
+    factor: f64,
+    edges: &[[u32; 2]],
+    rest: impl Fn(u32) -> DVec3,
+) -> Option<Glue> {
+    let glue = (factor > 0.0).then(|| {
+        let lengths = edges.iter().map(|&[a, b]| rest(a).distance(rest(b)));
+        Glue { factor, edge: lengths.sum::<f64>() / edges.len() as f64 }
+    })?;
     if !world.contains_resource::<Springs<S>>() {
         world.insert_resource(Springs::<S>::default());
         row::activate::<S>(world, &ROW);
     }
+    Some(glue)
 }
 
 /// Rows of a body whose vertices are in elements that are left, in pairs, with their weights.

@@ -29,6 +29,14 @@ fn cuts(key: &Key, body: &str) -> usize {
     key.loaded.scene.cuts.iter().filter(of).count()
 }
 
+/// The key that an error is about.
+fn key_of<'a>(error: &BodyError, body: &Key<'a>, mesh: &Key<'a>) -> Key<'a> {
+    match error {
+        BodyError::Glue { .. } => body.at("glue"),
+        _ => mesh.clone(),
+    }
+}
+
 /// A body of a scene.
 pub(super) fn body(
     key: &Key,
@@ -129,12 +137,8 @@ pub(super) fn body(
         .material_field()
         .validate(counts.0, counts.1)
         .map_err(|source| field_error(&key.at("material"), entry, &checked.mesh, source))?;
-    let handle = built.simulation.add_checked_body(&description, &checked.report).map_err(|e| {
-        match matches!(e, BodyError::Glue { .. }) {
-            true => key.at("glue").error(e),
-            false => mesh_key.error(e),
-        }
-    })?;
+    let handle = built.simulation.add_checked_body(&description, &checked.report);
+    let handle = handle.map_err(|e| key_of(&e, key, &mesh_key).error(e))?;
     if let Some(entry) = body.tear {
         tear(&key.at("tear"), entry, handle, built)?;
     }
