@@ -317,7 +317,7 @@ impl Own<'_> {
 /// # Needles
 impl Simulation {
     /// Points of the channels that the needle of a tool went through, from the first entry on: those that its end has passed, then
-    /// those that hold it. A [`Thread`](sinew_contact::thread::Thread) through them takes the needle's place.
+    /// those that hold it. A [`Thread`] through them takes the needle's place.
     ///
     /// # Errors
     /// When there is no such tool.
