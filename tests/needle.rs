@@ -345,10 +345,22 @@ fn a_needle_hands_over_to_its_thread() {
     // the arc in the block is 41 mm long
     assert!(count >= 8 && before > 0.0 && (0.04..0.07).contains(&drawn), "{count} {report:?}");
     assert!(open > 2e-3, "{report:?}");
+    let mut felt = 0.0_f64;
     for step in HELD..150 {
         sew(&mut s, step);
         s.step().unwrap();
+        let mut tools = s.world_mut().query_filtered::<&ToolReport, With<Tool>>();
+        let of_tool = tools.iter(s.world()).find(|own| own.inserted == 0.0).cloned();
+        if let Some(of_tool) = of_tool.filter(|_| step < TIED) {
+            // out of the tissue a needle feels its thread alone
+            let suture = told(&mut s);
+            assert_eq!(of_tool.force, suture.ends[1], "{step}: {of_tool:?}");
+            let arm = suture.points[suture.points.len() - 1] - of_tool.position;
+            assert_eq!(of_tool.torque, arm.cross(of_tool.force), "{step}: {of_tool:?}");
+            felt = felt.max(of_tool.force.length());
+        }
     }
+    assert!(felt > 0.02, "{felt}");
     let report = told(&mut s);
     assert!(report.spans[lips] < 0.5 * open && report.largest() > 0.02, "{open} {report:?}");
     assert!(report.lost == 0 && report.dissipation > 0.0, "{report:?}");

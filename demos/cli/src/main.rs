@@ -11,6 +11,8 @@ mod plot;
 mod progress;
 mod render;
 mod sweep;
+#[cfg(feature = "view")]
+mod view;
 
 use advise::{AdviseArguments, advise_scene};
 use clap::{Args, CommandFactory, Parser, Subcommand};
@@ -71,6 +73,13 @@ enum Command {
     Run(RunArguments),
     /// Simulate a scene and make a page with a player of it, in a build with the feature `render` also pictures and films.
     Render(Box<render::RenderArguments>),
+    /// Open a window in which a scene runs, is pulled at by the mouse and cut.
+    #[cfg(feature = "view")]
+    View(view::ViewArguments),
+    /// In a build with the feature `view`: a window in which a scene runs.
+    #[cfg(not(feature = "view"))]
+    #[command(hide = true, disable_help_flag = true)]
+    View(Elsewhere),
     /// Write a commented scene for a mesh of your own.
     New(new::NewArguments),
     /// List the tissues, with sources and how far publications differ.
@@ -380,6 +389,14 @@ fn main() -> ExitCode {
             run_scene(arguments).map_err(|error| all_mistakes(&scene, error))
         }
         Command::Render(arguments) => render::render_scene(*arguments),
+        #[cfg(feature = "view")]
+        Command::View(arguments) => view::view_scene(arguments),
+        #[cfg(not(feature = "view"))]
+        Command::View(_) => {
+            return elsewhere(
+                "this build opens no window: cargo run --release -p sinew-cli --features view -- view SCENE; `sinew run` writes a page without",
+            );
+        }
         Command::Schema => print_schema(),
         Command::Completions { shell } => print_completions(shell),
         Command::New(arguments) => new::new(&arguments),

@@ -84,12 +84,12 @@ pub struct RenderArguments {
     quiet: bool,
 }
 
-fn size(text: &str) -> Result<[u32; 2], String> {
+pub fn size(text: &str) -> Result<[u32; 2], String> {
     let numbers = text.split_once('x').and_then(|(w, h)| Some([w.parse().ok()?, h.parse().ok()?]));
     numbers.ok_or_else(|| format!("`{text}` is no size; give WIDTHxHEIGHT such as 1280x720"))
 }
 
-fn quantity(text: &str) -> Result<Quantity, String> {
+pub fn quantity(text: &str) -> Result<Quantity, String> {
     text.parse().map_err(|e: sinew_render::RenderError| e.to_string())
 }
 
@@ -99,7 +99,7 @@ fn camera(text: &str) -> Result<CameraRequest, String> {
 
 /// The adapter of a word on the command line.
 #[cfg(feature = "render")]
-fn adapter(word: Option<&str>) -> AdapterRequest {
+pub fn adapter(word: Option<&str>) -> AdapterRequest {
     match word {
         Some("software") => AdapterRequest { software: Some(true), ..AdapterRequest::default() },
         name => AdapterRequest { name: name.map(str::to_owned), ..AdapterRequest::default() },

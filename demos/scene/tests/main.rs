@@ -11,6 +11,8 @@ mod fuzz;
 mod gpu_scenes;
 mod keys;
 mod lattice;
+#[cfg(feature = "render")]
+mod live;
 mod material_fields;
 mod measure;
 mod modes;

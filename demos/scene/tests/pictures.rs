@@ -417,7 +417,7 @@ fn tools_that_are_near_are_in_view_and_others_do_not_count() {
 }
 
 /// A software adapter, or none after a message.
-fn software() -> Option<AdapterRequest> {
+pub fn software() -> Option<AdapterRequest> {
     let adapter = AdapterRequest { software: Some(true), ..AdapterRequest::default() };
     match open(&adapter) {
         Ok(_) => Some(adapter),

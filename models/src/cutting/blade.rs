@@ -374,7 +374,7 @@ impl BodyStroke {
         moves: &[EdgeMove],
     ) {
         let Some(material) = cut_material(world, body) else { return };
-        let unswept = glue::unswept(world, body, material.bonds.len());
+        let unswept = glue::unswept(world, body, material);
         let known = view.material.elements.len() as u32;
         let before = |e: u32| if e < known { e } else { material.elements[e as usize].parent };
         let is_passed = |bond: &usize| {

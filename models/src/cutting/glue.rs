@@ -170,17 +170,11 @@ impl<S: Scalar> Spring<S> {
             let c = self.stiffness * self.part(i);
             span.add_diagonal(row, &diagonal(c * self.part(i)));
             for (j, &block) in (i + 1..self.nodes.len()).zip(&mut blocks) {
-                if block == NOT_STORED {
-                    continue;
-                }
                 span.add_off_diagonal(block, 0, 1, &diagonal(c * self.part(j)));
             }
         }
     }
 }
-
-/// Where a pair of rows has no block.
-const NOT_STORED: u32 = u32::MAX;
 
 /// The springs of all bodies, body by body.
 #[derive(Resource, Debug, Default)]
@@ -333,9 +327,9 @@ pub(crate) fn refresh<S: Scalar>(world: &mut World, resection: Option<&mut Resec
                     pairs.iter().flat_map(|&(a, b, _)| [first + a, first + b]).collect();
                 let later = |i: usize| nodes[i + 1..].iter().map(move |&b| (i, b));
                 let all = (0..nodes.len()).flat_map(later);
-                // the graph has all of them
                 let block = |(i, b): (usize, u32)| topology.block(nodes[i], b);
-                let blocks = all.map(|pair| block(pair).unwrap_or(NOT_STORED)).collect();
+                let blocks = all.map(|pair| block(pair).expect("cuts add all pairs to the graph"));
+                let blocks = blocks.collect();
                 Spring {
                     bond: i,
                     weights: pairs.iter().map(|&(.., w)| S::from_f64(w)).collect(),
@@ -403,11 +397,19 @@ pub(crate) fn energy<S: Scalar>(world: &mut World, body: usize) -> f64 {
     glue_report::<S>(world, body).map_or(0.0, |report| report.energy)
 }
 
-/// Numbers of the bonds of a body that no blade has passed, of so many; those hold nothing yet where both copies still have all vertices
-/// in common.
-pub(super) fn unswept(world: &World, body: usize, count: usize) -> Vec<usize> {
-    let own = world.get_resource::<GlueMemory>().and_then(|memory| memory.bodies.get(&body));
-    (0..count).filter(|i| own.is_none_or(|own| !own.is_swept(*i))).collect()
+/// Numbers of the bonds of a body that no blade has passed, where elements are left on both sides; those hold nothing yet where both copies
+/// still have all vertices in common.
+pub(super) fn unswept(world: &World, body: usize, material: &Material) -> Vec<usize> {
+    let resection = world.get_resource::<Resection>();
+    let Some(own) = resection.and_then(|all| all.bodies.get(body)?.as_ref()) else {
+        return Vec::new();
+    };
+    let present = own.present(&world.resource::<Topology>().bodies[body]);
+    let memory = world.get_resource::<GlueMemory>().and_then(|memory| memory.bodies.get(&body));
+    let holds = |(i, bond): &(usize, &Bond)| {
+        memory.is_none_or(|own| !own.is_swept(*i)) && bond.sides.iter().all(|&e| present.has(e))
+    };
+    material.bonds.iter().enumerate().filter(holds).map(|(i, _)| i).collect()
 }
 
 /// Lets bonds of a body go, ascending, that a blade passed.
@@ -442,7 +444,7 @@ pub(super) fn cross<S: Scalar>(world: &mut World, body: usize, strip: &[[DVec3; 
     let glue = super::soft_of(world, body).and_then(|soft| soft.glue);
     let at = super::places::<S>(world, body);
     let (Some(glue), Some(material)) = (glue, super::cut_material(world, body)) else { return };
-    let unswept = unswept(world, body, material.bonds.len());
+    let unswept = unswept(world, body, material);
     let node = |node: u32| at[node as usize];
     let passed = |i: &usize| {
         let bond = &material.bonds[*i];

@@ -558,7 +558,7 @@ pub struct ToolReport {
     pub velocity: DVec3,
     /// Angular velocity (rad/s).
     pub angular_velocity: DVec3,
-    /// Force (N) on the tool, normal and friction.
+    /// Force (N) on the tool: normal, friction, of what it cuts, and of the thread that its needle draws.
     pub force: DVec3,
     /// Torque (N m) on the tool about its origin.
     pub torque: DVec3,
@@ -568,7 +568,8 @@ pub struct ToolReport {
     pub normal: DVec3,
     /// The part of the force that friction makes (N).
     pub friction: DVec3,
-    /// Work (J) done by the tool on bodies since it came, by the force at the end of every step.
+    /// Work (J) done by the tool on bodies since it came, by the force at the end of every step. That against the thread of its needle is
+    /// in [`ThreadReport::work`](crate::thread::ThreadReport::work).
     pub work: f64,
     /// Energy (J) that friction has taken since it came.
     pub dissipation: f64,

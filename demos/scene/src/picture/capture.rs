@@ -117,6 +117,8 @@ pub struct Recorder {
     forces: Vec<Vec<Force>>,
     tools: Tools,
     pushes: Vec<Vec<Push>>,
+    /// Largest force (N) and pressure (Pa) of arrows so far.
+    largest: [f32; 2],
     /// Of every pressure: its faces at the last look, and those with an arrow.
     pushed: HashMap<Entity, (usize, Vec<usize>)>,
     /// Values of probes before the first step, which are read before anybody is told of the scene.
@@ -150,6 +152,7 @@ impl Recorder {
             recording,
             forces: Vec::new(),
             pushes: Vec::new(),
+            largest: [0.0; 2],
             pushed: HashMap::new(),
             before: Vec::new(),
             due: 0,
@@ -162,12 +165,49 @@ impl Recorder {
     /// that it took.
     pub fn finish(mut self) -> (Recording, f64) {
         let start = Instant::now();
+        if let [first, .., last] = &self.recording.frames[..]
+            && !self.recording.is_static
+        {
+            let intervals = self.recording.frames.len() - 1;
+            self.recording.interval = (last.time - first.time) / intervals as f64;
+        }
+        self.recording.forces.retain(|series| series.points.iter().any(|p| p[1] > 0.0));
+        self.complete();
+        self.seconds += start.elapsed().as_secs_f64();
+        (self.recording, self.seconds)
+    }
+
+    /// The state now alone, after so many steps. Ranges of colours and lengths of arrows suit all states that were shown.
+    #[cfg(feature = "render")]
+    pub(super) fn show(&mut self, built: &mut BuiltScene, step: u64) -> &mut Recording {
+        if self.parts.is_empty() {
+            self.prepare(built);
+        }
+        let Self { recording, forces, pushes, .. } = self;
+        recording.frames.clear();
+        forces.clear();
+        pushes.clear();
+        recording.forces.iter_mut().for_each(|series| series.points.clear());
+        let ranges: Vec<[f32; 2]> = recording.fields.iter().map(|field| field.range).collect();
+        let time = built.simulation.time();
+        self.tools.forces(built.simulation.world_mut(), time, &mut self.recording.forces);
+        self.record(built, step);
+        self.complete();
+        for (field, [low, high]) in self.recording.fields.iter_mut().zip(ranges) {
+            field.range = [field.range[0].min(low), field.range[1].max(high)];
+        }
+        &mut self.recording
+    }
+
+    /// Gives all frames their arrows, notes and ranges of colours.
+    fn complete(&mut self) {
         for frame in &mut self.recording.frames {
             // points that cuts made later
             frame.points.extend(&self.recording.rest[frame.points.len()..]);
             frame.fields.iter_mut().for_each(|own| own.resize(frame.points.len(), f32::NAN));
         }
-        let largest = self.forces.iter().flatten().map(|f| f.force.length()).fold(0.0, f32::max);
+        let largest = self.forces.iter().flatten().map(|f| f.force.length());
+        let largest = largest.fold(self.largest[0], f32::max);
         let scale = 0.2 * self.recording.size() / largest.max(f32::MIN_POSITIVE);
         for (frame, forces) in self.recording.frames.iter_mut().zip(&self.forces) {
             for &Force { at, force, ends, colour } in forces {
@@ -180,8 +220,9 @@ impl Recorder {
                 }
             }
         }
-        let pushes = self.pushes.iter().flatten();
-        let largest = pushes.map(|p| p.1.abs()).fold(0.0, f32::max);
+        self.largest[0] = largest;
+        let largest = self.pushes.iter().flatten().map(|p| p.1.abs());
+        let largest = largest.fold(self.largest[1], f32::max);
         let scale = 0.06 * self.recording.size() / largest.max(f32::MIN_POSITIVE);
         for (frame, pushes) in self.recording.frames.iter_mut().zip(&self.pushes) {
             for &(at, push, normal) in pushes.iter().filter(|p| p.1.abs() > 0.1 * largest) {
@@ -192,20 +233,12 @@ impl Recorder {
                 frame.arrows.push(Arrow { to, along, colour: LOAD });
             }
         }
-        if let [first, .., last] = &self.recording.frames[..]
-            && !self.recording.is_static
-        {
-            let intervals = self.recording.frames.len() - 1;
-            self.recording.interval = (last.time - first.time) / intervals as f64;
-        }
+        self.largest[1] = largest;
         set_ranges(&mut self.recording);
-        self.recording.forces.retain(|series| series.points.iter().any(|p| p[1] > 0.0));
         for frame in self.recording.frames.iter_mut().filter(|frame| frame.step > 0) {
             frame.note = note(&self.recording.forces, frame);
         }
         self.tools.finish(&mut self.recording);
-        self.seconds += start.elapsed().as_secs_f64();
-        (self.recording, self.seconds)
     }
 
     fn prepare(&mut self, built: &mut BuiltScene) {

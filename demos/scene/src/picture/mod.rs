@@ -7,6 +7,8 @@ mod draw;
 mod figures;
 mod gallery;
 mod job;
+#[cfg(feature = "render")]
+mod live;
 mod measure;
 mod quantity;
 mod tools;
@@ -22,5 +24,7 @@ pub use job::{
     RenderJob, RenderJobError, RenderReport, Variant, nearest, page_beside, record, render,
     run_to_page,
 };
+#[cfg(feature = "render")]
+pub use live::{LiveOptions, LiveView};
 pub use measure::{Measures, measures, sheet_measures};
 pub use quantity::Quantity;

@@ -141,9 +141,10 @@ impl Tools {
     }
 
     /// Hands the shapes over, plates as large as the bodies need, and says what the arrows of tools mean.
-    pub(super) fn finish(self, recording: &mut Recording) {
-        recording.shapes = self.shapes;
-        for i in 0..recording.shapes.len() {
+    pub(super) fn finish(&self, recording: &mut Recording) {
+        let known = recording.shapes.len();
+        recording.shapes.extend_from_slice(&self.shapes[known..]);
+        for i in known..recording.shapes.len() {
             if recording.shapes[i].plate {
                 recording.shapes[i] = plate(recording, i as u32);
             }

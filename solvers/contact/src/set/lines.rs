@@ -286,6 +286,15 @@ impl Line {
         self.hooks.iter().enumerate().map(move |(i, hook)| (hook, force(i)))
     }
 
+    /// Where the needle of a tool draws it, and the force (N) on that.
+    pub(super) fn pull_on_needle(&self, tool: Order) -> Option<(DVec3, DVec3)> {
+        let last = self.own.of.points.len().checked_sub(1)?;
+        let is_held = self.state.held.last() == Some(&(last as u32));
+        let draws = matches!(self.own.of.points[last], Hold::Needle(own) if own == tool);
+        let (hook, force) = self.forces().last().filter(|_| is_held && draws)?;
+        Some((hook.at, force))
+    }
+
     /// Calls `f` with every vector (N/m)^(1/2) of the tangent `sum v v^T`, row by row.
     fn for_vectors(&self, f: &mut dyn FnMut(&[(VertexRow, DVec3)])) {
         let (_, k) = self.lengths();

@@ -224,6 +224,11 @@ impl ContactSet {
                 report.slipping += 1;
             }
         }
+        // the work of a needle against its thread is in the thread's own report
+        for (at, force) in self.lines.iter().filter_map(|line| line.pull_on_needle(now.id)) {
+            report.force += force;
+            report.torque += (at - now.end.position).cross(force);
+        }
         if weight > 0.0 {
             report.centre = centre / weight;
         }

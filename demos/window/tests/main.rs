@@ -1,0 +1,3 @@
+//! Windows. In one binary, as everywhere.
+
+mod view;
