@@ -4,6 +4,7 @@ use crate::body::Buffers;
 use crate::error::{Code, EmbedError, InputError, Result};
 use crate::files::Files;
 use crate::handle::{Handle, Handles, Kind, Target};
+use crate::haptic::Haptics;
 use crate::mesh::vector;
 use bevy_ecs::entity::Entity;
 use serde::Serialize;
@@ -14,6 +15,7 @@ use sinew::engine::report::{StepReport, VolumeReport};
 use sinew::engine::step::StepClock;
 use sinew::engine::time::Gravity;
 use sinew::engine::workers::Workers;
+use sinew::live::StateWriter;
 use sinew::simulation::{Backend, BodyHandle, Readback, Simulation, SimulationOptions};
 use sinew::solvers::settings::SolverSettings;
 pub use sinew_scene::assemble::BuildOptions as Overrides;
@@ -98,6 +100,9 @@ pub struct Embedding {
     poisoned: Option<String>,
     /// A recording on its way, and its steps from frame to frame.
     pub(crate) recorder: Option<(Recorder, u64)>,
+    pub(crate) haptics: Haptics,
+    /// For readers on other threads.
+    pub(crate) writers: Vec<StateWriter>,
     /// Its own in this process.
     number: u64,
 }
@@ -212,8 +217,18 @@ impl Embedding {
         of_scene(Kind::Thread, built.strands.iter().map(|own| &own.name).collect());
         of_scene(Kind::Clip, built.clips.iter().map(|own| &own.name).collect());
         let number = NUMBER.fetch_add(1, Ordering::Relaxed);
-        let (poisoned, recorder) = (None, None);
-        Self { built, scene, handles, buffers, epoch: 1, poisoned, recorder, number }
+        Self {
+            built,
+            scene,
+            handles,
+            buffers,
+            epoch: 1,
+            poisoned: None,
+            recorder: None,
+            haptics: Haptics::default(),
+            writers: Vec::new(),
+            number,
+        }
     }
 
     /// Says that the simulation cannot be used any more, because something panicked in it; every later [`Embedding::check`]
@@ -241,7 +256,8 @@ impl Embedding {
         }
     }
 
-    /// Carries out `n` steps with everything that the scene does between them, up to the first that fails.
+    /// Carries out `n` steps with everything that the scene does between them, up to the first that fails. After each, haptic
+    /// devices and readers on other threads get what is new.
     ///
     /// # Errors
     /// [`Code::Step`] when a step cannot be carried out; the state is then that before it.
@@ -253,7 +269,11 @@ impl Embedding {
                 let prepared = self.built.prepare_step(done);
                 prepared.map_err(|e| EmbedError::new(Code::Step, e.to_string()))?;
             }
-            self.built.simulation.step()?;
+            let simulation = &mut self.built.simulation;
+            self.haptics.before_step(simulation)?;
+            simulation.step()?;
+            self.haptics.after_step(simulation)?;
+            self.publish();
             self.recorded();
         }
         Ok(())
@@ -506,6 +526,7 @@ impl Embedding {
             }
         }
         self.handles.remove(handle)?;
+        self.haptics.remove(handle);
         self.epoch += 1;
         Ok(())
     }
