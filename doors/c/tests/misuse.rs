@@ -251,7 +251,7 @@ fn wrong_handles_are_told() {
 #[test]
 fn wrong_sizes_of_structures_are_told() {
     let slab = Slab::new(1);
-    let name = c("x");
+    let (name, slab_device) = (c("x"), crate::live::device(&slab).1);
     for size in [0, 4, u32::MAX] {
         let (mut sim, mut mesh, mut handle) = (null_mut(), null_mut(), 0);
         let options = sized!(sinew_options { struct_size: size });
@@ -271,7 +271,6 @@ fn wrong_sizes_of_structures_are_told() {
         let haptic = sized!(sinew_haptic_options { struct_size: size });
         let mut felt = sized!(sinew_haptic_feedback { struct_size: size });
         let (mut device, zero) = (null_mut(), [0.0; 3].as_ptr());
-        let slab_device = crate::live::device(&slab).1;
         let mut table = Vec::new();
         calls! { table:
             sinew_simulation_new(&options, &mut sim);
@@ -298,9 +297,9 @@ fn wrong_sizes_of_structures_are_told() {
                 said()
             );
         }
-        unsafe { sinew_haptic_free(slab_device) };
         assert!(sim.is_null() && mesh.is_null() && device.is_null() && handle == 0);
     }
+    unsafe { sinew_haptic_free(slab_device) };
 }
 
 #[test]
