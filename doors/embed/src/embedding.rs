@@ -4,7 +4,6 @@ use crate::body::Buffers;
 use crate::error::{Code, EmbedError, InputError, Result};
 use crate::files::Files;
 use crate::handle::{Handle, Handles, Kind, Target};
-use crate::haptic::Haptics;
 use crate::mesh::vector;
 use bevy_ecs::entity::Entity;
 use serde::Serialize;
@@ -15,6 +14,7 @@ use sinew::engine::report::{StepReport, VolumeReport};
 use sinew::engine::step::StepClock;
 use sinew::engine::time::Gravity;
 use sinew::engine::workers::Workers;
+use sinew::haptics::HapticTissue;
 use sinew::live::StateWriter;
 use sinew::simulation::{Backend, BodyHandle, Readback, Simulation, SimulationOptions};
 use sinew::solvers::settings::SolverSettings;
@@ -100,7 +100,8 @@ pub struct Embedding {
     poisoned: Option<String>,
     /// A recording on its way, and its steps from frame to frame.
     pub(crate) recorder: Option<(Recorder, u64)>,
-    pub(crate) haptics: Haptics,
+    /// Haptic handles, each with the handle of its pull.
+    pub(crate) haptics: Vec<(Handle, HapticTissue)>,
     /// For readers on other threads.
     pub(crate) writers: Vec<StateWriter>,
     /// Its own in this process.
@@ -225,7 +226,7 @@ impl Embedding {
             epoch: 1,
             poisoned: None,
             recorder: None,
-            haptics: Haptics::default(),
+            haptics: Vec::new(),
             writers: Vec::new(),
             number,
         }
@@ -269,10 +270,9 @@ impl Embedding {
                 let prepared = self.built.prepare_step(done);
                 prepared.map_err(|e| EmbedError::new(Code::Step, e.to_string()))?;
             }
-            let simulation = &mut self.built.simulation;
-            self.haptics.before_step(simulation)?;
-            simulation.step()?;
-            self.haptics.after_step(simulation)?;
+            self.before_haptics()?;
+            self.built.simulation.step()?;
+            self.after_haptics()?;
             self.publish();
             self.recorded();
         }
@@ -526,7 +526,7 @@ impl Embedding {
             }
         }
         self.handles.remove(handle)?;
-        self.haptics.remove(handle);
+        self.haptics.retain(|(own, _)| *own != handle);
         self.epoch += 1;
         Ok(())
     }

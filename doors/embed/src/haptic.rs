@@ -45,27 +45,24 @@ pub fn haptic_bits(flags: &HapticFlags) -> u32 {
     all.enumerate().map(|(i, on)| u32::from(on) << i).sum()
 }
 
-/// Haptic handles of a simulation, each with the handle of its pull.
-#[derive(Debug, Default)]
-pub(crate) struct Haptics(Vec<(Handle, HapticTissue)>);
-
-impl Haptics {
-    /// Moves hands before a step. One whose pull is not there now is passed over: going back may bring it again.
-    pub fn before_step(&mut self, simulation: &mut Simulation) -> Result<()> {
-        self.each(|tissue| tissue.before_step(simulation))
+impl Embedding {
+    /// Moves hands before a step.
+    pub(crate) fn before_haptics(&mut self) -> Result<()> {
+        self.each_haptic(HapticTissue::before_step)
     }
 
     /// Finds models after it.
-    pub fn after_step(&mut self, simulation: &mut Simulation) -> Result<()> {
-        self.each(|tissue| tissue.after_step(simulation).map(drop))
+    pub(crate) fn after_haptics(&mut self) -> Result<()> {
+        self.each_haptic(|tissue, simulation| tissue.after_step(simulation).map(drop))
     }
 
-    fn each(
+    /// One whose pull is not there now is passed over: going back may bring it again.
+    fn each_haptic(
         &mut self,
-        mut act: impl FnMut(&mut HapticTissue) -> std::result::Result<(), HapticError>,
+        act: fn(&mut HapticTissue, &mut Simulation) -> std::result::Result<(), HapticError>,
     ) -> Result<()> {
-        for (_, tissue) in &mut self.0 {
-            match act(tissue) {
+        for (_, tissue) in &mut self.haptics {
+            match act(tissue, &mut self.built.simulation) {
                 Ok(()) | Err(HapticError::Released(_)) => {}
                 Err(error) => return Err(error.into()),
             }
@@ -73,12 +70,6 @@ impl Haptics {
         Ok(())
     }
 
-    pub fn remove(&mut self, handle: Handle) {
-        self.0.retain(|(own, _)| *own != handle);
-    }
-}
-
-impl Embedding {
     /// What a device holds by default: vertices of a body.
     ///
     /// # Errors
@@ -98,7 +89,7 @@ impl Embedding {
         let name = options.name.clone();
         let (tissue, device) = self.built.simulation.haptic_handle(options)?;
         let handle = self.handles.add(Kind::Pull, name, Target::Entity(tissue.pull()));
-        self.haptics.0.push((handle, tissue));
+        self.haptics.push((handle, tissue));
         let device = HapticDevice(Mutex::new(device));
         // where a lock is made at its first use, that is here
         drop(device.0.lock().unwrap_or_else(PoisonError::into_inner));
