@@ -50,6 +50,11 @@ impl WordWriter {
         let before = self.slots.waiting.swap(self.own | FRESH, Ordering::AcqRel);
         self.own = before & !FRESH;
     }
+
+    /// Whether the other end is still there.
+    pub fn is_read(&self) -> bool {
+        Arc::strong_count(&self.slots) > 1
+    }
 }
 
 impl WordReader {

@@ -338,6 +338,15 @@ fn states_are_read_whole_while_a_simulation_runs() {
     assert!(!reader.update(), "it begins with the state as it is");
     let at_rest = reader.frames()[1].clone();
     assert_eq!(at_rest.positions[0], mesh.points);
+    // unit normals of the outside, nothing inside
+    let mut sums = vec![DVec3::ZERO; mesh.points.len()];
+    for t in mesh.surface().triangles {
+        let [a, b, c] = t.map(|v| mesh.points[v as usize]);
+        t.iter().for_each(|&v| sums[v as usize] += (b - a).cross(c - a));
+    }
+    let normals: Vec<_> = sums.into_iter().map(DVec3::normalize_or_zero).collect();
+    assert!(max_distance(&at_rest.normals[0], &normals) < 1e-12);
+    assert!(normals.iter().filter(|n| **n == DVec3::ZERO).count() == 5);
     let steps = 60;
     let reading = std::thread::spawn(move || {
         let (mut seen, mut last) = (Vec::new(), 0);
@@ -352,17 +361,23 @@ fn states_are_read_whole_while_a_simulation_runs() {
             // every bit of one state
             let sum = now.positions[0].iter().map(|x| x.z.to_bits()).fold(0, u64::wrapping_add);
             last = now.step;
-            seen.push((now.step, (sum, now.wrenches[0][0].z.to_bits())));
+            let turned = now.normals[0].iter().map(|x| x.z.to_bits()).fold(0, u64::wrapping_add);
+            seen.push((now.step, (sum, now.wrenches[0][0].z.to_bits(), turned)));
         }
         (seen, reader)
     });
-    let mut truth = Vec::new();
+    let (mut truth, mut alone) = (Vec::new(), share(&mut simulation, &[body], &[]));
     for _ in 0..steps {
         simulation.step().unwrap();
         writer.write(&mut simulation);
+        // another pair, read on this thread
+        alone.0.write(&mut simulation);
+        assert!(alone.1.update());
+        let normals = alone.1.normals_at(0, f64::INFINITY);
+        let turned = normals.iter().map(|x| x.z.to_bits()).fold(0, u64::wrapping_add);
         let positions = simulation.positions(body);
         let sum = positions.iter().map(|x| x.z.to_bits()).fold(0, u64::wrapping_add);
-        truth.push((sum, simulation.tool_report(ball).unwrap().force.z.to_bits()));
+        truth.push((sum, simulation.tool_report(ball).unwrap().force.z.to_bits(), turned));
     }
     let (seen, mut reader) = reading.join().unwrap();
     for (step, what) in seen {
@@ -370,10 +385,12 @@ fn states_are_read_whole_while_a_simulation_runs() {
     }
     assert!(!reader.update());
     assert_eq!(reader.frames()[1].positions, [simulation.positions(body)]);
-    assert!(truth.iter().any(|(_, force)| f64::from_bits(*force) != 0.0), "they never met");
+    assert!(truth.iter().any(|(_, force, _)| f64::from_bits(*force) != 0.0), "they never met");
     let force = simulation.tool_report(ball).unwrap().force;
     assert_eq!(reader.wrench_at(0, f64::INFINITY)[0], force);
-    assert!(reader.positions_at(1, 0.0).is_empty());
+    assert!(reader.positions_at(1, 0.0).is_empty() && writer.is_read());
+    drop(reader);
+    assert!(!writer.is_read());
 }
 
 /// Steps are as many as the time has room for, whatever it is read in, and time that cannot be made up is dropped and counted.

@@ -125,6 +125,33 @@ namespace Sinew
         Cavity = 32,
     }
 
+    /// <summary>What is not as it should be with a haptic force; several by `|`.</summary>
+    [Flags]
+    public enum HapticFlags : uint
+    {
+        None = 0,
+        /// <summary>Flags of `sinew_haptic_feedback`, several by `|`. No step has answered yet: no force.</summary>
+        HapticWaiting = 1,
+        /// <summary>The last step is too old: the force falls, or is zero.</summary>
+        HapticStale = 2,
+        /// <summary>The force was cut to the limit.</summary>
+        HapticLimited = 4,
+        /// <summary>The force rises no faster than 50 N/s: first contact, or the simulation answers again.</summary>
+        HapticRising = 8,
+        /// <summary>The device has got more energy than it gave; damping was added.</summary>
+        HapticDamped = 16,
+        /// <summary>Position, velocity or time were no finite numbers, or time ran backwards: no force.</summary>
+        HapticBadInput = 32,
+        /// <summary>Nothing supports the body: the model is that of one step from rest, not of rest.</summary>
+        HapticWithInertia = 64,
+        /// <summary>The tangent was indefinite; the model is that of the projected one.</summary>
+        HapticProjected = 128,
+        /// <summary>The model was not found in this step; that of an earlier one counts, or none.</summary>
+        HapticUnsolved = 256,
+        /// <summary>The step itself did not converge.</summary>
+        HapticUnconverged = 512,
+    }
+
     /// <summary>How a simulation is carried out. All 0 but `struct_size` and `dt` is fine; then there is no
     /// gravity.</summary>
     [StructLayout(LayoutKind.Sequential)]
@@ -400,6 +427,45 @@ namespace Sinew
         internal double Above;
     }
 
+    /// <summary>How a haptic device holds vertices; 0 is the default of a number.</summary>
+    [StructLayout(LayoutKind.Sequential)]
+    internal struct NativeHapticOptions
+    {
+        internal uint StructSize;
+        internal uint Reserved;
+        internal IntPtr Name;
+        internal IntPtr Vertices;
+        internal UIntPtr VertexCount;
+        internal double Stiffness;
+        internal double Damping;
+        internal double Limit;
+        internal double Stale;
+        internal double Fade;
+        internal double DeviceMass;
+        internal double Tolerance;
+    }
+
+    /// <summary>What a haptic device is to render until the next exchange.</summary>
+    [StructLayout(LayoutKind.Sequential)]
+    public partial struct HapticFeedback
+    {
+        internal uint StructSize;
+        /// <summary>Sum of `SINEW_HAPTIC_WAITING` and so on.</summary>
+        public uint Flags;
+        /// <summary>Force (N) on the hand.</summary>
+        public Vec3 Force;
+        /// <summary>Time (s) since the model of the last step arrived.</summary>
+        public double Age;
+        /// <summary>Steps that had been taken when that model was made.</summary>
+        public ulong Step;
+        /// <summary>Simulated time (s) at the end of that step.</summary>
+        public double Time;
+        /// <summary>Energy (J) that the hand has given so far; below zero it has got some.</summary>
+        public double Energy;
+        /// <summary>Exchanges in which damping was added so far.</summary>
+        public ulong Dampings;
+    }
+
     /// <summary>Forces on a tool and its contacts at the end of the last step.</summary>
     [StructLayout(LayoutKind.Sequential)]
     public partial struct ToolReport
@@ -530,6 +596,9 @@ namespace Sinew
         internal const uint SINEW_HEXAHEDRA = 1;
         internal const uint SINEW_TRIANGLES = 2;
         internal const uint SINEW_QUADS = 3;
+        internal const uint SINEW_LIVE_POSITIONS = 0;
+        internal const uint SINEW_LIVE_NORMALS = 1;
+        internal const uint SINEW_LIVE_WRENCH = 2;
 
         [DllImport(Library, CallingConvention = C)]
         internal static extern int sinew_hold(SimulationHandle simulation, ulong body, byte[] name, uint[] vertices,
@@ -616,6 +685,32 @@ namespace Sinew
 
         [DllImport(Library, CallingConvention = C)]
         internal static extern IntPtr sinew_last_error();
+
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_haptic_add(SimulationHandle simulation, ulong body,
+            ref NativeHapticOptions options, out ulong result, out IntPtr device);
+
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_haptic_exchange(HapticDevice device, ref Vec3 position, ref Vec3 velocity,
+            double seconds, ref HapticFeedback feedback);
+
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern void sinew_haptic_free(IntPtr device);
+
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_live_share(SimulationHandle simulation, ulong[] bodies, UIntPtr bodyCount,
+            ulong[] tools, UIntPtr toolCount, out IntPtr result);
+
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_live_update(LiveReader live, out uint isNew, out ulong step,
+            out double seconds);
+
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_live_read(LiveReader live, ulong handle, uint quantity, double seconds,
+            double[] data, UIntPtr capacity, out UIntPtr needed);
+
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern void sinew_live_free(IntPtr live);
 
         [DllImport(Library, CallingConvention = C)]
         internal static extern int sinew_mesh_from_file(byte[] path, out IntPtr result);

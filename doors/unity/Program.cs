@@ -139,6 +139,42 @@ static class Program
         }
     }
 
+    /// <summary>A device and a reader, which outlive their simulation.</summary>
+    static void Live(string path)
+    {
+        HapticDevice device;
+        LiveReader reader;
+        ulong liver, step;
+        double seconds;
+        double[] last;
+        using (var mesh = MeshHandle.FromFile(path))
+        using (var simulation = new Simulation(0.01, new Vec3(), 1))
+        {
+            liver = simulation.AddBody("liver", mesh, "liver", 0.0);
+            simulation.Hold(liver, "ligament", simulation.Group(liver, "ligament"));
+            simulation.AddHaptic("hand", liver, simulation.Group(liver, "tool"), out device);
+            reader = simulation.Share();
+            var felt = device.Exchange(new Vec3(), new Vec3(), 0.001);
+            Demand(felt.Flags == (uint)HapticFlags.HapticWaiting && felt.Force.Length == 0.0, "a device before a step");
+            for (int i = 1; i <= 100; i++)
+            {
+                felt = device.Exchange(new Vec3(0.0, 0.0, 1e-5 * i), new Vec3(), 0.001);
+                if (i % 10 == 0) { simulation.Step(1); }
+            }
+            Demand(felt.Force.Z < 0.0 && felt.Step == 9, "the force on a hand");
+            last = simulation.Read(liver, Quantity.Positions);
+        }
+        Demand(reader.Update(out step, out seconds) && step == 10, "the step of a reader");
+        var seen = reader.Positions(liver);
+        for (int i = 0; i < last.Length; i++) { Demand(seen[i] == last[i], "position " + i + " of a reader"); }
+        Demand(reader.Normals(liver).Length == last.Length && !reader.Update(out step, out seconds), "a reader");
+        HapticFeedback silent = new HapticFeedback();
+        for (int i = 0; i < 120; i++) { silent = device.Exchange(new Vec3(0.0, 0.0, 1e-3), new Vec3(), 0.001); }
+        Demand(silent.Force.Length == 0.0 && (silent.Flags & (uint)HapticFlags.HapticStale) != 0, "a device without a simulation");
+        device.Dispose();
+        reader.Dispose();
+    }
+
     static int Main(string[] arguments)
     {
         var path = arguments.Length > 0 ? arguments[0] : "demos/meshes/liver.msh";
@@ -146,6 +182,7 @@ static class Program
         var corner = MeshHandle.FromArrays(new double[] { 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1 }, new uint[] { 0, 1, 2, 3 });
         corner.Dispose();
         Wound();
+        Live(path);
         try { MeshHandle.FromFile("no.msh"); Demand(false, "a file that is not there"); }
         catch (SinewException error) { Demand(error.Code == Code.Io, "its code"); }
         return 0;

@@ -154,6 +154,82 @@ namespace Sinew
         }
     }
 
+    /// <summary>The end of a haptic handle at the device, for one thread beside that of the simulation. It stays good when the
+    /// simulation is gone: the force falls to zero then.</summary>
+    public sealed class HapticDevice : SafeHandle
+    {
+        internal HapticDevice(IntPtr own) : base(IntPtr.Zero, true) { SetHandle(own); }
+
+        /// <summary>Where the device is (m), how fast it moves (m/s), and the seconds since the last call; what it is to render until
+        /// the next one. It never waits, and allocates nothing.</summary>
+        public HapticFeedback Exchange(Vec3 position, Vec3 velocity, double seconds)
+        {
+            var felt = new HapticFeedback { StructSize = FeedbackSize };
+            Native.Demand(Native.sinew_haptic_exchange(this, ref position, ref velocity, seconds, ref felt));
+            return felt;
+        }
+
+        static readonly uint FeedbackSize = (uint)Marshal.SizeOf(typeof(HapticFeedback));
+
+        public override bool IsInvalid { get { return handle == IntPtr.Zero; } }
+
+        protected override bool ReleaseHandle()
+        {
+            Native.sinew_haptic_free(handle);
+            return true;
+        }
+    }
+
+    /// <summary>The last two states of bodies and tools, each whole, for one thread beside that of the simulation. It stays good
+    /// when the simulation is gone.</summary>
+    public sealed class LiveReader : SafeHandle
+    {
+        internal LiveReader(IntPtr own) : base(IntPtr.Zero, true) { SetHandle(own); }
+
+        /// <summary>Takes the last state, its steps and its time (s); false where there is no new one. It never waits.</summary>
+        public bool Update(out ulong step, out double seconds)
+        {
+            uint isNew;
+            Native.Demand(Native.sinew_live_update(this, out isNew, out step, out seconds));
+            return isNew != 0;
+        }
+
+        /// <summary>Positions (m) of a body at a time (s) between the last two states; infinity for the last one.</summary>
+        public double[] Positions(ulong body, double seconds = double.PositiveInfinity)
+        {
+            return Read(body, Native.SINEW_LIVE_POSITIONS, seconds);
+        }
+
+        /// <summary>Unit normals of the outside of a body likewise; 0 at vertices that are not on it.</summary>
+        public double[] Normals(ulong body, double seconds = double.PositiveInfinity)
+        {
+            return Read(body, Native.SINEW_LIVE_NORMALS, seconds);
+        }
+
+        /// <summary>Force (N) on a tool, then torque (N m) about its origin.</summary>
+        public double[] Wrench(ulong tool, double seconds = double.PositiveInfinity)
+        {
+            return Read(tool, Native.SINEW_LIVE_WRENCH, seconds);
+        }
+
+        double[] Read(ulong of, uint quantity, double seconds)
+        {
+            UIntPtr needed;
+            Native.Demand(Native.sinew_live_read(this, of, quantity, seconds, null, UIntPtr.Zero, out needed));
+            var values = new double[(int)needed];
+            Native.Demand(Native.sinew_live_read(this, of, quantity, seconds, values, needed, out needed));
+            return values;
+        }
+
+        public override bool IsInvalid { get { return handle == IntPtr.Zero; } }
+
+        protected override bool ReleaseHandle()
+        {
+            Native.sinew_live_free(handle);
+            return true;
+        }
+    }
+
     /// <summary>A simulation. One thread at a time may use it. Handles of bodies and other things are numbers.</summary>
     public sealed class Simulation : IDisposable
     {
@@ -457,6 +533,38 @@ namespace Sinew
         }
 
         public void Step(int n) { Native.Demand(Native.sinew_step(own, checked((uint)n))); }
+
+        /// <summary>Lets a haptic device hold vertices by a spring (N/m, 0: 300) from the next step on; every Step serves it. The handle
+        /// is a pull, which Remove lets go.</summary>
+        public ulong AddHaptic(string name, ulong body, uint[] vertices, out HapticDevice device, double stiffness = 0.0)
+        {
+            var list = GCHandle.Alloc(vertices, GCHandleType.Pinned);
+            try
+            {
+                using (var texts = new Pins(Native.Utf8(name)))
+                {
+                    var options = new NativeHapticOptions
+                    {
+                        StructSize = (uint)Marshal.SizeOf(typeof(NativeHapticOptions)), Name = texts[0],
+                        Vertices = list.AddrOfPinnedObject(), VertexCount = (UIntPtr)vertices.Length, Stiffness = stiffness
+                    };
+                    ulong handle;
+                    IntPtr made;
+                    Native.Demand(Native.sinew_haptic_add(own, body, ref options, out handle, out made));
+                    device = new HapticDevice(made);
+                    return handle;
+                }
+            }
+            finally { list.Free(); }
+        }
+
+        /// <summary>Shares all bodies and tools that there are now with another thread, after every step.</summary>
+        public LiveReader Share()
+        {
+            IntPtr made;
+            Native.Demand(Native.sinew_live_share(own, null, UIntPtr.Zero, null, UIntPtr.Zero, out made));
+            return new LiveReader(made);
+        }
 
         /// <summary>Keeps everything that the steps to come depend on.</summary>
         public SnapshotHandle Snapshot()

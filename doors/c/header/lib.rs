@@ -34,7 +34,7 @@ fn generated() -> String {
     config.export.exclude = vec!["sinew_test_panic".into()];
     let sources = Path::new(env!("CARGO_MANIFEST_DIR")).join("../src");
     let mut builder = cbindgen::Builder::new().with_config(config);
-    for name in ["types", "reports", "call", "simulation", "snapshot", "mesh", "body", "act", "touch", "thread", "report"] {
+    for name in ["types", "reports", "call", "simulation", "snapshot", "mesh", "body", "act", "touch", "thread", "live", "report"] {
         builder = builder.with_src(sources.join(format!("{name}.rs")));
     }
     let mut raw = Vec::new();

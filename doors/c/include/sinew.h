@@ -235,6 +235,53 @@
 // passed.
 #define SINEW_GLUE 19
 
+// Flags of `sinew_haptic_feedback`, several by `|`. No step has answered yet: no force.
+#define SINEW_HAPTIC_WAITING 1
+
+// The last step is too old: the force falls, or is zero.
+#define SINEW_HAPTIC_STALE 2
+
+// The force was cut to the limit.
+#define SINEW_HAPTIC_LIMITED 4
+
+// The force rises no faster than 50 N/s: first contact, or the simulation answers again.
+#define SINEW_HAPTIC_RISING 8
+
+// The device has got more energy than it gave; damping was added.
+#define SINEW_HAPTIC_DAMPED 16
+
+// Position, velocity or time were no finite numbers, or time ran backwards: no force.
+#define SINEW_HAPTIC_BAD_INPUT 32
+
+// Nothing supports the body: the model is that of one step from rest, not of rest.
+#define SINEW_HAPTIC_WITH_INERTIA 64
+
+// The tangent was indefinite; the model is that of the projected one.
+#define SINEW_HAPTIC_PROJECTED 128
+
+// The model was not found in this step; that of an earlier one counts, or none.
+#define SINEW_HAPTIC_UNSOLVED 256
+
+// The step itself did not converge.
+#define SINEW_HAPTIC_UNCONVERGED 512
+
+// Numbers for `sinew_live_read`: positions (m) of a body.
+#define SINEW_LIVE_POSITIONS 0
+
+// Unit normals of the outside of a body at its vertices, means over triangles weighted by area; 0 at vertices that are not on it,
+// or in elements that were cut alone.
+#define SINEW_LIVE_NORMALS 1
+
+// Force (N) on a tool, then torque (N m) about its origin.
+#define SINEW_LIVE_WRENCH 2
+
+// The end of a haptic handle at the device, for one thread beside that of the simulation. It stays good when the simulation is
+// freed: its force falls to zero then.
+typedef struct sinew_haptic_device sinew_haptic_device;
+
+// The last states of a simulation, for one thread beside that of the simulation. It stays good when the simulation is freed.
+typedef struct sinew_live sinew_live;
+
 // A mesh; it never changes, and any number of threads may use it at once.
 typedef struct sinew_mesh sinew_mesh;
 
@@ -729,6 +776,55 @@ typedef struct sinew_thread_point {
   double at[3];
 } sinew_thread_point;
 
+// How a haptic device holds vertices; 0 is the default of a number.
+typedef struct sinew_haptic_options {
+  // sizeof(sinew_haptic_options)
+  uint32_t struct_size;
+  // 0
+  uint32_t reserved;
+  // Name, unique among pulls.
+  const char *name;
+  // Vertices. They share the stiffness evenly, each by a spring of its own.
+  const uint32_t *vertices;
+  // Their number.
+  size_t vertex_count;
+  // Stiffness (N/m) of the coupling: 300 by default, and at most 1000 for what light devices render stably.
+  double stiffness;
+  // Damping (N s/m) of the motion of the device: 2 by default, below 0 none.
+  double damping;
+  // Largest force (N): 3.3 by default.
+  double limit;
+  // Age (s) of the last step from which the force falls, to zero within another 50 ms: 0.05 by default. It has to be longer
+  // than a step takes.
+  double stale;
+  // Time (s) in which the force goes over from one step's model to the next one's: 0.008 by default, below 0 none.
+  double fade;
+  // Moving mass (kg) of the device, which limits what damping may be added in a cycle: 0.05 by default.
+  double device_mass;
+  // Relative residual of the linear systems of the model: 0.01 by default.
+  double tolerance;
+} sinew_haptic_options;
+
+// What a haptic device is to render until the next exchange.
+typedef struct sinew_haptic_feedback {
+  // sizeof(sinew_haptic_feedback), set by the caller
+  uint32_t struct_size;
+  // Sum of `SINEW_HAPTIC_WAITING` and so on.
+  uint32_t flags;
+  // Force (N) on the hand.
+  double force[3];
+  // Time (s) since the model of the last step arrived.
+  double age;
+  // Steps that had been taken when that model was made.
+  uint64_t step;
+  // Simulated time (s) at the end of that step.
+  double time;
+  // Energy (J) that the hand has given so far; below zero it has got some.
+  double energy;
+  // Exchanges in which damping was added so far.
+  uint64_t dampings;
+} sinew_haptic_feedback;
+
 #ifdef __cplusplus
 extern "C" {
 #endif // __cplusplus
@@ -1152,6 +1248,59 @@ sinew_status sinew_thread_cut(struct sinew_simulation *simulation,
 sinew_status sinew_tear_set(struct sinew_simulation *simulation,
                             sinew_handle body,
                             const char *lines);
+
+// Lets a haptic device hold vertices of a body from the next step on, where both are then: the place of the device at its first
+// exchange is where the vertices are when they are taken hold of. Every `sinew_step` serves it. `out` is a pull:
+// `sinew_pull_force` reads it, `sinew_remove` lets go. Free the device with `sinew_haptic_free`, before or after the simulation.
+// On a graphics processor it is `SINEW_BACKEND`.
+sinew_status sinew_haptic_add(struct sinew_simulation *simulation,
+                              sinew_handle body,
+                              const struct sinew_haptic_options *options,
+                              sinew_handle *out,
+                              struct sinew_haptic_device **device);
+
+// Tells where the device is (m) and how fast it moves (m/s), three numbers each, and what it is to render until the next
+// exchange; `seconds` have passed since the last one. It never waits, takes no lock of the simulation and asks for no memory.
+// Numbers that are not finite are `SINEW_OK` with `SINEW_HAPTIC_BAD_INPUT` and no force. Two threads at once on one device:
+// `SINEW_BUSY` for the second.
+sinew_status sinew_haptic_exchange(const struct sinew_haptic_device *device,
+                                   const double *position,
+                                   const double *velocity,
+                                   double seconds,
+                                   struct sinew_haptic_feedback *feedback);
+
+// Frees a device that no call uses; NULL is fine. The pull stays where it was until `sinew_remove`.
+void sinew_haptic_free(struct sinew_haptic_device *device);
+
+// Shares bodies and tools with another thread: their state as it is, then that after every step and every way back. Without any
+// all that there are now. Free it with `sinew_live_free`, before or after the simulation; nothing is written any more then.
+sinew_status sinew_live_share(struct sinew_simulation *simulation,
+                              const sinew_handle *bodies,
+                              size_t body_count,
+                              const sinew_handle *tools,
+                              size_t tool_count,
+                              struct sinew_live **out);
+
+// Takes the last state, whole: whether (1 or 0) it is one that was not taken yet, the steps that were done and the simulated time
+// (s). Any may be NULL. It never waits.
+sinew_status sinew_live_update(struct sinew_live *live,
+                               uint32_t *is_new,
+                               uint64_t *step,
+                               double *seconds);
+
+// Numbers of a shared body, three a vertex of its mesh (`SINEW_LIVE_POSITIONS`, `SINEW_LIVE_NORMALS`), or of a shared tool, six
+// (`SINEW_LIVE_WRENCH`), at a time (s) between the last two states that were taken; `INFINITY` for the last one, to the bit.
+// `needed` says how many there are; `data` may be NULL with capacity 0 to ask.
+sinew_status sinew_live_read(struct sinew_live *live,
+                             sinew_handle handle,
+                             uint32_t quantity,
+                             double seconds,
+                             double *data,
+                             size_t capacity,
+                             size_t *needed);
+
+// Frees a reader that no call uses; NULL is fine.
+void sinew_live_free(struct sinew_live *live);
 
 // What the last step did, as JSON that ends with a zero byte. `needed` says how many bytes that is; `out` may be NULL with
 // capacity 0 to ask.

@@ -174,6 +174,7 @@ macro_rules! sized {
 sized! {
     sinew_options sinew_mesh_arrays sinew_material sinew_membrane sinew_muscle sinew_fibre sinew_body sinew_constraint
     sinew_part sinew_tool sinew_tool_report sinew_pull sinew_pick_result sinew_region sinew_cut_report
+    sinew_haptic_options sinew_haptic_feedback
 }
 
 /// A structure of the caller, after a look at its size.

@@ -14,6 +14,7 @@
 mod act;
 mod body;
 mod call;
+mod live;
 mod mesh;
 mod report;
 mod reports;
@@ -26,6 +27,7 @@ mod types;
 pub use act::*;
 pub use body::*;
 pub use call::*;
+pub use live::*;
 pub use mesh::*;
 pub use report::*;
 pub use reports::*;

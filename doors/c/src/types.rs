@@ -583,3 +583,85 @@ pub const SINEW_THREAD_ENDS: u32 = 18;
 /// Of a body with glue, three numbers: springs that hold, energy (J) in them, and energy (J) that was in those that blades have
 /// passed.
 pub const SINEW_GLUE: u32 = 19;
+
+/// Flags of `sinew_haptic_feedback`, several by `|`. No step has answered yet: no force.
+pub const SINEW_HAPTIC_WAITING: u32 = 1;
+/// The last step is too old: the force falls, or is zero.
+pub const SINEW_HAPTIC_STALE: u32 = 2;
+/// The force was cut to the limit.
+pub const SINEW_HAPTIC_LIMITED: u32 = 4;
+/// The force rises no faster than 50 N/s: first contact, or the simulation answers again.
+pub const SINEW_HAPTIC_RISING: u32 = 8;
+/// The device has got more energy than it gave; damping was added.
+pub const SINEW_HAPTIC_DAMPED: u32 = 16;
+/// Position, velocity or time were no finite numbers, or time ran backwards: no force.
+pub const SINEW_HAPTIC_BAD_INPUT: u32 = 32;
+/// Nothing supports the body: the model is that of one step from rest, not of rest.
+pub const SINEW_HAPTIC_WITH_INERTIA: u32 = 64;
+/// The tangent was indefinite; the model is that of the projected one.
+pub const SINEW_HAPTIC_PROJECTED: u32 = 128;
+/// The model was not found in this step; that of an earlier one counts, or none.
+pub const SINEW_HAPTIC_UNSOLVED: u32 = 256;
+/// The step itself did not converge.
+pub const SINEW_HAPTIC_UNCONVERGED: u32 = 512;
+
+/// How a haptic device holds vertices; 0 is the default of a number.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct sinew_haptic_options {
+    /// sizeof(sinew_haptic_options)
+    pub struct_size: u32,
+    /// 0
+    pub reserved: u32,
+    /// Name, unique among pulls.
+    pub name: *const c_char,
+    /// Vertices. They share the stiffness evenly, each by a spring of its own.
+    pub vertices: *const u32,
+    /// Their number.
+    pub vertex_count: usize,
+    /// Stiffness (N/m) of the coupling: 300 by default, and at most 1000 for what light devices render stably.
+    pub stiffness: f64,
+    /// Damping (N s/m) of the motion of the device: 2 by default, below 0 none.
+    pub damping: f64,
+    /// Largest force (N): 3.3 by default.
+    pub limit: f64,
+    /// Age (s) of the last step from which the force falls, to zero within another 50 ms: 0.05 by default. It has to be longer
+    /// than a step takes.
+    pub stale: f64,
+    /// Time (s) in which the force goes over from one step's model to the next one's: 0.008 by default, below 0 none.
+    pub fade: f64,
+    /// Moving mass (kg) of the device, which limits what damping may be added in a cycle: 0.05 by default.
+    pub device_mass: f64,
+    /// Relative residual of the linear systems of the model: 0.01 by default.
+    pub tolerance: f64,
+}
+
+/// What a haptic device is to render until the next exchange.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct sinew_haptic_feedback {
+    /// sizeof(sinew_haptic_feedback), set by the caller
+    pub struct_size: u32,
+    /// Sum of `SINEW_HAPTIC_WAITING` and so on.
+    pub flags: u32,
+    /// Force (N) on the hand.
+    pub force: [f64; 3],
+    /// Time (s) since the model of the last step arrived.
+    pub age: f64,
+    /// Steps that had been taken when that model was made.
+    pub step: u64,
+    /// Simulated time (s) at the end of that step.
+    pub time: f64,
+    /// Energy (J) that the hand has given so far; below zero it has got some.
+    pub energy: f64,
+    /// Exchanges in which damping was added so far.
+    pub dampings: u64,
+}
+
+/// Numbers for `sinew_live_read`: positions (m) of a body.
+pub const SINEW_LIVE_POSITIONS: u32 = 0;
+/// Unit normals of the outside of a body at its vertices, means over triangles weighted by area; 0 at vertices that are not on it,
+/// or in elements that were cut alone.
+pub const SINEW_LIVE_NORMALS: u32 = 1;
+/// Force (N) on a tool, then torque (N m) about its origin.
+pub const SINEW_LIVE_WRENCH: u32 = 2;

@@ -9,6 +9,7 @@
 mod api;
 
 mod header;
+mod live;
 mod misuse;
 mod use_;
 

@@ -113,6 +113,14 @@ fn null_is_an_argument_everywhere() {
         sinew_thread_cut(none, 0, 0, null_mut(), null_mut());
         sinew_thread_cut(sim, 0, 0, null_mut(), null_mut());
         sinew_tear_set(none, 0, null());
+        sinew_haptic_add(none, 0, null(), null_mut(), null_mut());
+        sinew_haptic_add(sim, body, null(), null_mut(), null_mut());
+        sinew_haptic_exchange(null(), null(), null(), 0.001, null_mut());
+        sinew_live_share(none, null(), 0, null(), 0, null_mut());
+        sinew_live_share(sim, null(), 0, null(), 0, null_mut());
+        sinew_live_share(sim, null(), 1, null(), 0, null_mut());
+        sinew_live_update(null_mut(), null_mut(), null_mut(), null_mut());
+        sinew_live_read(null_mut(), body, 0, 0.0, null_mut(), 0, null_mut());
         sinew_pick(none, null(), null(), null_mut());
         sinew_pick(sim, null(), null(), null_mut());
         sinew_report_json(none, null_mut(), 0, null_mut());
@@ -139,6 +147,8 @@ fn null_is_an_argument_everywhere() {
         sinew_simulation_free(null_mut());
         sinew_mesh_free(null_mut());
         sinew_snapshot_free(null_mut());
+        sinew_haptic_free(null_mut());
+        sinew_live_free(null_mut());
     }
     // no function of the header is left out
     let without_pointers = [
@@ -147,6 +157,8 @@ fn null_is_an_argument_everywhere() {
         "sinew_simulation_free",
         "sinew_mesh_free",
         "sinew_snapshot_free",
+        "sinew_haptic_free",
+        "sinew_live_free",
     ];
     for name in header::functions() {
         let known = table.iter().any(|(own, _)| *own == name);
@@ -177,6 +189,12 @@ fn wrong_handles_are_told() {
     });
     let mut report = sized!(sinew_tool_report {});
     let [mut first, mut second] = [0; 2];
+    let hand = sized!(sinew_haptic_options {
+        name: name.as_ptr(),
+        vertices: vertex.as_ptr(),
+        vertex_count: 1,
+    });
+    let (mut device, mut live) = (null_mut(), null_mut());
     let liver = c("liver");
     let material = sized!(sinew_material { preset: liver.as_ptr() });
     for handle in [0, u64::MAX, hold ^ 1, slab.body ^ (1 << 40), 3 << 56] {
@@ -220,6 +238,9 @@ fn wrong_handles_are_told() {
             sinew_thread_tie(sim, handle);
             sinew_thread_cut(sim, handle, 0, &mut first, &mut second);
             sinew_tear_set(sim, handle, null());
+            sinew_haptic_add(sim, handle, &hand, &mut wide, &mut device);
+            sinew_live_share(sim, &handle, 1, null(), 0, &mut live);
+            sinew_live_share(sim, null(), 0, &handle, 1, &mut live);
         }
         for (function, status) in table {
             assert_eq!(status, SINEW_HANDLE, "{function} {handle:x}: {}", said());
@@ -230,7 +251,7 @@ fn wrong_handles_are_told() {
 #[test]
 fn wrong_sizes_of_structures_are_told() {
     let slab = Slab::new(1);
-    let name = c("x");
+    let (name, slab_device) = (c("x"), crate::live::device(&slab).1);
     for size in [0, 4, u32::MAX] {
         let (mut sim, mut mesh, mut handle) = (null_mut(), null_mut(), 0);
         let options = sized!(sinew_options { struct_size: size });
@@ -247,6 +268,9 @@ fn wrong_sizes_of_structures_are_told() {
         let pull = sized!(sinew_pull { struct_size: size });
         let mut pick = sized!(sinew_pick_result { struct_size: size });
         let region = sized!(sinew_region { struct_size: size });
+        let haptic = sized!(sinew_haptic_options { struct_size: size });
+        let mut felt = sized!(sinew_haptic_feedback { struct_size: size });
+        let (mut device, zero) = (null_mut(), [0.0; 3].as_ptr());
         let mut table = Vec::new();
         calls! { table:
             sinew_simulation_new(&options, &mut sim);
@@ -262,6 +286,8 @@ fn wrong_sizes_of_structures_are_told() {
             sinew_pick(slab.sim, [0.0; 3].as_ptr(), [1.0; 3].as_ptr(), &mut pick);
             sinew_remove_elements(slab.sim, slab.body, &region, null_mut());
             sinew_cut(slab.sim, slab.body, [0.0; 12].as_ptr(), 2, &mut cut);
+            sinew_haptic_add(slab.sim, slab.body, &haptic, &mut handle, &mut device);
+            sinew_haptic_exchange(slab_device, zero, zero, 0.001, &mut felt);
         }
         for (function, status) in table {
             assert_eq!(status, SINEW_ARGUMENT, "{function}: {}", said());
@@ -271,8 +297,9 @@ fn wrong_sizes_of_structures_are_told() {
                 said()
             );
         }
-        assert!(sim.is_null() && mesh.is_null() && handle == 0);
+        assert!(sim.is_null() && mesh.is_null() && device.is_null() && handle == 0);
     }
+    unsafe { sinew_haptic_free(slab_device) };
 }
 
 #[test]

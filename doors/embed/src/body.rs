@@ -9,18 +9,15 @@ use glam::DVec3;
 use serde::Deserialize;
 use sinew::engine::connectivity::ElementKind;
 use sinew::engine::mesh::{CheckOptions, Mesh, check};
-use sinew::engine::row::LocalRow;
-use sinew::engine::surface::SurfaceReader;
 use sinew::models::body::present::MassPolicy;
 use sinew::models::body::sheet::MembraneSettings;
 use sinew::models::body::{BodyDescription, SoftBody};
 use sinew::models::material::YoungPoisson;
 use sinew::models::material::field::{MaterialArrays, MaterialField};
 use sinew::models::resection::{Region, Removal, RemovalReport};
-use sinew::simulation::{BodyHandle, MaterialChange, Simulation};
+use sinew::simulation::{BodyHandle, MaterialChange};
 use sinew_scene::assemble::{BuiltBody, BuiltMembrane};
 use std::borrow::Cow;
-use std::collections::HashSet;
 
 /// Vectors of a body in the user's order, as of an epoch.
 #[derive(Clone, Debug, Default)]
@@ -402,7 +399,7 @@ impl Embedding {
             let rows = &self.built.simulation.topology().bodies[body];
             if Some(rows.changes) != own.changes {
                 own.changes = Some(rows.changes);
-                let triangles = outside(&mut self.built.simulation, body);
+                let triangles = self.built.simulation.outside(BodyHandle(body));
                 if own.revision == 0 || triangles != own.surface {
                     own.surface = triangles;
                     own.revision += 1;
@@ -493,23 +490,4 @@ fn membrane(
     in_range("quadrilaterals of the membrane", cells.quads.as_flattened(), count)?;
     let (triangles, quads) = (cells.triangles.to_vec(), cells.quads.to_vec());
     Ok(BuiltMembrane::new(mesh, triangles, quads, settings))
-}
-
-/// Triangles of the outside of a body in the user's order; see [`Surface`].
-fn outside(simulation: &mut Simulation, body: usize) -> Vec<[u32; 3]> {
-    let world = simulation.world_mut();
-    let Some(read) = world.get_resource::<SurfaceReader>().copied() else { return Vec::new() };
-    let surface = (read.0)(world, body);
-    let rows = &simulation.topology().bodies[body];
-    let user = |t: &[u32; 3]| t.map(|v| rows.vertex_of(LocalRow(v)).0);
-    let of_vertices = |t: &&[u32; 3]| t.iter().all(|v| (*v as usize) < rows.row_count());
-    let mut triangles: Vec<[u32; 3]> =
-        surface.triangles.iter().filter(of_vertices).map(user).collect();
-    let sorted = |mut t: [u32; 3]| {
-        t.sort_unstable();
-        t
-    };
-    let known: HashSet<[u32; 3]> = triangles.iter().map(|&t| sorted(t)).collect();
-    triangles.extend(surface.sheets.iter().map(user).filter(|&t| !known.contains(&sorted(t))));
-    triangles
 }

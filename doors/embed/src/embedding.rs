@@ -14,6 +14,8 @@ use sinew::engine::report::{StepReport, VolumeReport};
 use sinew::engine::step::StepClock;
 use sinew::engine::time::Gravity;
 use sinew::engine::workers::Workers;
+use sinew::haptics::HapticTissue;
+use sinew::live::StateWriter;
 use sinew::simulation::{Backend, BodyHandle, Readback, Simulation, SimulationOptions};
 use sinew::solvers::settings::SolverSettings;
 pub use sinew_scene::assemble::BuildOptions as Overrides;
@@ -98,6 +100,10 @@ pub struct Embedding {
     poisoned: Option<String>,
     /// A recording on its way, and its steps from frame to frame.
     pub(crate) recorder: Option<(Recorder, u64)>,
+    /// Haptic handles, each with the handle of its pull.
+    pub(crate) haptics: Vec<(Handle, HapticTissue)>,
+    /// For readers on other threads.
+    pub(crate) writers: Vec<StateWriter>,
     /// Its own in this process.
     number: u64,
 }
@@ -212,8 +218,18 @@ impl Embedding {
         of_scene(Kind::Thread, built.strands.iter().map(|own| &own.name).collect());
         of_scene(Kind::Clip, built.clips.iter().map(|own| &own.name).collect());
         let number = NUMBER.fetch_add(1, Ordering::Relaxed);
-        let (poisoned, recorder) = (None, None);
-        Self { built, scene, handles, buffers, epoch: 1, poisoned, recorder, number }
+        Self {
+            built,
+            scene,
+            handles,
+            buffers,
+            epoch: 1,
+            poisoned: None,
+            recorder: None,
+            haptics: Vec::new(),
+            writers: Vec::new(),
+            number,
+        }
     }
 
     /// Says that the simulation cannot be used any more, because something panicked in it; every later [`Embedding::check`]
@@ -241,7 +257,8 @@ impl Embedding {
         }
     }
 
-    /// Carries out `n` steps with everything that the scene does between them, up to the first that fails.
+    /// Carries out `n` steps with everything that the scene does between them, up to the first that fails. After each, haptic
+    /// devices and readers on other threads get what is new.
     ///
     /// # Errors
     /// [`Code::Step`] when a step cannot be carried out; the state is then that before it.
@@ -253,7 +270,10 @@ impl Embedding {
                 let prepared = self.built.prepare_step(done);
                 prepared.map_err(|e| EmbedError::new(Code::Step, e.to_string()))?;
             }
+            self.before_haptics()?;
             self.built.simulation.step()?;
+            self.after_haptics()?;
+            self.publish();
             self.recorded();
         }
         Ok(())
@@ -506,6 +526,7 @@ impl Embedding {
             }
         }
         self.handles.remove(handle)?;
+        self.haptics.retain(|(own, _)| *own != handle);
         self.epoch += 1;
         Ok(())
     }

@@ -34,6 +34,8 @@ mod error;
 mod files;
 mod film;
 mod handle;
+mod haptic;
+mod live;
 mod mesh;
 mod snapshot;
 mod thread;
@@ -47,6 +49,8 @@ pub use embedding::{Embedding, Energy, Options, Overrides, Report};
 pub use error::{Code, EmbedError, InputError, Result};
 pub use files::{Files, Folder};
 pub use handle::{Handle, HandleError, Kind};
+pub use haptic::{HapticDevice, haptic_bits, or_default};
+pub use live::{Reader, Shared};
 pub use mesh::{
     MembraneCells, MeshArrays, distance_field, group, membrane_cells, mesh_cell_data,
     mesh_from_arrays, mesh_from_bytes, mesh_from_file, mesh_from_generator, mesh_info_json,
@@ -66,6 +70,7 @@ pub use sinew::engine::mesh::{Group, Mesh};
 pub use sinew::engine::precision::Precision;
 pub use sinew::engine::report::{StepReport, VolumeReport};
 pub use sinew::engine::schedule::Executor;
+pub use sinew::haptics::{Feedback, HapticFlags, HapticOptions};
 pub use sinew::models::axes::description::{AxesDescription, AxisAngle, AxisFamily, FibreForm};
 pub use sinew::models::axes::muscle::MuscleSettings;
 pub use sinew::models::body::lumped::SpringRule;

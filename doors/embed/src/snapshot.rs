@@ -121,6 +121,7 @@ impl Embedding {
             self.built.plan.gravity = gravity;
         }
         self.epoch += 1;
+        self.publish();
         self.record_anew()
     }
 

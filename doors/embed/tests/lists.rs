@@ -263,7 +263,7 @@ fn struct_of_csharp(name: &str) -> String {
     match name {
         "sinew_tool_report" | "sinew_part_report" => pascal(name),
         "sinew_pick_result" => "Pick".into(),
-        "sinew_thread_point" | "sinew_cut_report" => pascal(name),
+        "sinew_thread_point" | "sinew_cut_report" | "sinew_haptic_feedback" => pascal(name),
         _ => format!("Native{}", pascal(name)),
     }
 }
@@ -302,6 +302,8 @@ fn argument(function: &str, name: &str, of: &str, next: &str) -> String {
         "sinew_simulation" => "SimulationHandle",
         "sinew_mesh" => "MeshHandle",
         "sinew_snapshot" => "SnapshotHandle",
+        "sinew_haptic_device" => "HapticDevice",
+        "sinew_live" => "LiveReader",
         _ => "",
     };
     match (constant, of) {
@@ -309,11 +311,14 @@ fn argument(function: &str, name: &str, of: &str, next: &str) -> String {
         _ if !owner.is_empty() => format!("{owner} {own}"),
         (_, "c_char" | "u8") => format!("byte[] {own}"),
         (_, "f32") => format!("IntPtr {own}"),
+        ("mut", "u32") if !list => format!("out uint {own}"),
         (_, "u32") => format!("uint[] {own}"),
         (_, "usize") => format!("out UIntPtr {own}"),
+        ("const", "sinew_handle") => format!("ulong[] {own}"),
         (_, "u64" | "sinew_handle") => format!("out ulong {own}"),
         ("const", "f64")
-            if ["position", "origin", "direction", "about", "gravity"].contains(&name) =>
+            if ["position", "velocity", "origin", "direction", "about", "gravity"]
+                .contains(&name) =>
         {
             format!("ref Vec3 {own}")
         }
@@ -350,6 +355,12 @@ fn header_of_csharp() -> String {
         ("Kinds of things that a handle may stand for.", "Kind : uint", "BODY", "CLIP"),
         ("What can be read of a body, thread or clip.", "Quantity : uint", "POSITIONS", "GLUE"),
         ("What a tool does; several by `|`.", "ToolFlags : uint", "GRIP", "CAVITY"),
+        (
+            "What is not as it should be with a haptic force; several by `|`.",
+            "HapticFlags : uint",
+            "HAPTIC_WAITING",
+            "HAPTIC_UNCONVERGED",
+        ),
     ] {
         let place = |name: &str| left.iter().position(|own| own.name[6..] == *name).unwrap();
         let (first, last) = (place(first), place(last));

@@ -5,6 +5,7 @@ mod doors;
 mod errors;
 mod film;
 mod lists;
+mod live;
 mod scenes;
 mod snapshots;
 

@@ -6,6 +6,7 @@ mod batch;
 mod engine;
 mod error;
 mod input;
+mod live;
 mod mesh;
 mod simulation;
 
@@ -39,6 +40,8 @@ fn preset(name: &str) -> PyResult<(f64, f64, f64)> {
 mod _native {
     #[pymodule_export]
     use super::batch::step_all;
+    #[pymodule_export]
+    use super::live::{HapticDevice, HapticFeedback, Reader};
     #[pymodule_export]
     use super::mesh::Mesh;
     #[pymodule_export]

@@ -3,6 +3,7 @@
 use crate::engine::{Shared, guarded, refreshed};
 use crate::error::{panic_text, raise};
 use crate::input::*;
+use crate::live::{HapticDevice, Reader};
 use crate::mesh::Mesh;
 use numpy::prelude::*;
 use numpy::{PyArray1, PyArray2};
@@ -11,7 +12,7 @@ use pyo3::types::{PyBytes, PyDict};
 use sinew_embed::*;
 use std::io;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 
 /// Numbers in a row.
 type Array<'py, T> = Bound<'py, PyArray1<T>>;
@@ -634,6 +635,29 @@ impl Engine {
     /// What a pull did, as JSON.
     fn pull_report(&self, pull: Handle) -> PyResult<String> {
         self.0.read(|own| Ok(json(&own.pull_report(pull)?)))
+    }
+
+    /// A pull, and the device that holds by it. Numbers: stiffness, damping, limit, stale, fade, mass of the device, tolerance.
+    fn add_haptic(
+        &self,
+        body: Handle,
+        name: String,
+        vertices: Indices,
+        numbers: [f64; 7],
+    ) -> PyResult<(Handle, HapticDevice)> {
+        let [stiffness, damping, limit, stale, fade, device_mass, tolerance] = numbers;
+        let (pull, device) = self.0.with(|own| {
+            let or = own.haptic_options(body, &vertices.0)?;
+            let options = HapticOptions { name, stiffness, damping, limit, stale, ..or };
+            own.add_haptic(HapticOptions { fade, device_mass, tolerance, ..options })
+        })?;
+        Ok((pull, HapticDevice(device)))
+    }
+
+    /// Shares bodies and tools with another thread.
+    fn share(&self, bodies: Vec<Handle>, tools: Vec<Handle>) -> PyResult<Reader> {
+        let reader = self.0.with(|own| own.share(&bodies, &tools))?;
+        Ok(Reader(Mutex::new(reader)))
     }
 
     fn add_thread(

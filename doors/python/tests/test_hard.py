@@ -49,6 +49,82 @@ def test_no_thread_sees_two_steps_mixed():
     assert sim.hash() == first.hash()
 
 
+def test_every_frame_of_a_reader_is_one_step():
+    steps = 2000
+    sim, body = block((2, 2, 2))
+    reader = sim.share([body])
+    assert not reader.update() and (reader.step, reader.time) == (0, 0.0)
+    truth, seen, done = [digest(body.positions)], [], threading.Event()
+
+    def read():
+        while not (done.is_set() and reader.step == steps):
+            if reader.update():
+                seen.append((reader.step, digest(reader.positions(body)), digest(reader.normals(body))))
+
+    thread = threading.Thread(target=read)
+    thread.start()
+    for _ in range(steps):
+        sim.step()
+        truth.append(digest(body.positions))
+    done.set()
+    thread.join()
+    assert len(seen) > 10 and all(truth[step] == state for step, state, _ in seen)
+    assert [step for step, _, _ in seen] == sorted({step for step, _, _ in seen})
+    lengths = np.linalg.norm(reader.normals(body), axis=1)
+    outside = np.unique(body.surface)
+    assert np.allclose(lengths[outside], 1) and lengths.sum() == pytest.approx(len(outside))
+    last = reader.positions(body)
+    sim.step()
+    before = reader.time
+    assert reader.update() and reader.time == pytest.approx(before + 0.01)
+    middle = reader.positions(body, reader.time - 0.005)
+    assert np.allclose(middle, (last + body.positions) / 2, atol=1e-12)
+    with pytest.raises(sinew.ArgumentError, match="share it, too"):
+        sim.share(tools=[sim.add_tool("ball", sinew.Sphere(0.01), (0, 0, 1))]).positions(body)
+
+
+def test_a_haptic_device_beside_steps():
+    """Times are shown, not asserted: the interpreter's lock decides them."""
+    sim, body = block((6, 6, 4), gravity=(0, 0, 0))
+    handle = sim.haptic(body, "z1", stiffness=200.0)
+    device, times, felt, stop = handle.device, [], [], threading.Event()
+    assert device.exchange((0, 0, 0), (0, 0, 0), 0.001).waiting
+
+    def feel():
+        begin = time.perf_counter()
+        while not stop.is_set():
+            now = time.perf_counter()
+            z = min(0.002, 0.004 * (now - begin))
+            felt.append(device.exchange((0.0, 0.0, z), np.zeros(3), 0.001))
+            times.append(time.perf_counter() - now)
+            time.sleep(0.001)
+
+    thread = threading.Thread(target=feel)
+    thread.start()
+    end = time.perf_counter() + 1.0
+    while time.perf_counter() < end:
+        sim.step(10)
+    stop.set()
+    thread.join()
+    assert felt[-1].force[2] < -0.05 and felt[-1].step > 10 and not felt[-1].bad_input
+    assert [own.step for own in felt] == sorted(own.step for own in felt)
+    assert handle.report.force[2] < -0.05
+    p50, p99 = np.percentile(times, [50, 99]) * 1e6
+    print(f"\nexchanges beside steps: {len(times)}, p50 {p50:.0f} us, p99 {p99:.0f} us")
+    with pytest.raises(AttributeError):
+        felt[-1].force = (0, 0, 0)
+    with pytest.raises(sinew.ArgumentError, match="device moves"):
+        handle.move((0, 0, 1))
+    with pytest.raises(sinew.ArgumentError, match="stiffness is -1 N/m"):
+        sim.haptic(body, "z1", stiffness=-1.0, name="other")
+    assert device.exchange((0, 0, float("nan")), (0, 0, 0), 0.001).bad_input
+    handle.remove()
+    del sim, body, handle
+    gc.collect()
+    silent = [device.exchange((0, 0, 0.002), (0, 0, 0), 0.001) for _ in range(150)][-1]
+    assert silent.stale and silent.force == (0, 0, 0)
+
+
 def test_large_copies_are_whole():
     """numpy copies large arrays with the interpreter's lock released; `Body.copy` does not."""
     sim, body = block((12, 12, 10), gravity=(0, 0, 0))

@@ -28,7 +28,7 @@ from ._errors import (
     SnapshotError,
     StepError,
 )
-from ._native import Snapshot
+from ._native import HapticDevice, HapticFeedback, Snapshot
 from ._mesh import Mesh, generate, read_mesh
 from ._reports import (
     ContactFigures,
@@ -45,7 +45,22 @@ from ._reports import (
     ToolReport,
     Volume,
 )
-from ._simulation import Batch, Body, Clip, Constraint, Contact, Load, Page, Pressure, Pull, Simulation, Thread, Tool
+from ._simulation import (
+    Batch,
+    Body,
+    Clip,
+    Constraint,
+    Contact,
+    Haptic,
+    Load,
+    Page,
+    Pressure,
+    Pull,
+    Reader,
+    Simulation,
+    Thread,
+    Tool,
+)
 from ._types import (
     Axes,
     Box,
@@ -101,6 +116,9 @@ __all__ = [
     "FileError",
     "HalfSpace",
     "HandleError",
+    "Haptic",
+    "HapticDevice",
+    "HapticFeedback",
     "Load",
     "Material",
     "MaterialError",
@@ -117,6 +135,7 @@ __all__ = [
     "Pressure",
     "Pull",
     "PullReport",
+    "Reader",
     "Removal",
     "Report",
     "Run",

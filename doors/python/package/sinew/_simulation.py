@@ -18,7 +18,7 @@ from . import _reports as reports
 from . import _types as types
 from ._errors import ArgumentError
 from ._mesh import Mesh, floats, indices, toml, vector
-from ._native import Snapshot
+from ._native import HapticDevice, Snapshot
 from ._reports import Floats, Report
 from ._types import Axes, Curve, Energy, Material, Membrane, Part, Pick, Pose, Run, Shape, Sine, Skin, Stiffness, Wrench
 
@@ -494,6 +494,60 @@ class Pull(_Removable):
         return report
 
 
+class Haptic(Pull):
+    """A patch that a haptic device holds by a spring inside the implicit step, from the next step on. Every ``step`` serves it;
+    :meth:`remove` lets go."""
+
+    __slots__ = ("device",)
+    device: HapticDevice
+    """For the thread of the device: ``device.exchange(position, velocity, seconds)`` at a kilohertz or so. Metres and m/s, in the
+    axes of the simulation; where it is first is where the patch is when it is taken hold of. It never waits for a step,
+    and outlives the simulation: the force falls to zero then."""
+
+    def move(self, by: ArrayLike, rotation: ArrayLike = _NO_TURN, centre: ArrayLike = (0.0, 0.0, 0.0)) -> None:
+        """Raises ``ArgumentError``: its device moves it."""
+        raise ArgumentError(f"the device moves haptic handle `{self.name}`; tell its place by `device.exchange`")
+
+
+class Reader:
+    """The last two states of bodies and tools, each whole, for another thread than the one that steps; one reader a thread. It
+    never waits for a step, and outlives the simulation."""
+
+    __slots__ = ("_own",)
+
+    def __init__(self, own: _native.Reader) -> None:
+        self._own = own
+
+    def update(self) -> bool:
+        """Takes the last state; ``False`` where there is no new one."""
+        return self._own.update()
+
+    @property
+    def step(self) -> int:
+        """Steps done at the last state that was taken."""
+        return self._own.clock()[0]
+
+    @property
+    def time(self) -> float:
+        """Simulated time (s) of the last state that was taken."""
+        return self._own.clock()[1]
+
+    def positions(self, body: Body, time: float = math.inf) -> Floats:
+        """Positions (m) of the vertices of a body, (n, 3): at a time (s) between the last two states that were taken, from that
+        of the last one on those of it, to the bit."""
+        return self._own.body(body.handle, False, time)
+
+    def normals(self, body: Body, time: float = math.inf) -> Floats:
+        """Unit normals of its outside likewise, (n, 3): means over triangles, weighted by area; 0 at vertices that are not on it, or
+        in elements that were cut alone."""
+        return self._own.body(body.handle, True, time)
+
+    def wrench(self, tool: Tool, time: float = math.inf) -> Wrench:
+        """Force (N) on a tool and torque (N m) about its origin likewise."""
+        force, torque = self._own.tool(tool.handle, time)
+        return Wrench(np.array(force), np.array(torque))
+
+
 class _Line(_Removable):
     __slots__ = ()
 
@@ -957,6 +1011,35 @@ class Simulation:
         shares = floats("weights", np.asarray(weights, np.float64))
         handle = self._own.add_pull(body.handle, own, which, shares, (float(stiffness), float(damping)))
         return Pull(self, handle, own)
+
+    def haptic(
+        self,
+        body: Body,
+        vertices: Vertices,
+        *,
+        stiffness: float = 300.0,
+        damping: float = 2.0,
+        limit: float = 3.3,
+        stale: float = 0.05,
+        fade: float = 0.008,
+        device_mass: float = 0.05,
+        tolerance: float = 0.01,
+        name: str | None = None,
+    ) -> Haptic:
+        """Lets a haptic device hold vertices by a spring ``stiffness`` (N/m); ``damping`` (N s/m) of the device; largest force
+        ``limit`` (N); the force falls from ``stale`` seconds after the last step on, and goes over from step to step in ``fade``
+        seconds; ``device_mass`` (kg) is what moves of the device; ``tolerance`` of its linear systems."""
+        own, which = self._name("pull", name, vertices), body.vertices(vertices)
+        numbers = [float(x) for x in (stiffness, damping, limit, stale, fade, device_mass, tolerance)]
+        handle, device = self._own.add_haptic(body.handle, own, which, numbers)
+        made = Haptic(self, handle, own)
+        made.device = device
+        return made
+
+    def share(self, bodies: Sequence[Body] = (), tools: Sequence[Tool] = ()) -> Reader:
+        """Shares bodies and tools with other threads: their state as it is, then that after every step and every way back. Without
+        any all that there are now."""
+        return Reader(self._own.share([body.handle for body in bodies], [tool.handle for tool in tools]))
 
     def add_thread(
         self, points: Sequence[tuple[Body, ArrayLike] | Tool | ArrayLike], *, stiffness: float, name: str | None = None, **keys: Any

@@ -1,0 +1,122 @@
+//! Haptic devices: a handle beside the simulation, a device for a thread of its own.
+
+use crate::embedding::Embedding;
+use crate::error::{Code, EmbedError, InputError, Result};
+use crate::handle::{Handle, Kind, Target};
+use glam::DVec3;
+use sinew::haptics::{Feedback, HapticError, HapticFlags, HapticOptions, HapticTissue};
+use sinew::simulation::{BodyHandle, Simulation};
+use std::sync::{Mutex, PoisonError};
+
+/// The end of a handle at the device. It knows nothing of the simulation but what that gives away after every step, and is as
+/// good as before when that is gone: the force falls to zero, as if no step were taken any more.
+#[derive(Debug)]
+pub struct HapticDevice(Mutex<sinew::haptics::HapticDevice>);
+
+impl HapticDevice {
+    /// Tells where the device is (m) and how fast it moves (m/s), and what it is to render for the next `seconds`: see
+    /// [`sinew::haptics::HapticDevice::exchange`]. It neither waits nor asks for memory, whatever the simulation does.
+    ///
+    /// # Errors
+    /// [`Code::Busy`] when another thread makes an exchange with the same device at this moment: a device belongs to one
+    /// thread. Numbers that are not finite are no error, but `bad_input`.
+    pub fn exchange(
+        &self,
+        position: [f64; 3],
+        velocity: [f64; 3],
+        seconds: f64,
+    ) -> Result<Feedback> {
+        let Ok(mut own) = self.0.try_lock() else {
+            let text = "another thread uses this haptic device at this moment; use it from one";
+            return Err(EmbedError::new(Code::Busy, text));
+        };
+        let [x, v] = [position, velocity].map(DVec3::from_array);
+        Ok(own.exchange(x, v, seconds))
+    }
+}
+
+/// Flags as bits, by the order of [`HapticFlags`] from 1.
+pub fn haptic_bits(flags: &HapticFlags) -> u32 {
+    let HapticFlags { waiting, stale, limited, rising, damped, bad_input, .. } = *flags;
+    let HapticFlags { with_inertia, projected, unsolved, unconverged, .. } = *flags;
+    let force = [waiting, stale, limited, rising, damped, bad_input];
+    let model = [with_inertia, projected, unsolved, unconverged];
+    let all = force.into_iter().chain(model);
+    all.enumerate().map(|(i, on)| u32::from(on) << i).sum()
+}
+
+impl Embedding {
+    /// Moves hands before a step.
+    pub(crate) fn before_haptics(&mut self) -> Result<()> {
+        self.each_haptic(HapticTissue::before_step)
+    }
+
+    /// Finds models after it.
+    pub(crate) fn after_haptics(&mut self) -> Result<()> {
+        self.each_haptic(|tissue, simulation| tissue.after_step(simulation).map(drop))
+    }
+
+    /// One whose pull is not there now is passed over: going back may bring it again.
+    fn each_haptic(
+        &mut self,
+        act: fn(&mut HapticTissue, &mut Simulation) -> std::result::Result<(), HapticError>,
+    ) -> Result<()> {
+        for (_, tissue) in &mut self.haptics {
+            match act(tissue, &mut self.built.simulation) {
+                Ok(()) | Err(HapticError::Released(_)) => {}
+                Err(error) => return Err(error.into()),
+            }
+        }
+        Ok(())
+    }
+
+    /// What a device holds by default: vertices of a body.
+    ///
+    /// # Errors
+    /// When there is no such body.
+    pub fn haptic_options(&self, body: Handle, vertices: &[u32]) -> Result<HapticOptions> {
+        Ok(HapticOptions::new(BodyHandle(self.body(body)?), vertices.to_vec()))
+    }
+
+    /// Lets a haptic device hold a patch of a body from the next step on: see [`Simulation::haptic_handle`]. Every
+    /// [`Embedding::step`] then serves the device. The handle is that of a [`Kind::Pull`], by which the device holds;
+    /// [`Embedding::remove`] lets go. Handles are no part of snapshots, but for their pull.
+    ///
+    /// # Errors
+    /// When the name is taken, an option or vertex cannot be used, or the backend has no pulls; nothing is added then.
+    pub fn add_haptic(&mut self, options: HapticOptions) -> Result<(Handle, HapticDevice)> {
+        self.name_is_free(Kind::Pull, &options.name)?;
+        let name = options.name.clone();
+        let (tissue, device) = self.built.simulation.haptic_handle(options)?;
+        let handle = self.handles.add(Kind::Pull, name, Target::Entity(tissue.pull()));
+        self.haptics.push((handle, tissue));
+        let device = HapticDevice(Mutex::new(device));
+        // where a lock is made at its first use, that is here
+        drop(device.0.lock().unwrap_or_else(PoisonError::into_inner));
+        Ok((handle, device))
+    }
+}
+
+/// An option of a skin in which 0 stands for the default and, where that makes sense, less than 0 for none.
+pub fn or_default(given: f64, default: f64, may_be_none: bool) -> f64 {
+    match given {
+        0.0 => default,
+        _ if may_be_none && given < 0.0 => 0.0,
+        _ => given,
+    }
+}
+
+impl From<HapticError> for EmbedError {
+    fn from(error: HapticError) -> Self {
+        let text = error.to_string();
+        match error {
+            HapticError::Simulation(error) => error.into(),
+            HapticError::Step(error) => error.into(),
+            HapticError::Invalid { name, problem } => {
+                InputError::invalid(format!("haptic handle `{name}`"), problem).into()
+            }
+            HapticError::Gpu(_) => Self::new(Code::Backend, text),
+            _ => Self::new(Code::Handle, text),
+        }
+    }
+}
