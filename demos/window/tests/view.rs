@@ -4,6 +4,7 @@ use sinew_render::adapter::{AdapterRequest, open};
 use sinew_scene::picture::{LiveOptions, LiveView};
 use sinew_scene::scene::LoadedScene;
 use sinew_window::{WindowError, show_in};
+use std::io::{BufRead, BufReader, Write};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
@@ -12,6 +13,12 @@ use winit::platform::x11::EventLoopBuilderExtX11;
 
 /// Pictures that are shown.
 const PICTURES: u64 = 12;
+
+/// To whoever looks, and to the test that started this one.
+fn say(words: &str) {
+    // nobody may be there
+    let _ = writeln!(std::io::stdout(), "{words}");
+}
 
 /// What runs in the display, in a process of its own: it has the name of the display in its environment.
 #[test]
@@ -28,13 +35,13 @@ fn in_a_display() {
     let mut builder = EventLoop::builder();
     builder.with_any_thread(true).with_x11();
     let (view, pictures) = match show_in(builder, view, Some(PICTURES)) {
-        Err(error @ WindowError::Display(_)) => return println!("skipped: {error}"),
+        Err(error @ WindowError::Display(_)) => return say(&format!("skipped: {error}")),
         shown => shown.unwrap(),
     };
     assert_eq!(pictures, PICTURES);
     let (steps, figures) = view.done();
     assert!(steps > 0 && figures.steps == steps, "{steps} {figures:?}");
-    println!("shown: {}", view.words());
+    say(&format!("shown: {}", view.words()));
 }
 
 struct Display(Child);
@@ -50,8 +57,7 @@ impl Drop for Display {
 #[test]
 fn a_scene_runs_in_a_window() {
     if let Err(why) = open(&AdapterRequest::default()) {
-        println!("skipped: {why}");
-        return;
+        return say(&format!("skipped: {why}"));
     }
     // it says which display it took
     let server = Command::new("Xvfb")
@@ -60,12 +66,11 @@ fn a_scene_runs_in_a_window() {
         .stderr(Stdio::null())
         .spawn();
     let Ok(mut server) = server.map(Display) else {
-        println!("skipped: no Xvfb");
-        return;
+        return say("skipped: no Xvfb");
     };
     let mut said = String::new();
     let out = server.0.stdout.take().unwrap();
-    std::io::BufRead::read_line(&mut std::io::BufReader::new(out), &mut said).unwrap();
+    BufReader::new(out).read_line(&mut said).unwrap();
     let display = format!(":{}", said.trim());
     let mut child = Command::new(std::env::current_exe().unwrap())
         .args(["--ignored", "--exact", "view::in_a_display", "--nocapture"])
@@ -83,5 +88,5 @@ fn a_scene_runs_in_a_window() {
     let text = String::from_utf8_lossy(&output.stdout);
     let is_told = text.contains("shown: ") || text.contains("skipped: ");
     assert!(output.status.success() && is_told, "{text}");
-    println!("{text}");
+    say(&text);
 }
