@@ -7,6 +7,7 @@ mod clusters;
 mod common;
 mod comparison;
 mod cutting;
+mod cutting_numbers;
 mod element;
 mod isoparametric;
 mod lanes;

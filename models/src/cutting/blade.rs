@@ -411,7 +411,7 @@ impl EdgeMove {
 }
 
 /// Where on an edge of the material, by its ends before and after, a part of a blade crosses it first. Its ends count as moved (m).
-fn crossing([a, b]: [[DVec3; 2]; 2], aside: [DVec3; 2], blade: &EdgeMove) -> Option<f64> {
+pub fn crossing([a, b]: [[DVec3; 2]; 2], aside: [DVec3; 2], blade: &EdgeMove) -> Option<f64> {
     let ([p0, q0], [p1, q1]) = (blade.before, blade.after);
     // everything relative to the first end of the blade, and linear in time
     let between = aside[1] - aside[0];
@@ -450,7 +450,7 @@ fn crossing([a, b]: [[DVec3; 2]; 2], aside: [DVec3; 2], blade: &EdgeMove) -> Opt
 }
 
 /// Roots of a cubic in the unit interval, ascending: one in each part in which it goes up or down alone.
-fn roots([a, b, c, d]: [f64; 4]) -> [Option<f64>; 3] {
+pub fn roots([a, b, c, d]: [f64; 4]) -> [Option<f64>; 3] {
     let value = |t: f64| a + t * (b + t * (c + t * d));
     // where it turns
     let half = c * c - 3.0 * d * b;
@@ -483,41 +483,4 @@ fn roots([a, b, c, d]: [f64; 4]) -> [Option<f64>; 3] {
         *found = Some(high);
     }
     found
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use proptest::prelude::*;
-
-    proptest! {
-        #[test]
-        fn roots_of_a_cubic_are_all_found(mut own in prop::array::uniform3(0.02..0.98_f64), lead in 0.1..5.0_f64) {
-            own.sort_by(f64::total_cmp);
-            prop_assume!(own[1] - own[0] > 1e-3 && own[2] - own[1] > 1e-3);
-            let [x, y, z] = own;
-            let of = [-lead * x * y * z, lead * (x * y + y * z + z * x), -lead * (x + y + z), lead];
-            for (found, exact) in roots(of).into_iter().zip(own) {
-                prop_assert!((found.unwrap() - exact).abs() < 1e-9);
-            }
-        }
-    }
-
-    /// A blade crosses an edge while both move: the same place whoever moves.
-    #[test]
-    fn a_blade_and_tissue_cross_whoever_moves() {
-        let edge = [DVec3::ZERO, DVec3::X];
-        let still = |x: DVec3| [x, x];
-        let shift = DVec3::new(0.3, 1.0, 0.2);
-        let from = [DVec3::new(0.2, -0.5, -1.0), DVec3::new(0.2, -0.5, 1.0)];
-        let into = DVec3::Y;
-        let moving = EdgeMove { before: from, after: from.map(|x| x + shift), into };
-        let one = crossing(edge.map(still), [DVec3::ZERO; 2], &moving).unwrap();
-        let back = |x: DVec3| [x, x - shift];
-        let stays = EdgeMove { before: from, after: from, into };
-        let two = crossing(edge.map(back), [DVec3::ZERO; 2], &stays).unwrap();
-        assert!((one - 0.35).abs() < 1e-12 && (two - one).abs() < 1e-12, "{one} {two}");
-        let beside = EdgeMove { before: from, after: from.map(|x| x + 0.4 * shift), into };
-        assert_eq!(crossing(edge.map(still), [DVec3::ZERO; 2], &beside), None);
-    }
 }

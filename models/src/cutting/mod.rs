@@ -44,11 +44,11 @@ pub mod glue;
 pub mod held;
 mod hexahedra;
 pub mod material;
-mod quadrature;
+pub mod quadrature;
 mod skin;
 pub mod stroke;
 pub mod tear;
-mod ten_node;
+pub mod ten_node;
 
 use bevy_ecs::prelude::*;
 use glam::DVec3;

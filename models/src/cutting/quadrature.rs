@@ -13,7 +13,7 @@ const FIVE: [[f64; 2]; 5] = [
 
 /// Barycentric coordinates and weights (which add up to 1) of points of a tetrahedron: those of a cube, drawn together into a
 /// corner. Exact to degree 7.
-pub(super) fn fine() -> Vec<([f64; 4], f64)> {
+pub fn fine() -> Vec<([f64; 4], f64)> {
     let mut points = Vec::with_capacity(125);
     for [u, wu] in &FIVE {
         for [v, wv] in &FIVE {
@@ -28,7 +28,7 @@ pub(super) fn fine() -> Vec<([f64; 4], f64)> {
 }
 
 /// The symmetric square root of a symmetric positive semidefinite matrix (Jacobi's rotations).
-pub(super) fn square_root(m: DMat3) -> DMat3 {
+pub fn square_root(m: DMat3) -> DMat3 {
     let mut a = m.to_cols_array_2d();
     let mut v = DMat3::IDENTITY.to_cols_array_2d();
     // each sweep squares what is left beside the diagonal
@@ -64,7 +64,7 @@ pub(super) fn square_root(m: DMat3) -> DMat3 {
 /// those of all (Tchakaloff's theorem): of any nine, one can go along a vector in which no sum changes. There are two ways
 /// along it. The one is taken that keeps the sum of `x^2 + y^2 + z^2` nearer to what it was, without which the points left may be
 /// those at the rim, or all in the middle.
-pub(super) fn eliminate(points: &[(DVec3, f64)]) -> Vec<(DVec3, f64)> {
+pub fn eliminate(points: &[(DVec3, f64)]) -> Vec<(DVec3, f64)> {
     let low = points.iter().fold(DVec3::INFINITY, |low, (x, _)| low.min(*x));
     let high = points.iter().fold(DVec3::NEG_INFINITY, |high, (x, _)| high.max(*x));
     let (middle, half) = (0.5 * (low + high), 0.5 * (high - low));
@@ -142,47 +142,4 @@ fn null_vector(rows: [[f64; 8]; 9]) -> [f64; 9] {
     let largest =
         along.iter().fold(0.0_f64, |most, x| if x.abs() > most.abs() { *x } else { most });
     along.map(|x| x / largest)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn roots_squared_are_what_they_are_of() {
-        let a = DMat3::from_cols_array(&[2.0, 0.3, -0.1, 0.3, 1.0, 0.2, -0.1, 0.2, 1e-9]);
-        let m = a * a.transpose();
-        let root = square_root(m);
-        let off = (root * root - m).to_cols_array().iter().fold(0.0_f64, |s, x| s.max(x.abs()));
-        assert!(
-            off < 1e-14
-                && (root - root.transpose()).to_cols_array().iter().all(|x| x.abs() < 1e-14)
-        );
-    }
-
-    #[test]
-    fn eight_points_have_the_moments_of_all() {
-        let corners = [DVec3::ZERO, DVec3::X, DVec3::new(0.3, 1.0, 0.0), DVec3::new(0.1, 0.2, 0.7)];
-        let at = |l: [f64; 4]| (0..4).map(|i| l[i] * corners[i]).sum::<DVec3>();
-        let all: Vec<(DVec3, f64)> = fine().into_iter().map(|(l, w)| (at(l), w)).collect();
-        let few = eliminate(&all);
-        assert!(few.len() == 8 && few.iter().all(|(_, w)| *w > 0.0));
-        let sum = |points: &[(DVec3, f64)], moment: fn(DVec3) -> f64| {
-            points.iter().map(|(x, w)| w * moment(*x)).sum::<f64>()
-        };
-        for moment in [
-            |_: DVec3| 1.0,
-            |x: DVec3| x.x,
-            |x: DVec3| x.y * x.z,
-            |x: DVec3| x.z * x.x,
-            |x: DVec3| x.x * x.y * x.z,
-        ] {
-            assert!((sum(&few, moment) - sum(&all, moment)).abs() < 1e-14);
-        }
-        let square = |x: DVec3| x.length_squared();
-        assert!((sum(&few, square) / sum(&all, square) - 1.0).abs() < 0.1);
-        // the rule itself: int x^7 over the tetrahedron of unit edges, 6 * 7! / 10!
-        let sum: f64 = fine().iter().map(|(l, w)| w * l[1].powi(7)).sum();
-        assert!((sum / (6.0 * 5040.0 / 3_628_800.0) - 1.0).abs() < 1e-13);
-    }
 }

@@ -21,7 +21,7 @@ const CORNERS: [DVec3; 4] = [
 ];
 
 /// A part of the material of an element: barycentric coordinates of the corners of a tetrahedron, and its part of the volume.
-pub(super) type Part = ([[f64; 4]; 4], f64);
+pub type Part = ([[f64; 4]; 4], f64);
 
 /// Derivatives at the points of some material, and the parts of the volume (m^3) of the element `whole` that its vertices have
 /// of it.
@@ -29,7 +29,7 @@ pub(super) type Part = ([[f64; 4]; 4], f64);
 /// A vertex has the part of its mass that `int N_a^2` over the material is of that over the element, so that all masses
 /// stay and none is negative. Weight is shared out by `int N_a`, as in whole elements, times what makes it add up to that of
 /// these masses: what is loose falls as everything does.
-pub(super) fn piece(parts: &[Part], whole: f64) -> (Derivatives<f64, 10, 3, 4>, Lumps) {
+pub fn piece(parts: &[Part], whole: f64) -> (Derivatives<f64, 10, 3, 4>, Lumps) {
     let place = |l: &[f64; 4]| (0..4).map(|i| l[i] * CORNERS[i]).sum::<DVec3>();
     let share: f64 = parts.iter().map(|part| part.1).sum();
     let mean = parts.iter().map(|(at, v)| at.iter().map(place).sum::<DVec3>() * (v / 4.0));
@@ -66,31 +66,4 @@ pub(super) fn piece(parts: &[Part], whole: f64) -> (Derivatives<f64, 10, 3, 4>, 
     let mass: f64 = lumps.mass.iter().sum();
     lumps.weight = lumps.weight.map(|weight| weight / share * mass);
     (derivatives, lumps)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use sinew_engine::isoparametric::TETRAHEDRON10_MASSES;
-
-    #[test]
-    fn a_whole_element_has_its_gauss_points_and_masses() {
-        let unit = |i: usize| std::array::from_fn(|j| f64::from(u8::from(i == j)));
-        let (derivatives, lumps) = piece(&[([0, 1, 2, 3].map(unit), 1.0)], 2.0);
-        let known = Derivatives::<f64, 10, 3, 4>::tetrahedron10();
-        for (a, b) in derivatives
-            .0
-            .as_flattened()
-            .as_flattened()
-            .iter()
-            .zip(known.0.as_flattened().as_flattened())
-        {
-            assert!((a - b).abs() < 1e-14, "{a} {b}");
-        }
-        for (a, part) in TETRAHEDRON10_MASSES.into_iter().enumerate() {
-            assert!((lumps.mass[a] - 2.0 * part).abs() < 1e-14);
-            let weight = if a < 4 { -0.05 } else { 0.2 };
-            assert!((lumps.weight[a] - 2.0 * weight).abs() < 1e-14);
-        }
-    }
 }
