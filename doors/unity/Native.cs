@@ -483,7 +483,8 @@ namespace Sinew
         public Vec3 Velocity;
         /// <summary>Angular velocity (rad/s).</summary>
         public Vec3 AngularVelocity;
-        /// <summary>Force (N) on the tool, normal and friction.</summary>
+        /// <summary>Force (N) on the tool: normal, friction, of what it cuts, and of the thread that its needle
+        /// draws.</summary>
         public Vec3 Force;
         /// <summary>Torque (N m) on the tool about its origin.</summary>
         public Vec3 Torque;
@@ -494,7 +495,8 @@ namespace Sinew
         public Vec3 Normal;
         /// <summary>The part of the force that friction makes (N).</summary>
         public Vec3 Friction;
-        /// <summary>Work (J) done by the tool on bodies since it came, by the force at the end of every step.</summary>
+        /// <summary>Work (J) done by the tool on bodies since it came, by the force at the end of every step. That on
+        /// the thread of its needle is in the report of the thread.</summary>
         public double Work;
         /// <summary>Energy (J) that friction has taken since it came.</summary>
         public double Dissipation;

@@ -647,7 +647,7 @@ typedef struct sinew_tool_report {
   double velocity[3];
   // Angular velocity (rad/s).
   double angular_velocity[3];
-  // Force (N) on the tool, normal and friction.
+  // Force (N) on the tool: normal, friction, of what it cuts, and of the thread that its needle draws.
   double force[3];
   // Torque (N m) on the tool about its origin.
   double torque[3];
@@ -658,7 +658,8 @@ typedef struct sinew_tool_report {
   double normal[3];
   // The part of the force that friction makes (N).
   double friction[3];
-  // Work (J) done by the tool on bodies since it came, by the force at the end of every step.
+  // Work (J) done by the tool on bodies since it came, by the force at the end of every step. That on the thread of
+  // its needle is in the report of the thread.
   double work;
   // Energy (J) that friction has taken since it came.
   double dissipation;

@@ -20,7 +20,7 @@ pub struct sinew_tool_report {
     pub velocity: [f64; 3],
     /// Angular velocity (rad/s).
     pub angular_velocity: [f64; 3],
-    /// Force (N) on the tool, normal and friction.
+    /// Force (N) on the tool: normal, friction, of what it cuts, and of the thread that its needle draws.
     pub force: [f64; 3],
     /// Torque (N m) on the tool about its origin.
     pub torque: [f64; 3],
@@ -31,7 +31,8 @@ pub struct sinew_tool_report {
     pub normal: [f64; 3],
     /// The part of the force that friction makes (N).
     pub friction: [f64; 3],
-    /// Work (J) done by the tool on bodies since it came, by the force at the end of every step.
+    /// Work (J) done by the tool on bodies since it came, by the force at the end of every step. That on the thread of
+    /// its needle is in the report of the thread.
     pub work: f64,
     /// Energy (J) that friction has taken since it came.
     pub dissipation: f64,

@@ -568,8 +568,8 @@ pub struct ToolReport {
     pub normal: DVec3,
     /// The part of the force that friction makes (N).
     pub friction: DVec3,
-    /// Work (J) done by the tool on bodies since it came, by the force at the end of every step. That against the thread of its needle is
-    /// in [`ThreadReport::work`](crate::thread::ThreadReport::work).
+    /// Work (J) done by the tool on bodies since it came, by the force at the end of every step. That on the thread of its needle
+    /// is in the report of the thread.
     pub work: f64,
     /// Energy (J) that friction has taken since it came.
     pub dissipation: f64,

@@ -50,7 +50,7 @@ class ToolReport:
     """Angular velocity (rad/s); (3,)."""
 
     force: Floats
-    """Force (N) on the tool, normal and friction; (3,)."""
+    """Force (N) on the tool: normal, friction, of what it cuts, and of the thread that its needle draws; (3,)."""
 
     torque: Floats
     """Torque (N m) on the tool about its origin; (3,)."""
@@ -66,7 +66,8 @@ class ToolReport:
     """The part of the force that friction makes (N); (3,)."""
 
     work: float
-    """Work (J) done by the tool on bodies since it came, by the force at the end of every step."""
+    """Work (J) done by the tool on bodies since it came, by the force at the end of every step. That on the thread of
+    its needle is in the report of the thread."""
 
     dissipation: float
     """Energy (J) that friction has taken since it came."""
