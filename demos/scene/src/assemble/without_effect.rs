@@ -1,7 +1,9 @@
 //! Keys that a scene gives and that change nothing of its states.
 
 use super::scene::BuiltScene;
-use crate::scene::{BodyEntry, CurveEntry, LoadedScene, Mode, SolidCells, SpringMethod};
+use crate::scene::{
+    BodyEntry, CurveEntry, LoadedScene, MaterialEntry, Mode, SolidCells, SpringMethod,
+};
 use crate::warning::{Level, Warning};
 use glam::DVec3;
 use sinew::models::body::Model;
