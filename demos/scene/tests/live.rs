@@ -59,12 +59,16 @@ fn a_hand_pulls_what_it_holds() {
     };
     assert!(moved(&mut view) > 2e-3, "{}", moved(&mut view));
     assert_ne!(view.picture().unwrap().data, rest.data);
+    // colours reach as far as the largest displacement that was shown
+    let most = view.range().unwrap()[1];
+    assert!((2e-3..0.03).contains(&most), "{most}");
     view.release();
     assert!(view.hand().is_none());
     for _ in 0..200 {
         view.advance(FRAME);
     }
     assert!(moved(&mut view) < 1e-4, "{}", moved(&mut view));
+    assert_eq!(view.range().unwrap()[1], most);
 }
 
 /// A line across the block parts what lies behind it, as seen from the camera.

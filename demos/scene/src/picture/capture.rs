@@ -23,7 +23,7 @@ use sinew::models::body::SoftBody;
 use sinew::touch::pull::{Pull, PullReport};
 use sinew_render::colour::{ColourMap, Rgb};
 use sinew_render::scale::with_unit;
-use sinew_render::scene::{Arrow, Ball, Cell, Frame, Graph, Recording, Rod, Series};
+use sinew_render::scene::{Arrow, Ball, Cell, Field, Frame, Graph, Recording, Rod, Series};
 use sinew_render::skin::{CREASE_ANGLE, Facet, Skin};
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -184,16 +184,24 @@ impl Recorder {
             self.prepare(built);
         }
         let Self { recording, forces, pushes, .. } = self;
+        // of what does not vary a range is but a guess
+        let varies = |(i, field): (usize, &Field)| {
+            let rest = if field.map == ColourMap::Diverging { 1.0 } else { 0.0 };
+            let values = recording.frames.first().and_then(|frame| frame.fields.get(i));
+            let mut values = values.into_iter().flatten().filter(|x| x.is_finite());
+            values.any(|x| *x != rest).then_some(field.range)
+        };
+        let ranges: Vec<_> = recording.fields.iter().enumerate().map(varies).collect();
         recording.frames.clear();
         forces.clear();
         pushes.clear();
         recording.forces.iter_mut().for_each(|series| series.points.clear());
-        let ranges: Vec<[f32; 2]> = recording.fields.iter().map(|field| field.range).collect();
         let time = built.simulation.time();
         self.tools.forces(built.simulation.world_mut(), time, &mut self.recording.forces);
         self.record(built, step);
         self.complete();
-        for (field, [low, high]) in self.recording.fields.iter_mut().zip(ranges) {
+        for (field, known) in self.recording.fields.iter_mut().zip(ranges) {
+            let [low, high] = known.unwrap_or(field.range);
             field.range = [field.range[0].min(low), field.range[1].max(high)];
         }
         &mut self.recording

@@ -324,6 +324,12 @@ impl LiveView {
         parted
     }
 
+    /// Values at the ends of the colours; `None` without any.
+    pub fn range(&mut self) -> Option<[f32; 2]> {
+        let recording = self.recorder.show(&mut self.built, self.done);
+        recording.fields.first().map(|field| field.range)
+    }
+
     /// A picture of the present state.
     ///
     /// # Errors
