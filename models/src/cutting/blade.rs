@@ -410,7 +410,7 @@ impl EdgeMove {
     }
 }
 
-/// Where on an edge of the material, by its ends before and after, a part of a blade crosses it first. Its ends count as moved (m).
+/// Where on an edge of the material (0 to 1), by its ends (m) before and after, a part of a blade crosses it first. Its ends count as moved (m).
 pub fn crossing([a, b]: [[DVec3; 2]; 2], aside: [DVec3; 2], blade: &EdgeMove) -> Option<f64> {
     let ([p0, q0], [p1, q1]) = (blade.before, blade.after);
     // everything relative to the first end of the blade, and linear in time
