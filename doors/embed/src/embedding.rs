@@ -4,6 +4,7 @@ use crate::body::Buffers;
 use crate::error::{Code, EmbedError, InputError, Result};
 use crate::files::Files;
 use crate::handle::{Handle, Handles, Kind, Target};
+use crate::haptic::{Moment, Serve};
 use crate::mesh::vector;
 use bevy_ecs::entity::Entity;
 use serde::Serialize;
@@ -14,7 +15,6 @@ use sinew::engine::report::{StepReport, VolumeReport};
 use sinew::engine::step::StepClock;
 use sinew::engine::time::Gravity;
 use sinew::engine::workers::Workers;
-use sinew::haptics::HapticTissue;
 use sinew::live::StateWriter;
 use sinew::simulation::{Backend, BodyHandle, Readback, Simulation, SimulationOptions};
 use sinew::solvers::settings::SolverSettings;
@@ -101,7 +101,7 @@ pub struct Embedding {
     /// A recording on its way, and its steps from frame to frame.
     pub(crate) recorder: Option<(Recorder, u64)>,
     /// Haptic handles, each with the handle of its pull.
-    pub(crate) haptics: Vec<(Handle, HapticTissue)>,
+    pub(crate) haptics: Vec<(Handle, Box<dyn Serve>)>,
     /// For readers on other threads.
     pub(crate) writers: Vec<StateWriter>,
     /// Its own in this process.
@@ -270,9 +270,9 @@ impl Embedding {
                 let prepared = self.built.prepare_step(done);
                 prepared.map_err(|e| EmbedError::new(Code::Step, e.to_string()))?;
             }
-            self.before_haptics()?;
+            self.serve_haptics(Moment::Before)?;
             self.built.simulation.step()?;
-            self.after_haptics()?;
+            self.serve_haptics(Moment::After)?;
             self.publish();
             self.recorded();
         }

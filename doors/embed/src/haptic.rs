@@ -45,24 +45,43 @@ pub fn haptic_bits(flags: &HapticFlags) -> u32 {
     all.enumerate().map(|(i, on)| u32::from(on) << i).sum()
 }
 
-impl Embedding {
-    /// Moves hands before a step.
-    pub(crate) fn before_haptics(&mut self) -> Result<()> {
-        self.each_haptic(HapticTissue::before_step)
-    }
+/// When a step serves a haptic device.
+#[derive(Clone, Copy)]
+pub(crate) enum Moment {
+    /// Before it, hands move.
+    Before,
+    /// After it, models are found.
+    After,
+}
 
-    /// Finds models after it.
-    pub(crate) fn after_haptics(&mut self) -> Result<()> {
-        self.each_haptic(|tissue, simulation| tissue.after_step(simulation).map(drop))
-    }
-
-    /// One whose pull is not there now is passed over: going back may bring it again.
-    fn each_haptic(
+/// What serves a haptic device. Only [`Embedding::add_haptic`] names the type, so that what offers no devices, such as the page, does
+/// without the code.
+pub(crate) trait Serve: Send {
+    fn serve(
         &mut self,
-        act: fn(&mut HapticTissue, &mut Simulation) -> std::result::Result<(), HapticError>,
-    ) -> Result<()> {
-        for (_, tissue) in &mut self.haptics {
-            match act(tissue, &mut self.built.simulation) {
+        simulation: &mut Simulation,
+        moment: Moment,
+    ) -> std::result::Result<(), HapticError>;
+}
+
+impl Serve for HapticTissue {
+    fn serve(
+        &mut self,
+        simulation: &mut Simulation,
+        moment: Moment,
+    ) -> std::result::Result<(), HapticError> {
+        match moment {
+            Moment::Before => self.before_step(simulation),
+            Moment::After => self.after_step(simulation).map(drop),
+        }
+    }
+}
+
+impl Embedding {
+    /// Serves haptic devices at one moment of a step. One whose pull is not there now is passed over: going back may bring it again.
+    pub(crate) fn serve_haptics(&mut self, moment: Moment) -> Result<()> {
+        for (_, served) in &mut self.haptics {
+            match served.serve(&mut self.built.simulation, moment) {
                 Ok(()) | Err(HapticError::Released(_)) => {}
                 Err(error) => return Err(error.into()),
             }
@@ -89,7 +108,7 @@ impl Embedding {
         let name = options.name.clone();
         let (tissue, device) = self.built.simulation.haptic_handle(options)?;
         let handle = self.handles.add(Kind::Pull, name, Target::Entity(tissue.pull()));
-        self.haptics.push((handle, tissue));
+        self.haptics.push((handle, Box::new(tissue)));
         let device = HapticDevice(Mutex::new(device));
         // where a lock is made at its first use, that is here
         drop(device.0.lock().unwrap_or_else(PoisonError::into_inner));

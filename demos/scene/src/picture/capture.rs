@@ -23,7 +23,7 @@ use sinew::models::body::SoftBody;
 use sinew::touch::pull::{Pull, PullReport};
 use sinew_render::colour::{ColourMap, Rgb};
 use sinew_render::scale::with_unit;
-use sinew_render::scene::{Arrow, Ball, Cell, Field, Frame, Graph, Recording, Rod, Series};
+use sinew_render::scene::{Arrow, Ball, Cell, Frame, Graph, Recording, Rod, Series};
 use sinew_render::skin::{CREASE_ANGLE, Facet, Skin};
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -185,7 +185,7 @@ impl Recorder {
         }
         let Self { recording, forces, pushes, .. } = self;
         // of what does not vary a range is but a guess
-        let varies = |(i, field): (usize, &Field)| {
+        let varies = |(i, field): (usize, &sinew_render::scene::Field)| {
             let rest = if field.map == ColourMap::Diverging { 1.0 } else { 0.0 };
             let values = recording.frames.first().and_then(|frame| frame.fields.get(i));
             let mut values = values.into_iter().flatten().filter(|x| x.is_finite());
