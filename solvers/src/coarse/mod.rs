@@ -14,7 +14,7 @@ use crate::system::{Pattern, SystemMatrix, mul4, padded, scale4, sub4};
 use envelope::{Columns, Envelope, FactoriseEnvelope, MODES, Profile, SolveEnvelope};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
-use sinew_engine::layout::UNUSED;
+use sinew_engine::layout::{UNUSED, starts};
 use sinew_engine::scalar::{Row, Scalar};
 use sinew_engine::simd::{VectorKernel, vectorised};
 use sinew_engine::vertex::FixedAxes;
@@ -60,7 +60,7 @@ struct CoarseBlock {
 }
 
 /// One block of the fine matrix; a diagonal one has equal rows.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct Term {
     pair: [u32; 2],
     row: u32,
@@ -131,7 +131,8 @@ impl<T: Scalar> CoarseSpace<T> {
     fn new(pattern: &Pattern, span: Span<T>, profile: Profile) -> Self {
         let mut terms = Vec::with_capacity(pattern.len() + pattern.column.len());
         span.for_terms(pattern, |term| terms.push(term));
-        terms.sort_unstable();
+        let factor = Envelope::new(profile);
+        let mut terms = by_pair(terms, factor.len());
         terms.dedup();
         let mut blocks: Vec<CoarseBlock> = Vec::new();
         for (i, term) in terms.iter().enumerate() {
@@ -141,7 +142,6 @@ impl<T: Scalar> CoarseSpace<T> {
             }
         }
         let values = vec![[0.0; 36]; blocks.len()];
-        let factor = Envelope::new(profile);
         Self { span, blocks, terms, values, factor, forces: Vec::new() }
     }
 
@@ -308,6 +308,22 @@ impl<T> Span<T> {
         self.for_terms(pattern, |term| profile.couple(term.pair));
         profile
     }
+}
+
+/// Terms of a matrix of so many nodes in the order of their pairs, those of a pair in the order in which they are: by its second node, then
+/// by its first, since there are many more terms than nodes.
+fn by_pair(mut terms: Vec<Term>, nodes: usize) -> Vec<Term> {
+    for node in [1, 0] {
+        let mut next = starts(nodes, terms.iter().map(|term| term.pair[node]));
+        let mut sorted = vec![Term::default(); terms.len()];
+        for term in terms {
+            let place = &mut next[term.pair[node] as usize];
+            sorted[*place as usize] = term;
+            *place += 1;
+        }
+        terms = sorted;
+    }
+    terms
 }
 
 /// Adds a force and a moment.
