@@ -173,7 +173,7 @@ impl BladeView {
         let (edge, places) = (0.0, Vec::new());
         let focus = Vec::new();
         let mut view = Self { of, material, uncut, holders, edge, places, first, rows, focus };
-        let rest = rest_of(world, &world.resource::<Topology>().bodies[body].clone());
+        let rest = rest_of(world, body);
         let at_rest = |vertex: u32| rest[view.rows[vertex as usize] as usize];
         view.edge = view.uncut.mean_edge(view.material.vertices, &at_rest);
         Ok(view)
@@ -209,9 +209,11 @@ impl BladeView {
             least.cmple(high).all() && low.cmple(most).all()
         };
         // material lies in the element that moves it
-        let nodes = self.material.elements.iter().map(|element| element.nodes);
-        let near: Vec<bool> =
-            nodes.map(|own| inside(own.map(|node| self.node(node, &self.places)))).collect();
+        let places = self.rows.iter().map(|row| self.places[*row as usize]);
+        let beyond: Vec<u32> = places.map(|x| beyond([x; 2], [low, high])).collect();
+        let common = |nodes: [u32; 4]| nodes.iter().fold(!0, |all, n| all & beyond[*n as usize]);
+        let elements = self.material.elements.iter();
+        let near: Vec<bool> = elements.map(|own| common(own.nodes) == 0).collect();
         let place = |cell: &Cell, p| self.material.place(cell, p, &|n| self.node(n, &self.places));
         let cells = (0..).zip(&self.material.cells).filter(|(_, c)| near[c.element as usize]);
         let cells = cells.map(|(number, cell)| (number, cell.corners.map(|p| place(cell, p))));
@@ -240,6 +242,12 @@ impl BladeView {
         let place = |row: VertexRow| self.places[(row.0 - self.first) as usize];
         rows.into_iter().zip(weights).map(|(row, w)| w * place(row)).sum()
     }
+}
+
+/// The sides of a box, as bits, beyond which a point was all the way between two places. What has points with one in common was not in it.
+fn beyond([before, after]: [DVec3; 2], [low, high]: [DVec3; 2]) -> u32 {
+    let above = before.min(after).cmpgt(high).bitmask();
+    above | before.max(after).cmplt(low).bitmask() << 3
 }
 
 fn bounds([a, b, c, d]: [DVec3; 4]) -> [DVec3; 2] {
@@ -293,15 +301,11 @@ impl BodyStroke {
         let margin = ASIDE * view.edge;
         let low = all.clone().fold(DVec3::INFINITY, DVec3::min) - margin;
         let high = all.fold(DVec3::NEG_INFINITY, DVec3::max) + margin;
-        let near: Vec<(u32, [u32; 2])> = (0..)
-            .zip(view.uncut.edges.iter().copied())
-            .filter(|(_, edge)| {
-                let [a, b] = edge.map(point);
-                let least = a[0].min(a[1]).min(b[0]).min(b[1]);
-                let most = a[0].max(a[1]).max(b[0]).max(b[1]);
-                least.cmple(high).all() && low.cmple(most).all()
-            })
-            .collect();
+        let beyond: Vec<u32> = points.iter().map(|own| beyond(*own, [low, high])).collect();
+        let edges = (0..).zip(view.uncut.edges.iter().copied());
+        let is_near =
+            |(_, [a, b]): &(u32, [u32; 2])| beyond[*a as usize] & beyond[*b as usize] == 0;
+        let near: Vec<(u32, [u32; 2])> = edges.filter(is_near).collect();
         if near.is_empty() {
             let is_in = |corners: &[u32; 4]| {
                 let [least, most] = bounds(corners.map(|p| point(p)[1]));
@@ -347,8 +351,9 @@ impl BodyStroke {
                 let aside = way.dot(across).abs() > way.reject_from_normalized(across).length();
                 if aside { way } else { own.into }
             };
-            let counted: Vec<DVec3> = (0..view.uncut.points).map(aside).collect();
-            let place = |p: u32| [point(p)[1], point(p)[1] + counted[p as usize]];
+            let sides = progress.sides.clone();
+            let aside = |p: u32| f64::from(sides[p as usize]) * margin * across;
+            let place = |p: u32| [point(p)[1], point(p)[1] + aside(p)];
             let (way, again) = (&way, false);
             let to = BladeMove { crossed, place: &place, on, along, way, again };
             separated.extend(view.uncut.advance(&mut progress, &to));

@@ -139,6 +139,9 @@ impl Material {
 
     /// The membrane triangles that are left, by what has them.
     pub(super) fn covers(&self) -> Covers {
+        if self.sheets.is_empty() {
+            return Covers::default();
+        }
         let left = (0..).zip(&self.sheets).filter(|(_, sheet): &(u32, _)| !sheet.is_gone);
         let moved: BTreeMap<_, u32> =
             left.map(|(number, sheet)| ((sheet.vertices, sheet.nodes), number)).collect();

@@ -113,7 +113,7 @@ fn near<S: Scalar>(world: &mut World, body: usize, within: [DVec3; 2]) -> Option
         return None;
     }
     let x = places::<S>(world, body);
-    let rest = rest_of(world, &world.resource::<Topology>().bodies[body].clone());
+    let rest = rest_of(world, body);
     let rows = &world.resource::<Topology>().bodies[body];
     let first = rows.mesh_vertices() as u32;
     let mut of_row = vec![DVec3::ZERO; rows.row_count()];

@@ -605,14 +605,22 @@ impl Material {
             (0..size).for_each(|i| is_near[element.vertex(i) as usize] = true);
         }
         let near = |element: &Element, i| is_near[element.vertex(i) as usize];
-        let is_among: Vec<bool> =
-            self.elements.iter().map(|own| (0..size).any(|i| near(own, i))).collect();
-        let place = |e: u32, i: usize| (size * e as usize + i) as u32;
-        let mut sets = DisjointSets::new(size * self.elements.len());
-        let mut holds = vec![false; size * self.elements.len()];
-        let mut alive = vec![false; self.elements.len()];
-        for cell in self.cells.iter().filter(|cell| is_among[cell.element as usize]) {
-            alive[cell.element as usize] = true;
+        // elements among which vertices are looked at, and the place of each among them
+        let mut among: Vec<u32> = Vec::new();
+        let mut place_of = vec![NONE; self.elements.len()];
+        for (e, own) in self.elements.iter().enumerate() {
+            if (0..size).any(|i| near(own, i)) {
+                place_of[e] = among.len() as u32;
+                among.push(e as u32);
+            }
+        }
+        let is_among = |e: u32| place_of[e as usize] != NONE;
+        let place = |e: u32, i: usize| (size * place_of[e as usize] as usize + i) as u32;
+        let mut sets = DisjointSets::new(size * among.len());
+        let mut holds = vec![false; size * among.len()];
+        let mut alive = vec![false; among.len()];
+        for cell in self.cells.iter().filter(|cell| is_among(cell.element)) {
+            alive[place_of[cell.element as usize] as usize] = true;
             if cell.is_chip() {
                 continue;
             }
@@ -627,7 +635,7 @@ impl Material {
                 }
             }
         }
-        for [a, b] in self.joined_elements(|e| is_among[e as usize]) {
+        for [a, b] in self.joined_elements(is_among) {
             let [of_a, of_b] = [a, b].map(|e| &self.elements[e as usize]);
             for i in (0..size).filter(|&i| near(of_a, i)) {
                 if let Some(j) = (0..size).find(|&j| of_b.vertex(j) == of_a.vertex(i)) {
@@ -641,13 +649,15 @@ impl Material {
         all.clone().for_each(|i| keeps[sets.root(i) as usize] |= holds[i as usize]);
         let mut moved_by = vec![NONE; holds.len()];
         let mut taken = vec![false; self.vertices as usize + self.ghosts.len()];
+        let corner = |i: u32| (among[i as usize / size] as usize, i as usize % size);
         let is_looked_at = |i: &u32| {
-            let element = *i as usize / size;
-            alive[element] && near(&self.elements[element], *i as usize % size)
+            let (element, at) = corner(*i);
+            alive[*i as usize / size] && near(&self.elements[element], at)
         };
         let living: Vec<u32> = all.filter(is_looked_at).collect();
         for &i in &living {
-            let node = self.elements[i as usize / size].node(i as usize % size);
+            let (element, at) = corner(i);
+            let node = self.elements[element].node(at);
             let root = sets.root(i) as usize;
             if keeps[root] {
                 (moved_by[root], taken[node as usize]) = (node, true);
@@ -655,7 +665,7 @@ impl Material {
         }
         let mut origins = Vec::new();
         for i in living {
-            let (element, at) = (i as usize / size, i as usize % size);
+            let (element, at) = corner(i);
             let (root, node) = (sets.root(i) as usize, self.elements[element].node(at));
             if moved_by[root] == NONE {
                 moved_by[root] = node;

@@ -261,7 +261,6 @@ pub fn check_cut(world: &mut World, body: usize) -> Result<(), CutError> {
     let used = ElementKind::ALL.into_iter().filter(|&kind| !rows.order[kind].is_empty());
     let (kinds, order) = (used.collect::<Vec<_>>(), order_of(rows));
     let is_spare = rows.spare > 0;
-    let rows = rows.clone();
     if world.get_resource::<ElementTables>().is_some_and(|own| *own != ElementTables::of(world)) {
         return Err(RemovalError::LayoutChanged { body: name }.into());
     }
@@ -294,7 +293,7 @@ pub fn check_cut(world: &mut World, body: usize) -> Result<(), CutError> {
         Some(soft) if soft.field().filled.is_some() => {
             "hexahedra that are filled in part have no share of a volume; take tetrahedra, or remove elements"
         }
-        Some(_) if order == Order::TenNodes && is_curved(world, &rows) => {
+        Some(_) if order == Order::TenNodes && is_curved(world, body) => {
             "ten-node tetrahedra with curved sides have no share of a volume; put vertices into the middles of edges"
         }
         _ if !is_spare => {
@@ -349,8 +348,9 @@ fn bears_membrane(world: &mut World, body: usize) -> Result<bool, CutError> {
 const STRAIGHT: f64 = 1e-6;
 
 /// Whether sides of ten-node tetrahedra are curved at rest.
-fn is_curved(world: &mut World, rows: &BodyRows) -> bool {
-    let rest = rest_of(world, rows);
+fn is_curved(world: &mut World, body: usize) -> bool {
+    let rest = rest_of(world, body);
+    let rows = &world.resource::<Topology>().bodies[body];
     rows.tetrahedra10().iter().any(|nodes| {
         MIDDLES.iter().zip(&nodes[4..]).any(|(&[a, b], &middle)| {
             let [a, b, middle] = [nodes[a], nodes[b], middle].map(|row| rest[row as usize]);
@@ -453,17 +453,20 @@ fn open<S: Scalar>(
     if !material.bears_sheets() {
         return Err(CutError::Body { body: old.name.clone(), problem: FREE_SHEETS.into() });
     }
-    let (before, sheets) = (material.elements.clone(), material.sheets.clone());
-    let rest = rest_of(world, &old);
+    let (whole, sheets) =
+        (own.material.is_none().then(|| material.elements.clone()), material.sheets.clone());
+    let known = own.material.as_ref().map(|own| &own.elements);
+    let before = known.or(whole.as_ref()).expect("one of both is there");
+    let rest = rest_of(world, body);
     let at_rest = |vertex: u32| rest[row_of(&old, vertex) as usize];
     let area = material.wound_area(&at_rest);
     let soft = soft_of(world, body);
-    let gluing = soft.as_ref().and_then(|soft| glue::gluing(soft, &at_rest));
-    let gluing = gluing.as_ref().map(|own| own as material::Gluing);
-    let origins = match stroke.separated.is_empty() {
-        true => Vec::new(),
-        false => material.open_glued(stroke, gluing),
-    };
+    let mut origins = Vec::new();
+    if !stroke.separated.is_empty() {
+        let gluing = soft.as_ref().and_then(|soft| glue::gluing(soft, &at_rest));
+        let gluing = gluing.as_ref().map(|own| own as material::Gluing);
+        origins = material.open_glued(stroke, gluing);
+    }
     let changed: Vec<u32> = (0..material.elements.len())
         .filter(|&e| before.get(e) != Some(&material.elements[e]))
         .map(|e| e as u32)
@@ -517,13 +520,17 @@ fn open<S: Scalar>(
     before_edit::<S>(world);
     *resection = world.remove_resource().unwrap_or_default();
     log_edit(world, Edit::Cut { body, stroke: stroke.clone() });
-    let parting = Parting { before, material, origins, changed, sheets, parted };
+    let taken = resection.bodies[body].as_mut().and_then(|own| own.material.take());
+    let before = whole.or(taken.map(|own| own.elements)).expect("one of both is there");
+    let parting = Parting { old, before, material, origins, changed, sheets, parted };
     (report.pieces, report.elastic_energy) = divide::<S>(world, body, resection, parting);
     Ok(report)
 }
 
 /// What becomes of the elements of a body.
 struct Parting {
+    /// Rows of the body as they were.
+    old: BodyRows,
     /// They as they were.
     before: Vec<Element>,
     /// And as they are to be.
@@ -543,11 +550,10 @@ fn divide<S: Scalar>(
     world: &mut World,
     body: usize,
     resection: &mut Resection,
-    Parting { before, material, origins, changed, sheets, parted }: Parting,
+    Parting { old, before, material, origins, changed, sheets, parted }: Parting,
 ) -> (usize, f64) {
     let own = resection.bodies[body].as_mut().expect("it was prepared");
-    let old = world.resource::<Topology>().bodies[body].clone();
-    let (kind, rest) = (kind_of(&old), rest_of(world, &old));
+    let (kind, rest) = (kind_of(&old), rest_of(world, body));
     let soft = soft_of(world, body);
     let losing = soft.as_ref().map(|soft| own.parting::<S>(world, soft, &parted));
     let mut new = parted_rows(&old, own, &material, [&changed, &sheets]);
@@ -567,7 +573,7 @@ fn divide<S: Scalar>(
     connectivity.remove(&gone);
     let was = std::mem::replace(&mut own.connectivity, connectivity);
     if let Some(soft) = &soft {
-        sum_masses::<S>(world, soft, (&old, &was), (&new, &own.connectivity), &rows);
+        sum_masses::<S>(world, (body, soft), (&old, &was), (&new, &own.connectivity), &rows);
     }
     own.element_of[kind] = element_of;
     own.element_of[ElementKind::Triangle] = of_sheets;
@@ -578,7 +584,7 @@ fn divide<S: Scalar>(
     let glued = own.glued_pairs(&material, &new);
     merge_edges(world, body, new.clone(), (&own.connectivity, &glued));
     let elements = (&before[..], &material);
-    let rest = &rest_of(world, &new);
+    let rest = &rest_of(world, body);
     let (rows, numbers) = (&new, &changed[..]);
     let sheets = (&sheets[..], soft.as_ref().and_then(|soft| soft.membrane));
     columns::write::<S>(world, Changed { rows, own, elements, numbers, sheets, points, rest });
@@ -612,14 +618,16 @@ pub(crate) fn divide_alike<S: Scalar>(world: &mut World, body: usize, material: 
     // here all copies fall off whole elements
     material.elements.iter_mut().for_each(|element| element.parent = element.source);
     material.sheets.iter_mut().for_each(|sheet| sheet.parent = sheet.source);
-    let parting = Parting { before, material, origins, changed, sheets, parted: Vec::new() };
+    let (old, parted) = (world.resource::<Topology>().bodies[body].clone(), Vec::new());
+    let parting = Parting { old, before, material, origins, changed, sheets, parted };
     divide::<S>(world, body, &mut resection, parting);
     world.insert_resource(resection);
 }
 
 /// Rest positions (m) of all rows of a body.
-fn rest_of(world: &mut World, rows: &BodyRows) -> Vec<DVec3> {
+fn rest_of(world: &mut World, body: usize) -> Vec<DVec3> {
     let mut query = world.query::<&RestPosition>();
+    let rows = &world.resource::<Topology>().bodies[body];
     let own = rows.vertices.start as usize..rows.vertices.end as usize;
     let all = single_table(query.contiguous_iter(world)).unwrap_or(&[]);
     all.get(own).unwrap_or(&[]).iter().map(|x| x.0).collect()
@@ -762,12 +770,12 @@ fn copy_vertices<S: Scalar>(world: &mut World, rows: &BodyRows, origins: &[u32])
 /// Shares the masses out again where elements, by their rows, came apart. What a removal left of removed elements stays where it is.
 fn sum_masses<S: Scalar>(
     world: &mut World,
-    soft: &SoftBody,
+    (body, soft): (usize, &SoftBody),
     old: (&BodyRows, &Connectivity),
     new: (&BodyRows, &Connectivity),
     changed: &ByKind<Vec<u32>>,
 ) {
-    let rest = rest_of(world, new.0);
+    let rest = rest_of(world, body);
     let mut vertices = BTreeSet::new();
     let changed = ElementKind::ALL.map(|kind| changed[kind].iter().map(move |&e| (kind, e)));
     for (kind, e) in changed.into_iter().flatten() {

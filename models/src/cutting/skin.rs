@@ -120,10 +120,9 @@ fn build(world: &mut World, body: usize, skin: &mut MaterialSkin) -> Result<(), 
         *skin = MaterialSkin::default();
         return Ok(());
     }
-    let rows = world.resource::<Topology>().bodies[body].clone();
-    let rest = rest_of(world, &rows);
-    let rest: Vec<DVec3> =
-        (0..material.vertices).map(|v| rest[row_of(&rows, v) as usize]).collect();
+    let rest = rest_of(world, body);
+    let rows = &world.resource::<Topology>().bodies[body];
+    let rest: Vec<DVec3> = (0..material.vertices).map(|v| rest[row_of(rows, v) as usize]).collect();
     *skin = MaterialSkin::default();
     for vertex in 0..material.vertices {
         skin.add([vertex; 4], [1.0, 0.0, 0.0, 0.0]);

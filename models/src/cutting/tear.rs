@@ -176,7 +176,7 @@ pub fn check_tear(world: &mut World, tear: &Tear) -> Result<Tear, CutError> {
             return refuse(format!("its {name} is {value} {unit}: it must be positive and finite"));
         }
     }
-    let rest = rest_of(world, &rows);
+    let rest = rest_of(world, tear.body);
     let resection = prepared(world, tear.body)?;
     let material = material_of(
         world,
@@ -272,12 +272,12 @@ impl TearView {
         let material = material_of(world, body, own);
         let element_of = own.element_of[KIND].clone();
         world.insert_resource(resection);
-        let own = world.resource::<Topology>().bodies[body].clone();
-        let of_rows = rest_of(world, &own);
+        let of_rows = rest_of(world, body);
+        let own = &world.resource::<Topology>().bodies[body];
         let rest =
-            (0..material.vertices).map(|v| of_rows[row_of(&own, v) as usize]).collect::<Vec<_>>();
+            (0..material.vertices).map(|v| of_rows[row_of(own, v) as usize]).collect::<Vec<_>>();
         let nodes = 0..material.vertices + material.ghosts.len() as u32;
-        let rows = nodes.map(|node| row_of(&own, node)).collect();
+        let rows = nodes.map(|node| row_of(own, node)).collect();
         let uncut = material.uncut.as_deref().cloned().unwrap_or_else(|| Uncut::new(&material));
         let parts = material.parts();
         let held = material.held(&uncut, &parts);
