@@ -43,7 +43,7 @@ use crate::simulation::{Backend, BodyHandle, Simulation, SimulationError};
 use crate::slots::{WordReader, WordWriter, word_slots};
 use bevy_ecs::prelude::*;
 use glam::{DMat3, DVec3};
-use sinew_contact::pull::Pull;
+use sinew_contact::pull::{Pull, PullReport};
 use sinew_contact::set::ContactSet;
 use sinew_engine::precision::Precision;
 use sinew_engine::scalar::Scalar;
@@ -99,7 +99,8 @@ impl HapticOptions {
         }
     }
 
-    fn problem(&self) -> Option<String> {
+    /// What of it cannot be used, if anything; body and vertices are not looked at.
+    pub fn problem(&self) -> Option<String> {
         let positive = [
             ("stiffness", self.stiffness, "N/m"),
             ("limit", self.limit, "N"),
@@ -273,20 +274,31 @@ impl Simulation {
         }
         let rows = self.rows(options.body, &name, &options.vertices)?;
         let pull = self.add_pull(Pull::new(&name, rows, options.stiffness, 0.0));
-        let solver = match self.precision() {
+        Ok(HapticTissue::holding(pull, options, self.precision()))
+    }
+}
+
+impl HapticTissue {
+    /// Both ends of a handle in a world of a host, such as a Bevy app: `pull` has a [`Pull`] without damping there, of the name and the
+    /// stiffness of the options, whose [`HapticOptions::problem`] is none. [`before_step_in`](Self::before_step_in) and
+    /// [`after_step_in`](Self::after_step_in) are for the host to call.
+    pub fn holding(
+        pull: Entity,
+        options: HapticOptions,
+        precision: Precision,
+    ) -> (Self, HapticDevice) {
+        let solver = match precision {
             Precision::F64 => Solver::F64(Box::default()),
             Precision::F32 => Solver::F32(Box::default()),
         };
         let (to_tissue, poses) = word_slots(POSE_WORDS);
         let (models, to_device) = word_slots(MODEL_WORDS);
-        let tolerance = options.tolerance;
+        let (name, tolerance) = (options.name.clone(), options.tolerance);
         let hand = DVec3::ZERO;
-        let tissue = HapticTissue { name, pull, tolerance, solver, poses, models, hand };
-        Ok((tissue, HapticDevice::new(options, to_tissue, to_device)))
+        let tissue = Self { name, pull, tolerance, solver, poses, models, hand };
+        (tissue, HapticDevice::new(options, to_tissue, to_device))
     }
-}
 
-impl HapticTissue {
     /// Takes a step for the device: [`before_step`](Self::before_step), the step, [`after_step`](Self::after_step).
     ///
     /// # Errors
@@ -302,13 +314,23 @@ impl HapticTissue {
     /// # Errors
     /// When the handle was taken away.
     pub fn before_step(&mut self, simulation: &mut Simulation) -> Result<(), HapticError> {
+        self.before_step_in(simulation.world_mut())
+    }
+
+    /// The same in a world of a host.
+    ///
+    /// # Errors
+    /// When the handle was taken away.
+    pub fn before_step_in(&mut self, world: &mut World) -> Result<(), HapticError> {
         if self.poses.update() {
             let mut words = self.poses.words().map(f64::from_bits);
             let [x, v] = [(); 2].map(|()| take_vector(&mut words));
-            self.hand = x + v * simulation.world().resource::<StepClock>().dt;
+            self.hand = x + v * world.resource::<StepClock>().dt;
         }
-        let moved = simulation.move_pull(self.pull, self.hand);
-        if moved { Ok(()) } else { Err(HapticError::Released(self.name.clone())) }
+        let pull = crate::snapshot::current(world, self.pull);
+        let released = || HapticError::Released(self.name.clone());
+        world.get_mut::<Pull>(pull).ok_or_else(released)?.target = self.hand.into();
+        Ok(())
     }
 
     /// Finds the local model at the end of the step, and gives it to the device.
@@ -316,11 +338,18 @@ impl HapticTissue {
     /// # Errors
     /// When the handle was taken away, or acted in no step yet.
     pub fn after_step(&mut self, simulation: &mut Simulation) -> Result<HapticReport, HapticError> {
+        self.after_step_in(simulation.columns())
+    }
+
+    /// The same in a world of a host.
+    ///
+    /// # Errors
+    /// When the handle was taken away, or acted in no step yet.
+    pub fn after_step_in(&mut self, world: &mut World) -> Result<HapticReport, HapticError> {
         let released = || HapticError::Released(self.name.clone());
-        let own = simulation.pull_report(self.pull).copied().ok_or_else(released)?;
-        let world = simulation.columns();
-        let pull = world.get::<Pull>(crate::snapshot::current(world, self.pull)).cloned();
-        let pull = pull.ok_or_else(released)?;
+        let entity = crate::snapshot::current(world, self.pull);
+        let own = world.get::<PullReport>(entity).copied().ok_or_else(released)?;
+        let pull = world.get::<Pull>(entity).cloned().ok_or_else(released)?;
         let found = match &mut self.solver {
             Solver::F64(solver) => find(world, solver, &pull, self.tolerance),
             Solver::F32(solver) => find(world, solver, &pull, self.tolerance),

@@ -1,6 +1,6 @@
-//! What acts on bodies: held vertices, pulls and tools, each where its entity is.
+//! What acts on bodies: held vertices, pulls and tools, each where its entity is, and haptic devices.
 
-use crate::{BodySystems, SinewBody, SinewBodyIndex, SoftMesh};
+use crate::{BodySystems, SimulationSystems, SinewBody, SinewBodyIndex, SoftMesh, StepOutcome};
 use bevy_app::App;
 use bevy_asset::Assets;
 use bevy_ecs::intern::Interned;
@@ -10,10 +10,12 @@ use bevy_math::{DQuat, DVec3};
 use bevy_time::{Fixed, Time};
 use bevy_transform::components::{GlobalTransform, Transform};
 use bevy_transform::helper::TransformHelper;
+use sinew::engine::precision::Precision;
 use sinew::engine::row::VertexRow;
 use sinew::engine::topology::Topology;
 use sinew::engine::vertex::FixedAxes;
-use sinew::prelude::{Constraint, Pose, Pull, Tool, ToolPose};
+use sinew::haptics::{HapticDevice, HapticError, HapticOptions, HapticReport, HapticTissue};
+use sinew::prelude::{BodyHandle, Constraint, Pose, Pull, Tool, ToolPose};
 
 /// How often the entity of an input is moved.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -93,6 +95,48 @@ impl SinewPull {
         Self { vertices, weights, stiffness, damping, moved: Moved::EveryStep }
     }
 }
+
+/// Lets a haptic device hold vertices of the body that its entity is a child of, by a spring that is part of the step, and serves it round
+/// every step ([`sinew::haptics`]). As soon as it holds, the entity has a [`SinewHapticDevice`]; what it does is told by
+/// [`PullReport`](sinew::touch::pull::PullReport), too. The device is where its thread says, wherever the entity is.
+#[derive(Component, Clone, Debug)]
+pub struct SinewHaptic {
+    /// Vertices.
+    pub vertices: Patch,
+    /// How it holds them. Name, body and vertices are those of the entity, whatever stands here.
+    pub options: HapticOptions,
+}
+
+impl SinewHaptic {
+    /// Holds vertices as devices do by default.
+    pub fn new(vertices: impl Into<Patch>) -> Self {
+        let options = HapticOptions::new(BodyHandle(0), Vec::new());
+        Self { vertices: vertices.into(), options }
+    }
+}
+
+/// The end of a [`SinewHaptic`] at the device, for the thread of that, and what the last step found for it.
+#[derive(Component, Debug)]
+pub struct SinewHapticDevice {
+    device: Option<HapticDevice>,
+    report: Option<HapticReport>,
+}
+
+impl SinewHapticDevice {
+    /// The device, which has one owner: `None` from the second call on. It may outlive the app; its force then falls to zero.
+    pub fn take(&mut self) -> Option<HapticDevice> {
+        self.device.take()
+    }
+
+    /// What the last step found for the device; `None` before the first.
+    pub fn report(&self) -> Option<&HapticReport> {
+        self.report.as_ref()
+    }
+}
+
+/// What serves a device.
+#[derive(Component)]
+struct HapticEnd(Option<Box<HapticTissue>>);
 
 /// Puts a [`Tool`] on the same entity where that entity is. It appears there with the first step, and moves
 /// there from then on.
@@ -201,15 +245,35 @@ pub(crate) fn build(app: &mut App, schedule: Interned<dyn ScheduleLabel>) {
     app.add_observer(|gone: On<Remove<SinewPull>>, commands: Commands| {
         end::<Pull>(gone.entity, commands);
     });
+    app.add_observer(|gone: On<Remove<SinewHaptic>>, commands: Commands| {
+        end::<(Pull, HapticEnd, SinewHapticDevice)>(gone.entity, commands);
+    });
+    let before = serve_haptics(|tissue, world| tissue.before_step_in(world).map(|()| None));
+    let after = serve_haptics(|tissue, world| tissue.after_step_in(world).map(Some));
     app.add_systems(
         schedule,
-        (begin_holds, begin_pulls, follow_holds, follow_pulls, follow_tools)
+        (
+            begin_holds,
+            begin_pulls,
+            begin_haptics,
+            follow_holds,
+            follow_pulls,
+            follow_tools,
+            before.run_if(any_with_component::<HapticEnd>),
+        )
             .chain()
             .in_set(BodySystems::Input),
     );
+    app.add_systems(
+        schedule,
+        after
+            .run_if(any_with_component::<HapticEnd>)
+            .after(SimulationSystems::Step)
+            .before(BodySystems::State),
+    );
 }
 
-fn end<C: Component>(entity: Entity, mut commands: Commands) {
+fn end<C: Bundle>(entity: Entity, mut commands: Commands) {
     if let Ok(mut entity) = commands.get_entity(entity) {
         entity.try_remove::<(C, Acting, SinewInputError)>();
     }
@@ -256,7 +320,7 @@ impl Begin<'_, '_> {
         vertices.iter().map(row).collect::<Result<_, _>>().map(Some)
     }
 
-    fn begin<C: Component>(&mut self, entity: Entity, made: Result<Option<C>, InputError>) {
+    fn begin<C: Bundle>(&mut self, entity: Entity, made: Result<Option<C>, InputError>) {
         match made {
             Ok(None) => {}
             Ok(Some(made)) => {
@@ -312,6 +376,56 @@ fn begin_pulls(mut with: Begin, pulls: Query<Input<SinewPull>, New<SinewPull>>) 
             }
         });
         with.begin(entity, made);
+    }
+}
+
+fn begin_haptics(
+    mut with: Begin,
+    precision: Res<Precision>,
+    haptics: Query<Input<SinewHaptic>, New<SinewHaptic>>,
+) {
+    for (entity, haptic, parent, name) in &haptics {
+        let name = label("haptic device", entity, name);
+        let rows = with.rows(&name, parent, &haptic.vertices);
+        let made = rows.and_then(|rows| {
+            let Some(rows) = rows else { return Ok(None) };
+            let pull = Pull::new(name.clone(), rows, haptic.options.stiffness, 0.0);
+            let options = HapticOptions { name: name.clone(), ..haptic.options.clone() };
+            let problem = options.problem();
+            let problem = problem.or_else(|| pull.problem(with.topology.vertex_count()));
+            if let Some(problem) = problem {
+                return Err(InputError::Invalid { name, problem });
+            }
+            let (tissue, device) = HapticTissue::holding(entity, options, *precision);
+            let device = SinewHapticDevice { device: Some(device), report: None };
+            Ok(Some((pull, HapticEnd(Some(Box::new(tissue))), device)))
+        });
+        with.begin(entity, made);
+    }
+}
+
+/// A system that serves all haptic devices at one moment of a step. What a step that failed leaves is not told to them: their forces fall.
+fn serve_haptics(
+    serve: fn(&mut HapticTissue, &mut World) -> Result<Option<HapticReport>, HapticError>,
+) -> impl FnMut(&mut World, &mut QueryState<Entity, With<HapticEnd>>) {
+    move |world, ends| {
+        if world.resource::<StepOutcome>().0.is_some() {
+            return;
+        }
+        for entity in ends.iter(world).collect::<Vec<_>>() {
+            let end = world.get_mut::<HapticEnd>(entity).and_then(|mut end| end.0.take());
+            let Some(mut tissue) = end else { continue };
+            let served = serve(&mut tissue, world);
+            if let Some(mut end) = world.get_mut::<HapticEnd>(entity) {
+                end.0 = Some(tissue);
+            }
+            let report = served.ok().flatten();
+            if let Some(mut device) =
+                world.get_mut::<SinewHapticDevice>(entity).filter(|_| report.is_some())
+            {
+                device.report = report;
+            }
+        }
     }
 }
 

@@ -71,7 +71,8 @@ pub use draw::{
     SinewMeshSync, sync_meshes,
 };
 pub use input::{
-    FollowTransform, InputError, InputFailed, Moved, Patch, SinewHold, SinewInputError, SinewPull,
+    FollowTransform, InputError, InputFailed, Moved, Patch, SinewHaptic, SinewHapticDevice,
+    SinewHold, SinewInputError, SinewPull,
 };
 pub use pick::{SinewDrag, SinewHit, SinewMouse, SinewRayCast};
 pub use sinew::engine::schedule::SimulationSystems;

@@ -8,6 +8,7 @@ use bevy_shape::Ray3d;
 use bevy_transform::components::Transform;
 use sinew::engine::topology::Topology;
 use sinew::engine::vertex::Position;
+use sinew::haptics::HapticOptions;
 use sinew::prelude::*;
 use sinew::touch::pull::PullReport;
 use sinew::touch::tool::ToolReport;
@@ -203,4 +204,49 @@ fn a_mouse_grabs_what_it_points_at() {
     (0..20).for_each(|_| app.update());
     assert!(app.world().get_entity(pull).is_err(), "let go");
     assert_eq!(app.world().get::<SinewBodyState>(body).unwrap().contact_force, DVec3::ZERO);
+}
+
+/// Bit for bit, and until it is taken away.
+#[test]
+fn haptic_devices_feel_what_they_feel_without_bevy() {
+    let mut app = app();
+    let body = held(&mut app, Transform::default());
+    let top = mesh_group("z1");
+    let hand = app.world_mut().spawn((SinewHaptic::new(top.clone()), ChildOf(body))).id();
+    let mut weak = SinewHaptic::new(vec![0]);
+    weak.options.limit = -1.0;
+    let weak = app.world_mut().spawn((weak, Name::new("pen"), ChildOf(body))).id();
+    let (mut simulation, twin) = twin();
+    let options = HapticOptions::new(twin, top);
+    let (mut tissue, mut other) = simulation.haptic_handle(options).unwrap();
+    // the first frame takes no time
+    (0..2).for_each(|_| app.update());
+    let mut found = tissue.step(&mut simulation).unwrap();
+    let mut own = app.world_mut().get_mut::<SinewHapticDevice>(hand).unwrap();
+    let mut device = own.take().unwrap();
+    assert!(own.take().is_none(), "a device has one owner");
+    let velocity = DVec3::new(0.02, 0.0, 0.05);
+    let mut last = device.exchange(DVec3::ZERO, velocity, 1e-3);
+    assert_eq!(last, other.exchange(DVec3::ZERO, velocity, 1e-3));
+    for tick in 1..300 {
+        let x = f64::from(tick) * 1e-3 * velocity;
+        last = device.exchange(x, velocity, 1e-3);
+        assert_eq!(last, other.exchange(x, velocity, 1e-3));
+        if tick % 10 == 0 {
+            app.update();
+            found = tissue.step(&mut simulation).unwrap();
+        }
+    }
+    assert_eq!(app.world().get::<SinewHapticDevice>(hand).unwrap().report(), Some(&found));
+    assert_eq!(hash(&mut app), simulation.state_hash());
+    assert!(last.force.z < -0.1 && !last.flags.stale, "{last:?}");
+    // taken away, it lets go
+    app.world_mut().entity_mut(hand).remove::<SinewHaptic>();
+    assert!(app.world().get::<Pull>(hand).is_none());
+    for _ in 0..200 {
+        last = device.exchange(300e-3 * velocity, DVec3::ZERO, 1e-3);
+    }
+    assert!(last.force == DVec3::ZERO && last.flags.stale, "{last:?}");
+    let error = app.world().get::<SinewInputError>(weak).unwrap().0.to_string();
+    assert!(error.contains("`pen`: limit is -1 N"), "{error}");
 }
