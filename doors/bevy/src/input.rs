@@ -4,6 +4,7 @@ use crate::{BodySystems, SimulationSystems, SinewBody, SinewBodyIndex, SoftMesh,
 use bevy_app::App;
 use bevy_asset::Assets;
 use bevy_ecs::intern::Interned;
+use bevy_ecs::message::signal_message_update_system;
 use bevy_ecs::prelude::*;
 use bevy_ecs::schedule::ScheduleLabel;
 use bevy_math::{DQuat, DVec3};
@@ -100,6 +101,7 @@ impl SinewPull {
 /// every step ([`sinew::haptics`]). As soon as it holds, the entity has a [`SinewHapticDevice`]; what it does is told by
 /// [`PullReport`](sinew::touch::pull::PullReport), too. The device is where its thread says, wherever the entity is.
 #[derive(Component, Clone, Debug)]
+#[require(Transform)]
 pub struct SinewHaptic {
     /// Vertices.
     pub vertices: Patch,
@@ -259,7 +261,10 @@ pub(crate) fn build(app: &mut App, schedule: Interned<dyn ScheduleLabel>) {
             follow_holds,
             follow_pulls,
             follow_tools,
-            before.run_if(any_with_component::<HapticEnd>),
+            before
+                .run_if(any_with_component::<HapticEnd>)
+                // the one system of Bevy's in the fixed schedules
+                .ambiguous_with(signal_message_update_system),
         )
             .chain()
             .in_set(BodySystems::Input),
@@ -269,7 +274,8 @@ pub(crate) fn build(app: &mut App, schedule: Interned<dyn ScheduleLabel>) {
         after
             .run_if(any_with_component::<HapticEnd>)
             .after(SimulationSystems::Step)
-            .before(BodySystems::State),
+            .before(BodySystems::State)
+            .ambiguous_with(signal_message_update_system),
     );
 }
 
