@@ -99,7 +99,7 @@ impl HapticOptions {
         }
     }
 
-    /// What of it cannot be used, if anything; body and vertices are not looked at.
+    /// What of it cannot be used, if anything; whether there are such a body and such vertices is not looked at.
     pub fn problem(&self) -> Option<String> {
         let positive = [
             ("stiffness", self.stiffness, "N/m"),

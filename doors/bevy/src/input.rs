@@ -395,8 +395,10 @@ fn begin_haptics(
         let rows = with.rows(&name, parent, &haptic.vertices);
         let made = rows.and_then(|rows| {
             let Some(rows) = rows else { return Ok(None) };
-            let pull = Pull::new(name.clone(), rows, haptic.options.stiffness, 0.0);
-            let options = HapticOptions { name: name.clone(), ..haptic.options.clone() };
+            // of which only counts whether there are any
+            let vertices = rows.iter().map(|row| row.0).collect();
+            let options = HapticOptions { name: name.clone(), vertices, ..haptic.options.clone() };
+            let pull = Pull::new(name.clone(), rows, options.stiffness, 0.0);
             let problem = options.problem();
             let problem = problem.or_else(|| pull.problem(with.topology.vertex_count()));
             if let Some(problem) = problem {
