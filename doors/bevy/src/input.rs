@@ -427,6 +427,7 @@ fn serve_haptics(
             if let Some(mut end) = world.get_mut::<HapticEnd>(entity) {
                 end.0 = Some(tissue);
             }
+            // all that can be wrong is that the app took its pull away: then it is as if no step were taken
             let report = served.ok().flatten();
             if let Some(mut device) =
                 world.get_mut::<SinewHapticDevice>(entity).filter(|_| report.is_some())
