@@ -264,7 +264,8 @@ impl NeedleNow {
         let slip = near.u - self.rest;
         let (elastic, [back, ahead]) = (self.k * slip, self.limits);
         let push = elastic.clamp(-back, ahead);
-        let held = if self.k > 0.0 { push / self.k } else { 0.0 };
+        // not divided within the limits: rounding would lose a little less than nothing there
+        let held = if push == elastic { slip } else { push / self.k };
         let turn = DMat3::from_quat(rotation);
         let mut block = self.across * (turn * near.across * turn.transpose());
         if push == elastic {
