@@ -56,9 +56,9 @@ pub struct PatchSolver<S: Scalar> {
     revision: Option<u64>,
     /// Held axes, and whether they support the bodies.
     supported: Option<(Vec<FixedAxes>, bool)>,
-    /// The last solutions (m/m), of the rows of the group.
+    /// The last solutions (m/m) and the forces (N/m) that they take, of the rows of the group.
     ways: [Rows<S>; 3],
-    product: Rows<S>,
+    products: [Rows<S>; 3],
     last: DMat3,
 }
 
@@ -164,7 +164,7 @@ impl<S: Scalar> PatchSolver<S> {
         (contact, with_inertia, tolerance): (Option<&ContactBlocks>, bool, f64),
         iterations: &mut u32,
     ) -> Result<DMat3, CgStatus> {
-        let Self { linear, node, rest, ways, product, .. } = self;
+        let Self { linear, node, rest, ways, products, .. } = self;
         let dt = world.resource::<StepClock>().dt;
         let tangent = world.resource::<Tangent<S>>();
         let system = ShiftedTangent {
@@ -192,13 +192,14 @@ impl<S: Scalar> PatchSolver<S> {
                 return Err(outcome.status);
             }
             options.same_matrix = true;
+            let product = &mut products[axis];
+            product.resize(b.len(), [S::ZERO; 4]);
+            linear.multiply_solution(&system, group.clone(), b, x, product);
         }
         for j in 0..3 {
-            // b + r = 2 b - K' x
-            product.resize(forces[j].len(), [S::ZERO; 4]);
-            linear.multiply(&system, group.clone(), &ways[j], product);
             for i in 0..3 {
-                let parts = ways[i].iter().zip(&forces[j]).zip(&*product);
+                // b + r = 2 b - K' x
+                let parts = ways[i].iter().zip(&forces[j]).zip(&products[j]);
                 let sum: f64 = parts.map(|((x, b), y)| 2.0 * dot3(x, b) - dot3(x, y)).sum();
                 work.col_mut(j)[i] = sum;
             }

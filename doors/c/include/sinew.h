@@ -802,7 +802,7 @@ typedef struct sinew_haptic_options {
   double fade;
   // Moving mass (kg) of the device, which limits what damping may be added in a cycle: 0.05 by default.
   double device_mass;
-  // Relative residual of the linear systems of the model: 0.01 by default.
+  // Relative residual of the linear systems of the model: 0.1 by default.
   double tolerance;
 } sinew_haptic_options;
 

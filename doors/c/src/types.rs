@@ -632,7 +632,7 @@ pub struct sinew_haptic_options {
     pub fade: f64,
     /// Moving mass (kg) of the device, which limits what damping may be added in a cycle: 0.05 by default.
     pub device_mass: f64,
-    /// Relative residual of the linear systems of the model: 0.01 by default.
+    /// Relative residual of the linear systems of the model: 0.1 by default.
     pub tolerance: f64,
 }
 
