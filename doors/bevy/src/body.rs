@@ -123,6 +123,10 @@ pub struct SinewBodyState {
 #[derive(Component)]
 struct Applied(YoungPoisson);
 
+/// What took the mesh of a body to where it rests.
+#[derive(Component, Clone, Copy)]
+pub(crate) struct RestFrame(pub DAffine3);
+
 /// The surface of what is left of a body, by vertices of the user's mesh, then points that cuts made.
 #[derive(Component, Clone, Debug, Default)]
 pub struct SinewSurface {
@@ -317,9 +321,10 @@ fn build_bodies(world: &mut World, waiting: &mut QueryState<(Entity, &SinewBody)
             Err(error) => Err(error),
         };
         match result {
-            Ok(index) => {
+            Ok((index, frame)) => {
                 let surface = surface(world, index);
-                let own = (SinewBodyIndex(index), SinewBodyState::default(), surface);
+                let state = SinewBodyState::default();
+                let own = (SinewBodyIndex(index), state, surface, RestFrame(frame));
                 world.entity_mut(entity).insert((own, Applied(body.material)));
                 world.resource_mut::<Built>().0.push((entity, index));
                 world.write_message(BodyBuilt { entity, index });
@@ -367,7 +372,7 @@ fn build_body(
     name: String,
     body: &SinewBody,
     mesh: &sinew::prelude::Mesh,
-) -> Result<usize, BuildError> {
+) -> Result<(usize, DAffine3), BuildError> {
     let transform = global_transform(world, entity);
     let frame = affine(&transform);
     let scale = frame.matrix3.determinant();
@@ -394,7 +399,7 @@ fn build_body(
         ..BodyDescription::new(&name, mesh, body.material)
     };
     spawn_checked_body(world, &description)?;
-    Ok(world.resource::<Topology>().bodies.len() - 1)
+    Ok((world.resource::<Topology>().bodies.len() - 1, frame))
 }
 
 /// Where an entity is by the `Transform`s of itself and its parents, up to date at any time.

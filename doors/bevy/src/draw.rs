@@ -1,6 +1,7 @@
 //! What is drawn of bodies: meshes written in place, interpolation between steps, and lines.
 
 use crate::body::affine;
+use crate::carried;
 use crate::{BodySystems, SinewBodyIndex, SinewBodyState, SinewSurface};
 use bevy_app::{App, PostUpdate};
 use bevy_asset::{AssetApp, AssetEventSystems, Assets, RenderAssetUsages};
@@ -112,8 +113,9 @@ pub(crate) fn build(app: &mut App) {
     app.init_resource::<SinewGizmoLines>();
     let in_order = MeshSystems.after(TransformSystems::Propagate).before(AssetEventSystems);
     app.configure_sets(PostUpdate, in_order);
-    let systems = (begin_meshes, sync_meshes, collect_lines).chain();
+    let systems = (begin_meshes, sync_meshes, carried::begin, carried::sync, collect_lines).chain();
     app.add_systems(PostUpdate, systems.in_set(MeshSystems));
+    carried::build(app);
 }
 
 pub(crate) fn build_steps(app: &mut App, schedule: Interned<dyn ScheduleLabel>) {
@@ -178,11 +180,7 @@ pub fn sync_meshes(
     for (index, state, surface, sync, mut drawn, mesh, transform, interpolation) in &mut bodies {
         let drawn = drawn.bypass_change_detection();
         let body = &topology.bodies[index.0];
-        let before = interpolation.map_or(&[][..], |i| &i.before[..]);
-        let fraction = match &fixed {
-            Some(fixed) if !before.is_empty() => fixed.overstep_fraction_f64().min(1.0),
-            _ => 1.0,
-        };
+        let (before, fraction) = between(interpolation, fixed.as_deref());
         let is_new = drawn.revision != surface.revision
             || drawn.positions.len() != body.mesh_vertices() + surface.made.len()
             || drawn.smooth != sync.smooth_normals
@@ -204,6 +202,26 @@ pub fn sync_meshes(
     }
 }
 
+/// Positions (m) before the last step, none without interpolation, and how far a body is drawn from there to where it is.
+pub(crate) fn between<'a>(
+    interpolation: Option<&'a SinewInterpolation>,
+    fixed: Option<&Time<Fixed>>,
+) -> (&'a [DVec3], f64) {
+    let before = interpolation.map_or(&[][..], |i| &i.before[..]);
+    let fraction = fixed.map_or(1.0, |fixed| fixed.overstep_fraction_f64().min(1.0));
+    (before, if before.is_empty() { 1.0 } else { fraction })
+}
+
+/// Where (m) a row of a body is drawn.
+pub(crate) fn drawn_at(
+    local: usize,
+    positions: &[Position],
+    (before, fraction): (&[DVec3], f64),
+) -> DVec3 {
+    let now = positions[local].0;
+    before.get(local).map_or(now, |before| before.lerp(now, fraction))
+}
+
 impl Drawn {
     /// Positions in the frame of the body, and their bounds.
     fn place(
@@ -217,10 +235,7 @@ impl Drawn {
         self.fraction = fraction;
         self.positions.resize(body.mesh_vertices() + surface.made.len(), [0.0; 3]);
         let (mut min, mut max) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-        let at = |local: usize| match before.get(local) {
-            Some(before) => before.lerp(positions[local].0, fraction),
-            None => positions[local].0,
-        };
+        let at = |local: usize| drawn_at(local, positions, (before, fraction));
         let mut place = |index: usize, there: DVec3| {
             let there = to_frame.transform_point3(there);
             (min, max) = (min.min(there), max.max(there));

@@ -347,7 +347,7 @@ impl Begin<'_, '_> {
     }
 }
 
-fn label(kind: &str, entity: Entity, name: Option<&Name>) -> String {
+pub(crate) fn label(kind: &str, entity: Entity, name: Option<&Name>) -> String {
     name.map_or_else(|| format!("{kind} {entity}"), Name::to_string)
 }
 

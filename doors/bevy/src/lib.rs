@@ -55,6 +55,7 @@
 
 mod asset;
 mod body;
+mod carried;
 mod draw;
 mod input;
 mod pick;
@@ -66,6 +67,7 @@ pub use body::{
     BodyBuilt, BodyDespawned, BodyFailed, BuildError, Recovered, RecoveryBegan, Resected,
     ResectionFailed, SinewBody, SinewBodyError, SinewBodyIndex, SinewBodyState, SinewSurface,
 };
+pub use carried::SinewCarriedMesh;
 pub use draw::{
     GizmoKind, GizmoLine, MeshSystems, SinewGizmoLines, SinewGizmos, SinewInterpolation,
     SinewMeshSync, sync_meshes,

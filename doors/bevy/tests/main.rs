@@ -1,6 +1,7 @@
 //! `sinew-bevy` without a window.
 
 mod bodies;
+mod carried;
 mod common;
 mod drawing;
 mod inputs;

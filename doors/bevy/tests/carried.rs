@@ -1,0 +1,282 @@
+//! Meshes that bodies carry along.
+
+use crate::common::*;
+use bevy_app::App;
+use bevy_asset::{Assets, Handle, RenderAssetUsages};
+use bevy_ecs::prelude::*;
+use bevy_math::{DQuat, Quat, Vec3};
+use bevy_mesh::{Indices, Mesh, Mesh3d, PrimitiveTopology, VertexAttributeValues};
+use bevy_time::{Time, Virtual};
+use bevy_transform::components::{GlobalTransform, Transform};
+use sinew::engine::mesh::EmbeddedPoints;
+use sinew::engine::step::Gravity;
+use sinew::engine::topology::Topology;
+use sinew::engine::vertex::{Position, RestPosition};
+use sinew::models::resection::{Region, Removal, RemovalRequest};
+use sinew::prelude::DVec3;
+use sinew_bevy::*;
+
+/// In the frame of a body: a sheet inside of it, finer than its tissue.
+const CORNER: Vec3 = Vec3::new(0.01, 0.01, 0.025);
+const CELLS: u32 = 12;
+
+/// From the frame of the mesh to that of the body.
+fn place() -> Transform {
+    Transform::from_translation(CORNER).with_scale(Vec3::new(0.08, 0.06, 0.01))
+}
+
+/// A unit square of many triangles with slanting normals, whose middle column is there twice, as at a seam.
+fn sheet() -> Mesh {
+    let columns: Vec<u32> = (0..=CELLS / 2).chain(CELLS / 2..=CELLS).collect();
+    let mut points = Vec::new();
+    for j in 0..=CELLS {
+        let own = columns.iter().map(|&i| [i as f32 / CELLS as f32, j as f32 / CELLS as f32, 0.3]);
+        points.extend(own);
+    }
+    let (wide, mut triangles) = (columns.len() as u32, Vec::new());
+    for j in 0..CELLS {
+        for i in (0..wide - 1).filter(|&i| columns[i as usize] != columns[i as usize + 1]) {
+            let at = |di: u32, dj: u32| (j + dj) * wide + i + di;
+            triangles.extend([at(0, 0), at(1, 0), at(1, 1), at(0, 0), at(1, 1), at(0, 1)]);
+        }
+    }
+    let normal = Vec3::new(0.3, -0.2, 0.9).normalize().to_array();
+    let count = points.len();
+    Mesh::new(PrimitiveTopology::TriangleList, RenderAssetUsages::default())
+        .with_inserted_attribute(Mesh::ATTRIBUTE_POSITION, points)
+        .with_inserted_attribute(Mesh::ATTRIBUTE_NORMAL, vec![normal; count])
+        .with_inserted_attribute(Mesh::ATTRIBUTE_TANGENT, vec![[1.0, 0.0, 0.0, -1.0]; count])
+        .with_inserted_indices(Indices::U32(triangles))
+}
+
+/// An app in which nothing moves by itself.
+fn weightless() -> App {
+    let mut app = app();
+    app.insert_resource(Gravity(DVec3::ZERO));
+    app
+}
+
+fn three(mesh: &Mesh, which: bevy_mesh::MeshVertexAttribute) -> Vec<Vec3> {
+    match mesh.attribute(which) {
+        Some(VertexAttributeValues::Float32x3(values)) => {
+            values.iter().map(|&v| v.into()).collect()
+        }
+        Some(VertexAttributeValues::Float32x4(values)) => {
+            values.iter().map(|&[x, y, z, _]| Vec3::new(x, y, z)).collect()
+        }
+        _ => panic!(),
+    }
+}
+
+fn drawn(app: &App, entity: Entity) -> Mesh {
+    let mesh = app.world().get::<Mesh3d>(entity).unwrap();
+    app.world().resource::<Assets<Mesh>>().get(&mesh.0).unwrap().clone()
+}
+
+fn carried(app: &mut App, body: Entity, mesh: &Handle<Mesh>) -> Entity {
+    // as scenes of other programs are: below a node of their own
+    let node = app.world_mut().spawn((place(), ChildOf(body))).id();
+    app.world_mut().spawn((SinewCarriedMesh, Mesh3d(mesh.clone()), ChildOf(node))).id()
+}
+
+fn added(app: &mut App, mesh: Mesh) -> Handle<Mesh> {
+    app.world_mut().resource_mut::<Assets<Mesh>>().add(mesh)
+}
+
+/// Largest distance (m) of what is drawn from where the tissue has it, by the rows of body `index`.
+fn error(app: &mut App, index: usize, body: Transform, entity: Entity) -> f64 {
+    let world = app.world_mut();
+    let mut query = world.query::<(&Position, &RestPosition)>();
+    let rows: Vec<_> = query.iter(world).map(|(x, rest)| x.0 - rest.0).collect();
+    let own = world.resource::<Topology>().bodies[index].clone();
+    let mut way = vec![DVec3::ZERO; own.mesh_vertices()];
+    own.vertices_and_rows().for_each(|(vertex, row)| way[vertex.index()] = rows[row.index()]);
+    let at_rest: Vec<DVec3> = three(&sheet(), Mesh::ATTRIBUTE_POSITION)
+        .iter()
+        .map(|&p| place().transform_point(p).as_dvec3())
+        .collect();
+    let tissue = mesh();
+    let embedding = EmbeddedPoints::new(&tissue, &at_rest).unwrap();
+    assert_eq!(embedding.outside, 0);
+    let expected = embedding.displacements(&way);
+    let expected = at_rest
+        .iter()
+        .zip(expected)
+        .map(|(p, way)| body.transform_point(p.as_vec3()).as_dvec3() + way);
+    let frame = *app.world().get::<GlobalTransform>(entity).unwrap();
+    let found = three(&drawn(app, entity), Mesh::ATTRIBUTE_POSITION);
+    let found = found.iter().map(|&p| frame.transform_point(p).as_dvec3());
+    found.zip(expected).map(|(a, b)| a.distance(b)).fold(0.0, f64::max)
+}
+
+#[test]
+fn a_carried_mesh_is_where_the_tissue_is() {
+    let turned = Transform {
+        translation: Vec3::new(0.3, -0.2, 0.1),
+        rotation: Quat::from_rotation_y(0.7),
+        scale: Vec3::new(1.5, 1.0, 0.5),
+    };
+    let mut app = weightless();
+    let mesh = added(&mut app, sheet());
+    let bodies = [Transform::default(), turned].map(|place| (held(&mut app, place), place));
+    let carried = bodies.map(|(body, _)| carried(&mut app, body, &mesh));
+    (0..4).for_each(|_| app.update());
+    assert!(steps_done(&app) > 0);
+    // nothing has moved yet: it is the artist's, to the digit of f32
+    for entity in carried {
+        assert!(app.world().get::<Mesh3d>(entity).unwrap().0 != mesh, "a copy of its own");
+        let (found, own) = (drawn(&app, entity), sheet());
+        for which in [Mesh::ATTRIBUTE_POSITION, Mesh::ATTRIBUTE_NORMAL, Mesh::ATTRIBUTE_TANGENT] {
+            let pairs = three(&found, which).into_iter().zip(three(&own, which));
+            let off = pairs.map(|(a, b)| a.distance(b)).fold(0.0, f32::max);
+            assert!(off < 2e-5, "{which:?}: {off:e}");
+        }
+    }
+    let before = drawn(&app, carried[0]);
+    app.insert_resource(Gravity::default());
+    (0..20).for_each(|_| app.update());
+    for ((entity, (_, place)), index) in carried.into_iter().zip(bodies).zip(0..) {
+        let off = error(&mut app, index, place, entity);
+        assert!(off < 1e-6, "{off:e}");
+    }
+    let moved = three(&drawn(&app, carried[0]), Mesh::ATTRIBUTE_POSITION);
+    let most = three(&before, Mesh::ATTRIBUTE_POSITION).into_iter().zip(moved);
+    assert!(most.map(|(a, b)| a.distance(b)).fold(0.0, f32::max) > 0.01, "the tissue sags");
+    // both drew a copy of their own
+    let same = |a: &Mesh, b: &Mesh| {
+        three(a, Mesh::ATTRIBUTE_POSITION) == three(b, Mesh::ATTRIBUTE_POSITION)
+    };
+    assert!(same(app.world().resource::<Assets<Mesh>>().get(&mesh).unwrap(), &sheet()));
+    // a body is not carried by its `Transform`: the frame changes, the place does not
+    app.world_mut().resource_mut::<Time<Virtual>>().pause();
+    let other = Transform::from_xyz(0.1, 0.0, 0.3).with_rotation(Quat::from_rotation_x(0.3));
+    *app.world_mut().get_mut::<Transform>(bodies[1].0).unwrap() = other;
+    app.update();
+    let off = error(&mut app, 1, turned, carried[1]);
+    assert!(off < 1e-6, "{off:e}");
+    let bounds = drawn(&app, carried[1]).final_aabb.unwrap();
+    let points = three(&drawn(&app, carried[1]), Mesh::ATTRIBUTE_POSITION);
+    let (min, max) = (Vec3::from(bounds.min), Vec3::from(bounds.max));
+    assert!(points.iter().all(|p| p.cmpge(min).all() && p.cmple(max).all()));
+    assert!(points.iter().any(|p| p.x == min.x) && points.iter().any(|p| p.z == max.z));
+}
+
+#[test]
+fn normals_and_tangents_turn_with_the_tissue() {
+    let mut app = weightless();
+    let mesh = added(&mut app, sheet());
+    let body = held(&mut app, Transform::default());
+    let entity = carried(&mut app, body, &mesh);
+    (0..4).for_each(|_| app.update());
+    app.world_mut().resource_mut::<Time<Virtual>>().pause();
+    let turn = DQuat::from_euler(bevy_math::EulerRot::XYZ, 0.4, 0.9, 0.0);
+    let world = app.world_mut();
+    world.query::<(&mut Position, &RestPosition)>().iter_mut(world).for_each(|(mut x, rest)| {
+        x.0 = turn * rest.0;
+    });
+    world.get_mut::<SinewBodyState>(body).unwrap().set_changed();
+    app.update();
+    let (found, own) = (drawn(&app, entity), sheet());
+    let frame = place();
+    // the sheet is flat: what turns it is the shortest way from its normal to the turned one, in the frame of the mesh
+    let up = Vec3::Z;
+    let turned = (turn.as_quat() * Vec3::Z / frame.scale.recip()).normalize();
+    let expected = Quat::from_rotation_arc(up, turned);
+    let find = |which| three(&own, which).into_iter().zip(three(&found, which));
+    for which in [Mesh::ATTRIBUTE_NORMAL, Mesh::ATTRIBUTE_TANGENT] {
+        for (at_rest, now) in find(which) {
+            assert!((expected * at_rest).distance(now) < 1e-4, "{which:?}: {at_rest} {now}");
+        }
+    }
+    // a seam stays closed
+    let points = three(&found, Mesh::ATTRIBUTE_POSITION);
+    let normals = three(&found, Mesh::ATTRIBUTE_NORMAL);
+    let seam = CELLS as usize / 2;
+    assert_eq!([points[seam], normals[seam]], [points[seam + 1], normals[seam + 1]]);
+}
+
+#[test]
+fn triangles_at_removed_elements_are_no_longer_drawn() {
+    let mut app = app();
+    let mesh = added(&mut app, sheet());
+    let body = held(&mut app, Transform::default());
+    let entity = carried(&mut app, body, &mesh);
+    (0..4).for_each(|_| app.update());
+    let corners = |app: &App| drawn(app, entity).indices().unwrap().iter().collect::<Vec<_>>();
+    let all = corners(&app);
+    let away = |p: DVec3| p.x > 0.06;
+    let tissue = crate::common::mesh();
+    let gone: Vec<u32> = (0..)
+        .zip(&tissue.tetrahedra)
+        .filter(|(_, t)| t.iter().all(|&v| away(tissue.points[v as usize])))
+        .map(|(t, _)| t)
+        .collect();
+    assert!(!gone.is_empty() && gone.len() < tissue.tetrahedra.len());
+    let removal = Removal::new(Region::Tetrahedra(gone.clone()));
+    app.world_mut().spawn(RemovalRequest::new(0, removal));
+    (0..3).for_each(|_| app.update());
+    // by the cell of every vertex
+    let at_rest: Vec<DVec3> = three(&sheet(), Mesh::ATTRIBUTE_POSITION)
+        .iter()
+        .map(|&p| place().transform_point(p).as_dvec3())
+        .collect();
+    let embedding = EmbeddedPoints::new(&tissue, &at_rest).unwrap();
+    let cells: Vec<u32> = embedding.cells().map(|(_, cell)| cell).collect();
+    let is_left = |t: &&[usize]| t.iter().all(|&v| !gone.contains(&cells[v]));
+    let expected: Vec<usize> = all.chunks(3).filter(is_left).flatten().copied().collect();
+    assert!(!expected.is_empty() && expected.len() < all.len());
+    assert_eq!(corners(&app), expected);
+}
+
+#[test]
+fn meshes_that_cannot_be_carried_are_told_once_and_tried_again() {
+    let mut app = app();
+    let mesh = added(&mut app, sheet());
+    let lines = Mesh::new(PrimitiveTopology::LineList, RenderAssetUsages::default());
+    let lines = added(&mut app, lines);
+    let body = held(&mut app, Transform::default());
+    let soft = asset(&mut app);
+    let cuttable = SinewBody { spare: 100, ..SinewBody::new(soft, material()) };
+    let cuttable = app.world_mut().spawn(cuttable).id();
+    let cases = [
+        (Some(mesh.clone()), None, place(), "is a child of no `SinewBody`"),
+        (Some(mesh.clone()), Some(cuttable), place(), "its body can be cut (`spare`)"),
+        (None, Some(body), place(), "its entity has no `Mesh3d`"),
+        (Some(lines), Some(body), place(), "its mesh is a LineList"),
+        (Some(mesh.clone()), Some(body), Transform::default(), "lies 1.3"),
+    ];
+    let entities = cases.each_ref().map(|(mesh, body, place, _)| {
+        let mut entity = app.world_mut().spawn((SinewCarriedMesh, *place));
+        if let Some(mesh) = mesh {
+            entity.insert(Mesh3d(mesh.clone()));
+        }
+        if let Some(body) = body {
+            entity.insert(ChildOf(*body));
+        }
+        entity.id()
+    });
+    let mut told = Vec::new();
+    for _ in 0..4 {
+        app.update();
+        told.extend(messages::<InputFailed>(&mut app));
+    }
+    assert_eq!(told.len(), cases.len(), "{told:?}");
+    for (entity, (_, _, _, text)) in entities.iter().zip(&cases) {
+        let error = app.world().get::<SinewInputError>(*entity).unwrap().0.to_string();
+        assert!(error.contains(text), "{error}");
+        assert!(told.iter().any(|own| own.entity == *entity && own.error.to_string() == error));
+    }
+    // a mesh comes: it is carried
+    app.world_mut().entity_mut(entities[2]).insert(Mesh3d(mesh.clone()));
+    app.update();
+    assert!(app.world().get::<SinewInputError>(entities[2]).is_none());
+    let handle = |app: &App| app.world().get::<Mesh3d>(entities[2]).unwrap().0.clone();
+    assert_ne!(handle(&app), mesh);
+    // and let go of
+    let last = handle(&app);
+    app.world_mut().entity_mut(entities[2]).remove::<SinewCarriedMesh>();
+    let before = drawn(&app, entities[2]);
+    (0..5).for_each(|_| app.update());
+    assert_eq!(handle(&app), last);
+    assert!(drawn(&app, entities[2]) == before);
+}
