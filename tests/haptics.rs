@@ -171,7 +171,6 @@ fn a_device_that_is_let_go_comes_to_rest() {
                 felt.dampings
             );
             assert!(drawn > 0.3, "{name}: {drawn} N");
-            // 0.2 % of the way
             // 0.2 % of the way. Nothing but the damper of the handle stops a free device of 50 g, by a velocity of 3 mm/s for
             // every count of the encoder: a known miss, of which it is demanded that it stays small
             let bars = [1e-5, 5e-3];

@@ -53,7 +53,6 @@ pub(crate) struct Carried {
 
 /// A mesh as it was loaded.
 struct Shape {
-    positions: Vec<[f32; 3]>,
     normals: Vec<[f32; 3]>,
     tangents: Vec<[f32; 4]>,
     triangles: Vec<[u32; 3]>,
@@ -75,9 +74,10 @@ pub(crate) fn build(app: &mut App) {
     });
 }
 
+type Untried = (Without<Carried>, Without<SinewInputError>);
 type New = (
     With<SinewCarriedMesh>,
-    Or<(Changed<SinewCarriedMesh>, Changed<Mesh3d>, (Without<Carried>, Without<SinewInputError>))>,
+    Or<(Changed<SinewCarriedMesh>, Changed<Mesh3d>, Changed<ChildOf>, Untried)>,
 );
 type Waiting<'a> = (Entity, Option<&'a Mesh3d>, Option<&'a Carried>, Option<&'a Name>);
 
@@ -154,9 +154,9 @@ impl Hierarchy<'_, '_> {
         if !(to_body.is_finite() && to_body.matrix3.determinant() != 0.0) {
             return Err(invalid(format!("its `Transform` {to_body:?} flattens it")));
         }
-        let shape = Shape::of(mesh).map_err(invalid)?;
+        let (shape, positions) = Shape::of(mesh).map_err(invalid)?;
         let wide = |p: &[f32; 3]| to_body.transform_point3(Vec3::from(*p).as_dvec3());
-        let points: Vec<DVec3> = shape.positions.iter().map(wide).collect();
+        let points: Vec<DVec3> = positions.iter().map(wide).collect();
         let tissue = soft.mesh();
         let embedding = EmbeddedPoints::new(tissue, &points).ok_or_else(|| {
             invalid("its body has no solid elements, so nothing that could carry it".into())
@@ -171,7 +171,6 @@ impl Hierarchy<'_, '_> {
             return Err(invalid(problem));
         }
         let rest = points.iter().map(|&p| frame.0.transform_point3(p)).collect();
-        let positions = shape.positions.clone();
         let (mesh, mut copy) = (AssetId::default(), mesh.clone());
         // found by area where it has none
         copy.insert_attribute(Mesh::ATTRIBUTE_NORMAL, shape.normals.clone());
@@ -250,8 +249,8 @@ impl Carried {
 }
 
 impl Shape {
-    /// Of a mesh, or what of it cannot be carried.
-    fn of(mesh: &Mesh) -> Result<Self, String> {
+    /// Of a mesh, with its positions; or what of it cannot be carried.
+    fn of(mesh: &Mesh) -> Result<(Self, Vec<[f32; 3]>), String> {
         if mesh.primitive_topology() != PrimitiveTopology::TriangleList {
             return Err(format!(
                 "its mesh is a {:?}: triangles are carried, as a `TriangleList`",
@@ -296,7 +295,6 @@ impl Shape {
         let group = group.collect();
         let at_rest = vec![Vec3::ZERO; groups.len()];
         let mut shape = Self {
-            positions: positions.clone(),
             normals,
             tangents,
             triangles: triangles.to_vec(),
@@ -310,7 +308,7 @@ impl Shape {
             let of = |&group: &u32| shape.at_rest[group as usize].normalize_or(Vec3::Z).to_array();
             shape.normals = shape.group.iter().map(of).collect();
         }
-        Ok(shape)
+        Ok((shape, positions.clone()))
     }
 
     fn find_areas(&mut self, positions: &[[f32; 3]]) {

@@ -266,10 +266,13 @@ fn meshes_that_cannot_be_carried_are_told_once_and_tried_again() {
         assert!(error.contains(text), "{error}");
         assert!(told.iter().any(|own| own.entity == *entity && own.error.to_string() == error));
     }
-    // a mesh comes: it is carried
+    // a mesh comes, and a parent: they are carried
     app.world_mut().entity_mut(entities[2]).insert(Mesh3d(mesh.clone()));
+    app.world_mut().entity_mut(entities[0]).insert(ChildOf(body));
     app.update();
-    assert!(app.world().get::<SinewInputError>(entities[2]).is_none());
+    for entity in [entities[0], entities[2]] {
+        assert!(app.world().get::<SinewInputError>(entity).is_none());
+    }
     let handle = |app: &App| app.world().get::<Mesh3d>(entities[2]).unwrap().0.clone();
     assert_ne!(handle(&app), mesh);
     // and let go of
