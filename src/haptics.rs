@@ -46,10 +46,10 @@ use glam::{DMat3, DVec3};
 use sinew_contact::pull::{Pull, PullReport};
 use sinew_contact::set::ContactSet;
 use sinew_engine::precision::Precision;
-use sinew_engine::scalar::Scalar;
 use sinew_engine::step::{StepClock, StepError};
 use sinew_engine::topology::Topology;
 use sinew_solvers::compliance::{PatchCompliance, PatchSolver};
+use std::ops::Range;
 
 /// Time (s) in which the force of a model that is too old falls to zero.
 const FALL: f64 = 0.05;
@@ -353,6 +353,7 @@ impl HapticTissue {
         let entity = crate::snapshot::current(world, self.pull);
         let own = world.get::<PullReport>(entity).copied().ok_or_else(released)?;
         let pull = world.get::<Pull>(entity).cloned().ok_or_else(released)?;
+        let group = acts_on(world, &pull).ok_or_else(released)?;
         let clock = *world.resource::<StepClock>();
         let mut report = HapticReport {
             hand: self.hand,
@@ -365,11 +366,10 @@ impl HapticTissue {
             // where the patch is comes in time even beside a body whose model does not
             tell(&mut self.models, &clock, &report);
         }
-        let found = match &mut self.solver {
-            Solver::F64(solver) => find(world, solver, &pull, self.tolerance),
-            Solver::F32(solver) => find(world, solver, &pull, self.tolerance),
+        self.last = match &mut self.solver {
+            Solver::F64(solver) => solver.find(world, &pull, &group, self.tolerance),
+            Solver::F32(solver) => solver.find(world, &pull, &group, self.tolerance),
         };
-        self.last = found.ok_or_else(released)?;
         report.compliance = self.last;
         tell(&mut self.models, &clock, &report);
         Ok(report)
@@ -404,20 +404,14 @@ fn tell(models: &mut WordWriter, clock: &StepClock, report: &HapticReport) {
     });
 }
 
-/// The compliance of a pull; none where it acted in no step.
-fn find<S: Scalar>(
-    world: &mut World,
-    solver: &mut PatchSolver<S>,
-    pull: &Pull,
-    tolerance: f64,
-) -> Option<PatchCompliance> {
+/// The bodies that are solved for together with that of a pull; none where it acted in no step.
+fn acts_on(world: &World, pull: &Pull) -> Option<Range<usize>> {
     let bodies = &world.resource::<Topology>().bodies;
     let row = pull.rows.first()?.0;
     let body = bodies.iter().position(|body| body.vertices.contains(&row))?;
     let contact = world.get_resource::<ContactSet>()?;
     let group = contact.groups(bodies.len()).into_iter().find(|group| group.contains(&body))?;
-    let acts = contact.touches(&group);
-    acts.then(|| solver.find(world, pull, &group, tolerance))
+    contact.touches(&group).then_some(group)
 }
 
 /// Place of the patch over that of the hand: `at + gain x`.
