@@ -315,10 +315,15 @@ mod tests {
             prop_assert!(here.lost >= 0.0 && here.stored >= 0.0);
             prop_assert!((here.energy - here.stored - here.lost).abs() < 1e-12);
             let edges = [own.limits[0] + here.push, own.limits[1] - here.push];
+            // across a corner of the law a difference is off by half of k h
+            let elastic = own.k * (needle.nearest(pose.rotation.inverse() * (at - pose.centre)).u - own.rest);
+            let corners = [elastic + own.limits[0], elastic - own.limits[1]];
+            let is_near = corners.iter().any(|left| left.abs() < 1e-4);
+            let bound = if is_near { own.k * h } else { 1e-8 };
             for axis in DVec3::AXES {
                 let [more, less] = [own.at(at + h * axis), own.at(at - h * axis)];
                 let slope = -(more.energy - less.energy) / (2.0 * h);
-                prop_assert!((slope - (here.across + here.along).dot(axis)).abs() < 1e-8);
+                prop_assert!((slope - (here.across + here.along).dot(axis)).abs() < bound);
                 let force = |of: NeedleForce| of.across + of.along;
                 let change = -(force(more) - force(less)) / (2.0 * h);
                 // exact for straight ones, off the corners of the law
