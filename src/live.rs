@@ -90,6 +90,9 @@ impl SimulationLoop {
     }
 
     /// Steps to take now that so much time has passed since the last call.
+    ///
+    /// Whoever has no time for several takes one of their length ([`Simulation::set_dt`]): implicit steps are stable at any, and tissue
+    /// keeps up with the clock.
     pub fn due(&mut self, passed: Duration) -> u32 {
         self.owed += passed;
         let mut due = 0;

@@ -58,6 +58,7 @@ macro_rules! of_engine {
 }
 of_engine! {
     sinew::engine::load::TargetError,
+    sinew::live::LoopError,
     sinew::engine::mesh::MeshError,
     sinew::engine::step::StepError,
     sinew::engine::workers::WorkersError,
