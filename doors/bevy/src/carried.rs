@@ -211,8 +211,9 @@ pub(crate) fn sync(
             way[vertex.index()] = drawn_at(local, positions, (before, fraction)) - rest[local].0;
         }
         mesh.final_aabb = Some(own.place(&way, affine(&transform).inverse()));
-        if let Some(resection) = resection.as_deref().filter(|_| cut) {
-            own.leave_out(body, resection.connectivity(index.0), &mut mesh);
+        if cut {
+            let left = resection.as_deref().and_then(|own| own.connectivity(index.0));
+            own.leave_out(body, left, &mut mesh);
         }
         own.shape.write(&own.positions, &mut mesh);
     }
@@ -231,14 +232,13 @@ impl Carried {
         Aabb3d { min: Vec3A::from(min), max: Vec3A::from(max) }
     }
 
-    /// Leaves out triangles at elements that are gone.
+    /// Leaves out triangles at elements that are gone; all are there where none is, as after a way back.
     fn leave_out(&self, body: &BodyRows, left: Option<&Connectivity>, mesh: &mut Mesh) {
-        let Some(left) = left else { return };
         let kinds: HashSet<ElementKind> = self.embedding.cells().map(|(kind, _)| kind).collect();
         let mut gone = HashSet::new();
         for kind in kinds {
             let all = (0..).zip(&body.order[kind]);
-            let own = all.filter(|(e, _)| !left.is_present(kind, *e));
+            let own = all.filter(|(e, _)| left.is_some_and(|left| !left.is_present(kind, *e)));
             gone.extend(own.map(|(_, &index)| (kind, index)));
         }
         let is_gone: Vec<bool> = self.embedding.cells().map(|cell| gone.contains(&cell)).collect();

@@ -14,6 +14,7 @@ use sinew::engine::topology::Topology;
 use sinew::engine::vertex::{Position, RestPosition};
 use sinew::models::resection::{Region, Removal, RemovalRequest};
 use sinew::prelude::DVec3;
+use sinew::snapshot::{restore_snapshot, take_snapshot};
 use sinew_bevy::*;
 
 /// In the frame of a body: a sheet inside of it, finer than its tissue.
@@ -213,6 +214,7 @@ fn triangles_at_removed_elements_are_no_longer_drawn() {
         .collect();
     assert!(!gone.is_empty() && gone.len() < tissue.tetrahedra.len());
     let removal = Removal::new(Region::Tetrahedra(gone.clone()));
+    let before = take_snapshot(app.world_mut()).unwrap();
     app.world_mut().spawn(RemovalRequest::new(0, removal));
     (0..3).for_each(|_| app.update());
     // by the cell of every vertex
@@ -226,6 +228,10 @@ fn triangles_at_removed_elements_are_no_longer_drawn() {
     let expected: Vec<usize> = all.chunks(3).filter(is_left).flatten().copied().collect();
     assert!(!expected.is_empty() && expected.len() < all.len());
     assert_eq!(corners(&app), expected);
+    // the way back brings them back
+    restore_snapshot(app.world_mut(), &before).unwrap();
+    (0..2).for_each(|_| app.update());
+    assert_eq!(corners(&app), all);
 }
 
 #[test]
