@@ -231,12 +231,13 @@ fn targets() {
 #[test]
 fn solver_settings() {
     type Spoil = fn(&mut SolverSettings, f64);
-    let reals: [(&str, Spoil, &[f64]); 5] = [
+    let reals: [(&str, Spoil, &[f64]); 6] = [
         ("linear_tolerance", |s, x| s.linear_tolerance = x, &[0.0, 1.0, -1e-3, 2.0]),
         ("newton_tolerance", |s, x| s.newton_tolerance = x, &[0.0, 1.0, -1e-3, 2.0]),
         ("explicit_safety", |s, x| s.explicit_safety = x, &[0.0, -0.5, 1.01]),
         ("mass_damping", |s, x| s.mass_damping = x, &[-1e-9]),
         ("stiffness_damping", |s, x| s.stiffness_damping = x, &[-1e-9]),
+        ("sleep_speed", |s, x| s.sleep_speed = x, &[-1e-9]),
     ];
     let mend = |s: &mut Simulation| s.set_solver(SolverSettings::default());
     for (name, spoil, values) in reals {

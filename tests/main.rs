@@ -36,6 +36,7 @@ mod resection;
 mod resting;
 mod schedule;
 mod second_order;
+mod sleep;
 mod snapshot;
 mod tear;
 mod thread;

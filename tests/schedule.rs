@@ -22,7 +22,7 @@ use sinew::models::laws::pooled::TriangleVertices;
 use sinew::prelude::*;
 
 #[path = "common/bodies.rs"]
-mod bodies;
+pub mod bodies;
 use bodies::Meshes;
 
 type Kind = (Model, Evaluation);

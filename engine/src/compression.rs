@@ -9,6 +9,7 @@ use crate::isoparametric::{
     Tetrahedron10Rest, Tetrahedron10Vertices,
 };
 use crate::lanes::{Batch, Batches, Lanes, MAX_LANES};
+use crate::law::SleepingBodies;
 use crate::ratios::{DerivativesAt, point_gradients};
 use crate::scalar::{Real, Scalar};
 use crate::schedule::{StepSchedule, StepSystems};
@@ -128,6 +129,7 @@ type OfPoints<'w, 's, N, R, F = ()> = Query<'w, 's, (&'static N, &'static R, &'s
 /// Counts into [`CompressionReport`].
 fn measure_compression<S: Scalar>(
     (workers, failure, topology): (Res<Workers>, Res<StepFailure>, Res<Topology>),
+    sleeping: Res<SleepingBodies>,
     (mut report, points): (ResMut<CompressionReport>, Res<OwnPoints>),
     vertices: Query<&Displacement<S>>,
     tetrahedra: Query<(&TetrahedronVertices, ShapeGradients<S>, &BodyId)>,
@@ -135,19 +137,20 @@ fn measure_compression<S: Scalar>(
     at_corners: OfPoints<HexahedronVertices, HexahedronRest<S>, With<CornerPoints>>,
     tens: OfPoints<Tetrahedron10Vertices, Tetrahedron10Rest<S>>,
 ) {
-    if failure.0.is_some() {
+    if failure.0.is_some() || sleeping.everyone() {
         return;
     }
     let CompressionReport { watched, compressed_by_body } = &mut *report;
-    compressed_by_body.clear();
     compressed_by_body.resize(topology.bodies.len(), 0);
+    let awake = compressed_by_body.iter_mut().enumerate().filter(|(i, _)| !sleeping.contains(*i));
+    awake.for_each(|(_, count)| *count = 0);
     let Some(u) = single_table(vertices.contiguous_iter()) else { return };
     let mut add = |bodies: &[BodyId], work: usize, count: &(dyn Fn(Range<usize>) -> u64 + Sync)| {
         let mut first = 0;
         for own in bodies.chunk_by(|a, b| a == b) {
             let elements = first..first + own.len();
             first = elements.end;
-            if watched.contains(&own[0].0) {
+            if watched.contains(&own[0].0) && !sleeping.contains(own[0].0 as usize) {
                 compressed_by_body[own[0].0 as usize] += in_chunks(&workers, elements, work, count);
             }
         }

@@ -56,6 +56,24 @@ impl RecoveringBodies {
     }
 }
 
+/// Bodies that sleep, by index: they stay where they are, so that what was found of their elements at these displacements
+/// still holds. A solver fills it for as long as a step lasts.
+#[derive(Resource, Clone, Debug, Default, PartialEq, Eq)]
+pub struct SleepingBodies(pub Vec<bool>);
+
+impl SleepingBodies {
+    /// Whether a body sleeps.
+    #[inline]
+    pub fn contains(&self, body: usize) -> bool {
+        self.0.get(body).is_some_and(|&sleeps| sleeps)
+    }
+
+    /// Whether all bodies of the world sleep.
+    pub fn everyone(&self) -> bool {
+        !self.0.is_empty() && !self.0.contains(&false)
+    }
+}
+
 /// Bodies that never recover, by index: springs on edges alone or axes alone have no energy of a material
 /// that the corotational one could stand in for.
 #[derive(Resource, Clone, Debug, Default, PartialEq, Eq)]
@@ -152,6 +170,8 @@ pub struct Span<S> {
     pub energy: f64,
     /// Elements whose eigenvalues had to be clamped.
     pub clamped: u64,
+    /// The body [sleeps](SleepingBodies): energy and force hold, and there is no tangent.
+    pub sleeps: bool,
 }
 
 impl<S> Span<S> {
@@ -309,6 +329,23 @@ impl<S: Scalar> LawBuffer<S> {
         self.spans.iter_mut().for_each(Span::drop_tangent);
     }
 
+    /// Calls `f(index, range)` for the ranges of all bodies that do not sleep, side by side; `work` (ns) is that of all ranges.
+    pub fn for_each_awake(
+        &mut self,
+        workers: &Workers,
+        work: usize,
+        f: impl Fn(usize, &mut Span<S>) + Send + Sync,
+    ) {
+        if self.spans.iter().all(|span| !span.sleeps) {
+            return workers.for_each(&mut self.spans, work, f);
+        }
+        let all = self.spans.len();
+        let mut awake: Vec<_> =
+            self.spans.iter_mut().enumerate().filter(|(_, span)| !span.sleeps).collect();
+        let work = work * awake.len() / all;
+        workers.for_each(&mut awake, work, |_, (index, span)| f(*index, span));
+    }
+
     /// Number of elements.
     pub fn element_count(&self) -> usize {
         self.spans.iter().map(|s| s.elements.len()).sum()
@@ -397,6 +434,10 @@ pub struct LawBuffers<S: Scalar> {
     pub(crate) slots: Vec<Slot<S>>,
     /// Slots by place.
     pub(crate) order: Vec<usize>,
+    /// Number of evaluations so far.
+    pub(crate) evaluations: u64,
+    /// Bodies whose ranges are left out.
+    pub(crate) asleep: SleepingBodies,
 }
 
 impl<S: Scalar> LawBuffers<S> {
@@ -418,6 +459,37 @@ impl<S: Scalar> LawBuffers<S> {
         self.order.push(id);
         self.order.sort_by_key(|&slot| self.slots[slot].place);
         Some(LawId(id))
+    }
+
+    /// Number of evaluations so far: who finds the number of its own last one knows that the buffers are as it left them.
+    pub fn evaluations(&self) -> u64 {
+        self.evaluations
+    }
+
+    /// Lets the ranges of these bodies keep energy and force of the last evaluation, and those of all others be evaluated
+    /// again.
+    pub fn put_to_sleep(&mut self, bodies: &SleepingBodies) {
+        self.asleep.clone_from(bodies);
+        for slot in self.slots.iter_mut().filter(|slot| !slot.is_damper) {
+            let buffer = slot.buffer.get_mut().unwrap_or_else(PoisonError::into_inner);
+            for span in &mut buffer.spans {
+                span.sleeps = bodies.contains(span.body);
+                if span.sleeps {
+                    span.drop_tangent();
+                }
+            }
+        }
+    }
+
+    /// Whether some law joins elements of several bodies.
+    pub fn joins_bodies(&self, topology: &Topology) -> bool {
+        self.slots.iter().any(|slot| {
+            let buffer = slot.buffer.lock().unwrap_or_else(PoisonError::into_inner);
+            buffer.spans.iter().any(|span| {
+                let own = topology.bodies.get(span.body).map(|body| &body.vertices);
+                own.is_none_or(|own| span.rows.end > own.end as usize)
+            })
+        })
     }
 
     /// The law of this name, if it is active.
@@ -475,6 +547,7 @@ fn span<'a, S>(
         tension: Vec::new(),
         energy: 0.0,
         clamped: 0,
+        sleeps: false,
     }
 }
 

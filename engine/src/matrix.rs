@@ -2,7 +2,7 @@
 
 use crate::scalar::{Row, Scalar};
 use crate::simd::{VectorKernel, vectorised};
-use crate::topology::Topology;
+use crate::topology::{BodyRows, Topology};
 use crate::workers::Workers;
 use bevy_ecs::prelude::Resource;
 use std::ops::Range;
@@ -202,6 +202,13 @@ impl<S: Scalar> BlockMatrix<S> {
     pub fn resize(&mut self, topology: &Topology) {
         self.diagonal.resize(topology.vertex_count(), [S::ZERO; 9]);
         self.off_diagonal.resize(topology.edges.len(), [S::ZERO; 9]);
+    }
+
+    /// Makes the blocks of a body zero.
+    pub fn clear_body(&mut self, body: &BodyRows) {
+        let (rows, blocks) = (&body.vertices, &body.blocks);
+        self.diagonal[rows.start as usize..rows.end as usize].fill([S::ZERO; 9]);
+        self.off_diagonal[blocks.start as usize..blocks.end as usize].fill([S::ZERO; 9]);
     }
 
     /// Multiplies every entry by a factor.

@@ -13,6 +13,7 @@ use crate::isoparametric::{
     Tetrahedron10Vertices, derivatives_of, load_points, point_differences, rows_of,
 };
 use crate::lanes::{Batch, Batches, Kernel, Lanes, MAX_LANES, padded};
+use crate::law::SleepingBodies;
 use crate::report::{AreaReport, SystemTimes, VolumeReport};
 use crate::scalar::{Real, Scalar, xyz};
 use crate::schedule::{StepSchedule, StepSystems};
@@ -35,6 +36,7 @@ type HexahedraAtPoints<S> =
 pub struct VolumeMeasure<'w, 's, S: Scalar> {
     workers: Res<'w, Workers>,
     failure: Res<'w, StepFailure>,
+    sleeping: Res<'w, SleepingBodies>,
     topology: Res<'w, Topology>,
     points: Res<'w, OwnPoints>,
     report: ResMut<'w, VolumeReport>,
@@ -57,11 +59,14 @@ pub fn measure_volume_ratios<S: Scalar>(
 ) {
     const CHUNK: usize = 4096;
     let start = Stopwatch::start();
-    let VolumeMeasure { workers, failure, topology, points, mut report, mut times, .. } = measure;
-    if failure.0.is_some() {
+    let VolumeMeasure {
+        workers, failure, sleeping, topology, points, mut report, mut times, ..
+    } = measure;
+    if failure.0.is_some() || sleeping.everyone() {
         return;
     }
-    report.clear(topology.bodies.len());
+    report.clear(topology.bodies.len(), |body| sleeping.contains(body));
+    let asleep = |body: &BodyId| sleeping.contains(body.0 as usize);
     let Some(u) = single_table(measure.vertices.contiguous_iter()) else { return };
     // pooled and fused bodies keep their tetrahedra in a table each
     for (nodes, gradients, bodies) in
@@ -77,9 +82,11 @@ pub fn measure_volume_ratios<S: Scalar>(
                 let body = bodies[first];
                 let length = bodies[first..end].iter().take_while(|b| **b == body).count();
                 let elements = first..first + length;
-                let (smallest, inverted) = workers.dispatch(VolumeRatios { shapes, elements });
-                runs.push((body, smallest, inverted, length as u64));
                 first += length;
+                if !asleep(&body) {
+                    let (smallest, inverted) = workers.dispatch(VolumeRatios { shapes, elements });
+                    runs.push((body, smallest, inverted, length as u64));
+                }
             }
         });
         for &(body, smallest, inverted, count) in partial.iter().flatten() {
@@ -94,12 +101,12 @@ pub fn measure_volume_ratios<S: Scalar>(
                 let mut ratios = vec![f64::INFINITY; nodes.len()];
                 let derivatives = (&$derivatives, &$own[..]);
                 workers.for_chunks(&mut ratios, CHUNK, nodes.len() * 200, |first, ratios| {
-                    for (i, ratio) in (first..).zip(ratios) {
+                    for (i, ratio) in (first..).zip(ratios).filter(|(i, _)| !asleep(&bodies[*i])) {
                         let all = point_ratios(derivatives, u, &nodes[i].0, &rest[i]);
                         *ratio = all.into_iter().fold(f64::INFINITY, f64::min);
                     }
                 });
-                for (&smallest, body) in ratios.iter().zip(bodies) {
+                for (&smallest, body) in ratios.iter().zip(bodies).filter(|(_, of)| !asleep(of)) {
                     report.add(*body, smallest, u64::from(smallest <= 0.0), 1);
                 }
             }

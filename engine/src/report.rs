@@ -142,6 +142,8 @@ figures! {
         pub second_order_steps: u32 => [sum own total],
         /// Bodies that did not.
         pub fallbacks: Fallbacks => [table own],
+        /// Bodies that slept: at rest, with nothing near, and left where they are.
+        pub sleeping: u32 => [own sum total],
         /// Bodies that moved by the corotational energy to recover from inversion.
         pub recovering: u32 => [own sum total],
         /// Elastic energy (J) that changing to that energy and back added.
@@ -288,16 +290,26 @@ impl Default for VolumeReport {
 }
 
 impl VolumeReport {
-    /// Starts a measurement of so many bodies.
-    pub(crate) fn clear(&mut self, bodies: usize) {
+    /// Starts a measurement of so many bodies; those that are `kept` stay as they were.
+    pub(crate) fn clear(&mut self, bodies: usize, kept: impl Fn(usize) -> bool) {
         (self.smallest_ratio, self.inverted) = (f64::INFINITY, 0);
         self.largest_mean_change = 0.0;
-        for counts in [&mut self.inverted_by_body, &mut self.elements_by_body] {
-            counts.clear();
-            counts.resize(bodies, 0);
-        }
-        self.smallest_by_body.clear();
+        self.inverted_by_body.resize(bodies, 0);
+        self.elements_by_body.resize(bodies, 0);
         self.smallest_by_body.resize(bodies, f64::INFINITY);
+        for body in 0..bodies {
+            let known = (
+                self.smallest_by_body[body],
+                self.inverted_by_body[body],
+                self.elements_by_body[body],
+            );
+            self.smallest_by_body[body] = f64::INFINITY;
+            (self.inverted_by_body[body], self.elements_by_body[body]) = (0, 0);
+            if kept(body) {
+                let (smallest, inverted, count) = known;
+                self.add(BodyId(body as u32), smallest, inverted, count);
+            }
+        }
     }
 
     /// Adds `count` elements of a body: their smallest ratio, and how many are inverted.

@@ -5,7 +5,7 @@ use crate::columns::single_table;
 use crate::isoparametric::OwnPoints;
 use crate::law::{
     BodiesWithoutRecovery, DisabledLaws, ElasticEnergy, EvaluationRequest, LawBuffer, LawBuffers,
-    LawId, LawInfo, Partition, RecoveringBodies, ViscousRequest,
+    LawId, LawInfo, Partition, RecoveringBodies, SleepingBodies, ViscousRequest,
 };
 use crate::matrix::{PredictedValues, Tangent};
 use crate::precision::Precision;
@@ -110,6 +110,7 @@ pub fn install<S: Scalar>(world: &mut World, executor: Executor) {
     world.init_resource::<Topology>();
     world.init_resource::<EvaluationRequest>();
     world.init_resource::<RecoveringBodies>();
+    world.init_resource::<SleepingBodies>();
     world.init_resource::<OwnPoints>();
     world.init_resource::<BodiesWithoutRecovery>();
     world.init_resource::<DisabledLaws>();
@@ -471,7 +472,14 @@ fn gather<S: Scalar>(
         tangent.low_rank.clear();
         tangent.clamped = 0;
     }
-    let LawBuffers { slots, order } = &mut *buffers;
+    buffers.evaluations += 1;
+    let LawBuffers { slots, order, asleep, .. } = &mut *buffers;
+    if stale && !asleep.0.is_empty() {
+        // nobody reads what is left of others
+        let awake = topology.bodies.iter().enumerate().filter(|(body, _)| !asleep.contains(*body));
+        awake.for_each(|(_, body)| tangent.matrix.clear_body(body));
+        stale = false;
+    }
     for &slot in order.iter() {
         let slot = &mut slots[slot];
         let LawInfo { name, is_load } = slot.info;
@@ -516,7 +524,7 @@ fn gather_dampers<S: Scalar>(
     mut times: ResMut<SystemTimes>,
 ) {
     let start = Stopwatch::start();
-    let LawBuffers { slots, order } = &mut *buffers;
+    let LawBuffers { slots, order, .. } = &mut *buffers;
     for &slot in order.iter() {
         let slot = &mut slots[slot];
         if !slot.is_damper || disabled.contains(slot.info.name) {

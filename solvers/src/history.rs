@@ -22,6 +22,11 @@ pub(crate) struct StepHistory<S> {
     pub v: Rows<S>,
     pub mass: Vec<S>,
     pub fixed: Vec<FixedAxes>,
+    /// External forces (N) and displacements (m) of held axes at its end, where bodies may [sleep](crate::sleep); else empty.
+    pub external: Rows<S>,
+    pub prescribed: Rows<S>,
+    /// Steps in a row in which everyone slept.
+    pub asleep: u32,
     /// Displacement (m) during it, and velocities (m/s) at its start.
     pub increment: Rows<S>,
     pub v_before: Rows<S>,
@@ -63,6 +68,8 @@ pub(crate) struct BodyHistory {
     pub wait: u32,
     /// Number of steps that led to its end without a change from outside; what is stored of earlier ones is of another state.
     pub depth: usize,
+    /// For how long (s) all its vertices have been as slow as bodies that [sleep](crate::sleep).
+    pub calm: f64,
 }
 
 impl BodyHistory {
@@ -77,7 +84,9 @@ impl BodyHistory {
 pub(crate) struct Past {
     /// The state is that of the last step's end.
     pub same_state: bool,
-    /// Masses, held axes and step length let BDF2 use the last step.
+    /// It is, and so are masses and held axes.
+    pub same_hold: bool,
+    /// They are, and the step length lets BDF2 use the last step.
     pub history_holds: bool,
     pub body: BodyHistory,
 }
@@ -92,6 +101,7 @@ impl Past {
         }
         Self {
             same_state: same_groups && bodies.iter().all(|past| past.same_state),
+            same_hold: bodies.iter().all(|past| past.same_hold),
             history_holds: bodies.iter().all(|past| past.history_holds),
             body,
         }
@@ -113,17 +123,17 @@ impl<S: Scalar> StepHistory<S> {
             let rows = rows.start as usize..rows.end as usize;
             let same_state = self.u[rows.clone()] == node.u[rows.clone()]
                 && self.v[rows.clone()] == node.v[rows.clone()];
-            let history_holds = same_state
-                && RATIOS.contains(&(dt / self.dt))
+            let same_hold = same_state
                 && self.mass[rows.clone()] == node.mass[rows.clone()]
                 && self.fixed[rows.clone()] == node.fixed[rows];
-            Past { same_state, history_holds, body }
+            let history_holds = same_hold && RATIOS.contains(&(dt / self.dt));
+            Past { same_state, same_hold, history_holds, body }
         });
         (energies, past.collect())
     }
 
     /// Whether the elastic energies are those of the laws as they are.
-    fn energies_hold(&self, world: &mut World) -> bool {
+    pub fn energies_hold(&self, world: &mut World) -> bool {
         let revision = world.resource::<Topology>().revision;
         let laws = world.get_resource::<ActiveLaws>().map_or(0, |laws| laws.0.len());
         let tick = self.tick.filter(|_| self.revision == revision && self.laws == laws);
@@ -164,10 +174,10 @@ impl<S: Scalar> StepHistory<S> {
 
     /// Leaves out the rows of bodies that have gone.
     fn keep_rows(&mut self, rows: usize) {
-        let [older, oldest] = &mut self.v_older;
-        for field in
-            [&mut self.u, &mut self.v, &mut self.increment, &mut self.v_before, older, oldest]
-        {
+        let Self {
+            u, v, external, prescribed, increment, v_before, v_older: [older, oldest], ..
+        } = self;
+        for field in [u, v, external, prescribed, increment, v_before, older, oldest] {
             field.truncate(rows);
         }
         self.mass.truncate(rows);
@@ -181,8 +191,10 @@ impl<S: Scalar> StepHistory<S> {
         let lengths = [&self.v, &self.increment, &self.v_before].map(|field| field.len() == own);
         // the first steps have none before them, and bodies that came later had no rows then
         let older = self.v_older.iter().all(|v| v.len() <= own);
+        let loads = [&self.external, &self.prescribed].map(Vec::len);
         let groups = self.groups.iter().map(|group| group.start..group.end);
-        lengths == [true; 3]
+        (loads == [0; 2] || loads == [own; 2])
+            && lengths == [true; 3]
             && older
             && own <= rows
             && own_bodies <= bodies

@@ -18,6 +18,7 @@ pub mod memory;
 mod orphan;
 pub mod recovery;
 pub mod settings;
+pub mod sleep;
 pub mod stability;
 pub mod state;
 pub mod support;

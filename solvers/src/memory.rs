@@ -69,6 +69,7 @@ impl<S: Scalar> SolverMemory<S> {
                 scratch.history.stamp_recalled(world);
             }
         }
+        scratch.forget_sleep();
         let mut rest = std::mem::take(&mut scratch.rest);
         if rest.len() != world.resource::<Topology>().vertex_count() {
             read_rest(world, &mut rest);

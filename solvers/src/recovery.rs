@@ -238,6 +238,11 @@ impl Recovery {
         (self.bodies.len() == topology.bodies.len()).then(|| self.bodies.clone())
     }
 
+    /// Whether a body moves by its own law, and was not given up.
+    pub fn is_own(&self, body: usize) -> bool {
+        self.bodies.get(body) == Some(&BodyState::Own)
+    }
+
     /// Takes up how they moved.
     pub fn recall(&mut self, topology: &Topology, bodies: Option<&Vec<BodyState>>) {
         let bodies = bodies.cloned().unwrap_or_else(|| vec![BodyState::Own; topology.bodies.len()]);

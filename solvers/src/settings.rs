@@ -127,6 +127,10 @@ pub struct SolverSettings {
     /// Bodies with many inverted elements move by the corotational energy until they are in shape again
     /// (`sinew_solvers::recovery`). On by default; integrators other than `auto`, `safe` and the linearised ones have none.
     pub recovery: bool,
+    /// Speed of all its vertices over its size (1/s) below which a body that nothing is near falls asleep after half a second:
+    /// it is left where it is until something changes ([`crate::sleep`]). 0, the default, keeps all bodies awake; 1e-4 suits
+    /// tissue. Equilibria, explicit integrators and the device have no sleep.
+    pub sleep_speed: f64,
 }
 
 impl Default for SolverSettings {
@@ -144,6 +148,7 @@ impl Default for SolverSettings {
             max_substeps: 100_000,
             explicit_safety: 0.9,
             recovery: true,
+            sleep_speed: 0.0,
         }
     }
 }
@@ -184,6 +189,9 @@ impl SolverSettings {
         }
         if !non_negative(self.stiffness_damping) {
             return fail("stiffness_damping", self.stiffness_damping, "zero or positive (s)");
+        }
+        if !non_negative(self.sleep_speed) {
+            return fail("sleep_speed", self.sleep_speed, "zero or positive (1/s)");
         }
         for (name, value) in [
             ("max_linear_iterations", self.max_linear_iterations),

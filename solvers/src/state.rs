@@ -2,6 +2,7 @@
 //! energies, forces and tangents.
 
 use bevy_ecs::prelude::*;
+use bytemuck::Pod;
 use glam::DVec3;
 use sinew_engine::columns::single_table;
 use sinew_engine::law::{ElasticEnergy, EvaluationRequest, TangentKind, ViscousRequest};
@@ -17,6 +18,16 @@ use std::ops::Range;
 
 /// A padded vector per vertex row.
 pub type Rows<S> = Vec<[S; 4]>;
+
+/// The columns of [`NodeState`].
+type Columns<S> = (
+    &'static Displacement<S>,
+    &'static Velocity<S>,
+    &'static ExternalForce<S>,
+    &'static PrescribedDisplacement<S>,
+    &'static Mass<S>,
+    &'static FixedAxes,
+);
 
 /// What an integrator reads at the start of a step.
 #[derive(Clone, Debug, Default)]
@@ -38,14 +49,7 @@ pub struct NodeState<S> {
 impl<S: Scalar> NodeState<S> {
     /// Copies the columns.
     pub fn read(&mut self, world: &mut World) {
-        let mut query = world.query::<(
-            &Displacement<S>,
-            &Velocity<S>,
-            &ExternalForce<S>,
-            &PrescribedDisplacement<S>,
-            &Mass<S>,
-            &FixedAxes,
-        )>();
+        let mut query = world.query::<Columns<S>>();
         self.u.clear();
         self.v.clear();
         self.external.clear();
@@ -62,6 +66,22 @@ impl<S: Scalar> NodeState<S> {
             self.mass.extend(mass.iter().map(|x| x.0));
             self.fixed.extend_from_slice(fixed);
         }
+    }
+
+    /// Whether the columns are what they were when they were read, to the bit.
+    pub fn is_as_in(&self, world: &mut World) -> bool {
+        let mut query = world.query::<Columns<S>>();
+        let Some((u, v, external, prescribed, mass, fixed)) =
+            single_table(query.contiguous_iter(world))
+        else {
+            return self.is_empty();
+        };
+        same_bits(u, &self.u)
+            && same_bits(v, &self.v)
+            && same_bits(external, &self.external)
+            && same_bits(prescribed, &self.prescribed)
+            && same_bits(mass, &self.mass)
+            && fixed == self.fixed
     }
 
     /// Number of vertex rows.
@@ -115,6 +135,11 @@ impl<S: Scalar> NodeState<S> {
     pub fn load_potential(&self, rows: Range<usize>, u: &[[S; 4]]) -> f64 {
         self.external[rows.clone()].iter().zip(&u[rows]).map(|(f, u)| dot3(f, u)).sum()
     }
+}
+
+/// Whether two columns are the same to the bit.
+pub fn same_bits<A: Pod, B: Pod>(a: &[A], b: &[B]) -> bool {
+    bytemuck::cast_slice::<A, u8>(a) == bytemuck::cast_slice::<B, u8>(b)
 }
 
 /// Scalar product of two padded rows in `f64`, first three entries.

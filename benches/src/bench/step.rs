@@ -74,6 +74,8 @@ pub struct StepsReport {
     pub builds: Vec<BuildRow>,
     /// Going back.
     pub snapshots: Table,
+    /// Bodies at rest.
+    pub sleep: Table,
 }
 
 /// Step length (s).
@@ -102,6 +104,9 @@ pub fn run(
         meshes.push(mesh);
     }
     report.snapshots = snapshots(&meshes, rounds)?;
+    if let Some(mesh) = meshes.first() {
+        report.sleep = sleep(mesh, rounds)?;
+    }
     Ok(report)
 }
 
@@ -522,6 +527,93 @@ fn snapshots(meshes: &[Mesh], rounds: Rounds) -> Result<Table> {
     Ok(table.note("going back is exact: there is no error to set beside it."))
 }
 
+/// Speed of all vertices over the size (1/s) below which beams of the table of sleep may sleep.
+const SLEEP: f64 = 1e-4;
+
+/// A beam that came to rest under its weight, beside one that a force never lets rest, or a tool that is far away.
+fn at_rest(
+    mesh: &Mesh,
+    sleep_speed: f64,
+    [rests, restless, tool]: [bool; 3],
+) -> Result<Simulation> {
+    let options = SimulationOptions { threads: 1, exclusive: true, ..Default::default() };
+    let mut s = Simulation::new(options)?;
+    for (name, at) in [("rests", 0.0), ("moves", 2.0 * EXTENT.y)]
+        .into_iter()
+        .filter(|(name, _)| if *name == "rests" { rests } else { restless })
+    {
+        let mesh = mesh.transformed(1.0, DQuat::IDENTITY, DVec3::Y * at);
+        let body = s.add_body(&BodyDescription::new(name, &mesh, MATERIAL))?;
+        let rows = s.group_rows(body, &mesh, "x0")?;
+        s.add_constraint(Constraint::hold(format!("clamp of {name}"), rows));
+        if name == "moves" {
+            let forces = s.group_rows(body, &mesh, "x1")?;
+            let forces = forces.into_iter().map(|row| (row, DVec3::Y * 1e-3)).collect();
+            let curve = Curve::Sine { frequency: 2.0, phase: 0.0 };
+            s.add_load(Load { name: name.into(), forces, curve });
+        }
+    }
+    if tool {
+        let far = DVec3::Z * 5.0 * EXTENT.x;
+        s.add_tool(Tool::new("far", Shape::Sphere { radius: 0.01 }, far))?;
+    }
+    s.set_dt(DT);
+    s.set_solver(SolverSettings { mass_damping: 10.0, sleep_speed, ..Default::default() });
+    for _ in 0..400 {
+        s.step()?;
+    }
+    Ok(s)
+}
+
+/// Steps of bodies at rest that may sleep, and of those that may not.
+fn sleep(mesh: &Mesh, rounds: Rounds) -> Result<Table> {
+    let alone = [true, false, false];
+    let kinds = [
+        ("at rest, awake", 0.0, alone, 0),
+        ("at rest, asleep", SLEEP, alone, 0),
+        ("at rest, awake, a tool far away", 0.0, [true, false, true], 2),
+        ("at rest, asleep, a tool far away", SLEEP, [true, false, true], 2),
+        ("one in motion", SLEEP, [false, true, false], 4),
+        ("one in motion, one asleep", SLEEP, [true, true, false], 4),
+    ];
+    let mut all = kinds
+        .iter()
+        .map(|(_, speed, what, _)| at_rest(mesh, *speed, *what))
+        .collect::<Result<Vec<_>>>()?;
+    let samples = interleave(&mut all.iter_mut().collect::<Vec<_>>(), rounds, |s| {
+        let clock = Instant::now();
+        for _ in 0..IMPLICIT_STEPS {
+            s.step()?;
+        }
+        Ok::<f64, BenchError>(clock.elapsed().as_secs_f64() / f64::from(IMPLICIT_STEPS))
+    })?;
+    let ms: Vec<Option<f64>> =
+        samples.iter().map(|s| Spread::warm(s).map(|s| 1e3 * s.median)).collect();
+    let rest = all[0].positions(BodyHandle(0));
+    let mut rows = Vec::new();
+    for (i, &(name, speed, what, beside)) in kinds.iter().enumerate() {
+        let off = (what[0] && speed > 0.0).then(|| {
+            let now = all[i].positions(BodyHandle(0));
+            now.iter().zip(&rest).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max) / EXTENT.x
+        });
+        let more = ms[i].zip(ms[beside]).zip(ms[0]);
+        let share = match beside {
+            4 => more.map(|((own, without), awake)| 100.0 * (own - without) / awake),
+            _ => more.map(|((own, awake), _)| 100.0 * own / awake),
+        };
+        rows.push((name, all[i].report().sleeping, ms[i], share, off));
+    }
+    let title = format!("Sleep ({} tetrahedra, f64, one thread)", mesh.tetrahedra.len());
+    let table = table_of!("sleep", title; for (name, asleep, ms, share, off) in rows;
+        "bodies" => name, "asleep" => asleep, "step ms" => ms, "of an awake step %" => share,
+        "off rest, of the size" => off,
+    );
+    Ok(table.note(
+        "of one in motion and one asleep: what the sleeper adds, over the step of an awake one. Off rest: the largest distance from \
+         the body that stays awake.",
+    ))
+}
+
 impl StepsReport {
     /// The fastest step of a kind on a number of threads, at the size nearest to one asked for.
     pub fn fastest(
@@ -606,6 +698,6 @@ impl StepsReport {
             "tets" => r.tetrahedra, "read s" => r.read_s.median, "check s" => r.check_s.median,
             "build s" => r.build_s.median, "total s" => r.total_s.median, "least s" => r.total_s.minimum,
         );
-        vec![steps, builds, self.snapshots.clone()]
+        vec![steps, builds, self.snapshots.clone(), self.sleep.clone()]
     }
 }

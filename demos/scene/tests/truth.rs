@@ -532,6 +532,10 @@ fn keys_without_effect_are_noted() {
     let explicit =
         solver("integrator = \"symplectic-euler\", linear_tolerance = 1e-6, explicit_safety = 0.5");
     assert_eq!(noted(&explicit), ["`solver.linear_tolerance`"]);
+    let sleeps = "sleep_speed = 1e-4";
+    assert_eq!(noted(&solver(sleeps)), none);
+    let explicit = solver(&format!("integrator = \"symplectic-euler\", {sleeps}"));
+    assert_eq!(noted(&explicit), ["`solver.sleep_speed`"]);
     let springs = format!(
         "{LIVER}\nmodel = \"mass_spring\"\nelement_method = \"uniform\"\nspring_constant = 9.0"
     );

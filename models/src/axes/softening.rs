@@ -9,6 +9,7 @@ use sinew_engine::isoparametric::{
     AxisTetrahedron10Vertices, PointsRest,
 };
 use sinew_engine::lanes::{Batch, Batches, Lanes, MAX_LANES};
+use sinew_engine::law::SleepingBodies;
 use sinew_engine::scalar::{Scalar, dot};
 use sinew_engine::vertex::{BodyId, Displacement};
 use sinew_engine::workers::Workers;
@@ -36,6 +37,7 @@ type AtPoints<'w, 's, S, V, B, const Q: usize> =
 
 fn count<S: Scalar>(
     workers: Res<Workers>,
+    sleeping: Res<SleepingBodies>,
     mut report: ResMut<CompressionReport>,
     vertices: Query<&Displacement<S>>,
     tetrahedra: Query<(BiquadraticData<S>, &BodyId), With<Biquadratic>>,
@@ -48,7 +50,7 @@ fn count<S: Scalar>(
         for own in bodies.chunk_by(|a, b| a == b) {
             let fibres = first..first + own.len();
             first = fibres.end;
-            if !report.is_watched(own[0].0) {
+            if !report.is_watched(own[0].0) && !sleeping.contains(own[0].0 as usize) {
                 report.add(own[0].0, in_chunks(&workers, fibres, work, count));
             }
         }

@@ -510,7 +510,7 @@ fn evaluate<S: Scalar>(
     let Some(mut buffer) = buffers.get(ROW.info.name) else { return };
     let Some(u) = single_table(vertices.contiguous_iter()) else { return };
     let u: &[[S; 4]] = Displacement::peel_slice(u);
-    workers.for_each(&mut buffer.spans, 60 * springs.0.len(), |_, span| {
+    buffer.for_each_awake(&workers, 60 * springs.0.len(), |_, span| {
         let own = &springs.0[span.elements.clone()];
         if request.energy {
             span.energy = own.iter().map(|spring| spring.energy(u)).sum();

@@ -53,7 +53,7 @@ pub fn evaluate<S: Scalar, C: LawColumns<S>>(
     work: usize,
     buffer: &mut LawBuffer<S>,
 ) {
-    workers.for_each(&mut buffer.spans, work, |_, span| {
+    buffer.for_each_awake(workers, work, |_, span| {
         if recovering.contains(span.body) {
             span.silence();
         } else {

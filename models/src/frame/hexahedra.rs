@@ -459,7 +459,7 @@ fn evaluate<
     let derivatives = E::recovery_derivatives();
     let in_recovery =
         Columns { elements: GaussElements { derivatives, ..columns.elements }, ..*columns };
-    workers.for_each(&mut buffer.spans, work, |_, span| {
+    buffer.for_each_awake(workers, work, |_, span| {
         if recovering.contains(span.body) {
             evaluate_law::<Corotational, E, S, V, P, Q>(
                 &in_recovery,

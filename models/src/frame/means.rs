@@ -18,7 +18,9 @@ use bevy_ecs::query::{ContiguousQueryData, ReadOnlyQueryData};
 use bytemuck::TransparentWrapper;
 use sinew_engine::columns::single_table;
 use sinew_engine::isoparametric::OwnPoints;
-use sinew_engine::law::{EvaluationRequest, LawBuffer, LawBuffers, RecoveringBodies};
+use sinew_engine::law::{
+    EvaluationRequest, LawBuffer, LawBuffers, RecoveringBodies, SleepingBodies,
+};
 use sinew_engine::matrix::{LowRank, LowRankPattern, PredictedValues};
 use sinew_engine::ratios::measure_volume_ratios;
 use sinew_engine::report::VolumeReport;
@@ -374,13 +376,14 @@ fn measure<L: MeanLaw<S, V>, S: Scalar, const V: usize>(
 fn report<L: MeanLaw<S, V>, S: Scalar, const V: usize>(
     mut means: ResMut<MeansOf<L, S, V>>,
     (workers, failure, points): (Res<Workers>, Res<StepFailure>, Res<OwnPoints>),
+    sleeping: Res<SleepingBodies>,
     mut volumes: ResMut<VolumeReport>,
     vertices: Query<&Displacement<S>>,
     elements: Query<(L::Data, &BodyId), With<L::Mark>>,
 ) {
     let Some(u) = single_table(vertices.contiguous_iter()) else { return };
     let Some((data, bodies)) = single_table(elements.contiguous_iter()) else { return };
-    if failure.0.is_some() {
+    if failure.0.is_some() || sleeping.everyone() {
         return;
     }
     let largest = means.0.largest_change(&L::columns(u, data, &points), bodies, &workers);

@@ -524,7 +524,7 @@ fn evaluate<L: TetrahedronLaw, S: Scalar>(
         moduli,
         pressures: [&[], &[]],
     };
-    workers.for_each(&mut buffer.spans, work, |_, span| {
+    buffer.for_each_awake(workers, work, |_, span| {
         if recovering.contains(span.body) {
             hexahedra::evaluate_law::<Corotational, Brick, S, 8, 28, 8>(
                 &at_corners,

@@ -249,7 +249,7 @@ pub(super) fn evaluate_spans<L: TetrahedronLaw, S: Scalar>(
     };
     let projected = own.tangent == Some(TangentKind::Projected);
     let work = work(&own, [5, 8, if projected { 120 } else { 50 }]);
-    workers.for_each(&mut buffer.spans, columns.volume.len() * work, |_, span| {
+    buffer.for_each_awake(workers, columns.volume.len() * work, |_, span| {
         if !recovering.contains(span.body) {
             if !L::FORCES {
                 // what it held while the body recovered

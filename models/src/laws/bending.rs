@@ -355,7 +355,7 @@ fn evaluate<S: Scalar>(
     });
     let states = &*states;
     let work = 40 + 1500 * usize::from(request.tangent.is_some());
-    workers.for_each(&mut buffer.spans, count * work, |_, span| {
+    buffer.for_each_awake(&workers, count * work, |_, span| {
         let own = span.elements.clone();
         if request.energy {
             span.energy = own.clone().map(|i| hinges.energy(i, states)).sum();

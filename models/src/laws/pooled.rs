@@ -312,7 +312,7 @@ impl<S: Scalar> Springs<'_, S> {
         let tangent = self.request.tangent.filter(|&kind| is_spring_tangent(kind));
         let own = EvaluationRequest { tangent, ..*self.request };
         let without_force = EvaluationRequest { force: false, ..own };
-        self.workers.for_each(&mut buffer.spans, count * work(&own, cost), |_, span| {
+        buffer.for_each_awake(&self.workers, count * work(&own, cost), |_, span| {
             if own.force {
                 pull(span);
             }
@@ -803,7 +803,7 @@ fn evaluate_spring_forces<S: Scalar>(
     let Some((nodes, rest, tension)) = single_table(edges.contiguous_iter()) else { return };
     let shapes = &EdgeShapes::new(u, nodes, rest);
     let tension = EdgeTension::peel_slice(tension);
-    workers.for_each(&mut buffer.spans, nodes.len() * 3, |_, span: &mut Span<S>| {
+    buffer.for_each_awake(&workers, nodes.len() * 3, |_, span: &mut Span<S>| {
         span.clear_force();
         if recovering.contains(span.body) {
             return;

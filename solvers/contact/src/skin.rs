@@ -220,6 +220,15 @@ impl ContactSkin {
         own.iter().any(is_near) && round.is_none_or(along)
     }
 
+    /// Whether it was at rest at the last [refit](Self::refit), and still is there.
+    pub fn rests(&self, x: &dyn Fn(VertexRow) -> DVec3, v: &dyn Fn(VertexRow) -> DVec3) -> bool {
+        let own = self.rows.iter().zip(self.at.iter().zip(&self.motion));
+        let rests = |(&row, (at, motion)): (&VertexRow, (&DVec3, &DVec3))| {
+            *motion == DVec3::ZERO && v(row) == DVec3::ZERO && x(row) == *at
+        };
+        self.at.len() == self.rows.len() && own.into_iter().all(rests)
+    }
+
     /// Takes the places (m) at the start of a step of `dt` (s), and velocities (m/s), of all rows.
     pub fn refit(
         &mut self,

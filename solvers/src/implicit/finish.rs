@@ -9,6 +9,7 @@ use sinew_contact::limits::Limits;
 use sinew_contact::set::RowPlaces;
 use sinew_engine::report::ContactFigures;
 use sinew_engine::scalar::Scalar;
+use sinew_engine::topology::Topology;
 
 /// Part of the energy budget's excess over the energy that is lost every step.
 pub const BUDGET_DECAY: f64 = 0.01;
@@ -21,6 +22,10 @@ impl<S: Scalar> Step<'_, S> {
         let mut energy_before = 0.0;
         self.scratch.multiply_damping(self.world);
         let mut put_in = -self.contact_before;
+        let r = &*self.report;
+        // a body whose solve went wrong stands still, too
+        let stopped = r.cg_caps + r.line_search_failures + r.gradient_fallbacks > 0;
+        let sleep_speed = if r.unconverged || stopped { 0.0 } else { self.settings.sleep_speed };
         // velocities, energy cap and energy books of every body
         for index in 0..self.bodies.len() {
             self.set_velocities(index);
@@ -59,10 +64,21 @@ impl<S: Scalar> Step<'_, S> {
                 report.constraint_work = 0.0;
             }
             let energies = [kinetic + potential, kinetic + body.elastic + stored];
-            scratch.history.bodies.push(body.history(energies));
+            let calm = scratch.calm(body, sleep_speed, self.dt);
+            scratch.history.bodies.push(BodyHistory { calm, ..body.history(energies) });
             let own = scratch.history.bodies.last().copied().unwrap_or_default();
             let others = BodyHistory { wait: own.wait, depth: own.depth, ..Default::default() };
             scratch.history.bodies.extend(body.bodies.clone().skip(1).map(|_| others));
+        }
+        // each stands before the bodies that come after it
+        for &(body, past) in &self.asleep {
+            let (scratch, report) = (&mut *self.scratch, &mut *self.report);
+            let own = &self.world.resource::<Topology>().bodies[body].vertices;
+            let rows = own.start as usize..own.end as usize;
+            report.elastic_energy += past.body.elastic;
+            energy_before += past.body.elastic;
+            energy_before += scratch.node.kinetic_energy(rows, &scratch.node.v).iter().sum::<f64>();
+            scratch.history.bodies.insert(body, past.body);
         }
         // contact
         let mut contact_change = 0.0;
@@ -100,7 +116,15 @@ impl<S: Scalar> Step<'_, S> {
     /// Writes the new state into the columns and the history.
     fn write(&mut self) {
         let ImplicitScratch {
-            rest, node, iterate, velocity, increment, history, predicted, ..
+            rest,
+            node,
+            iterate,
+            velocity,
+            increment,
+            history,
+            predicted,
+            sleep,
+            ..
         } = &mut *self.scratch;
         book_momentum(self.report, rest, &node.mass, iterate, velocity);
         write_state(self.world, iterate, velocity);
@@ -112,8 +136,17 @@ impl<S: Scalar> Step<'_, S> {
         std::mem::swap(&mut history.v_before, &mut node.v);
         history.mass.clone_from(&node.mass);
         history.fixed.clone_from(&node.fixed);
+        if self.settings.sleep_speed > 0.0 {
+            history.external.clone_from(&node.external);
+            history.prescribed.clone_from(&node.prescribed);
+        } else {
+            history.external.clear();
+            history.prescribed.clear();
+        }
         std::mem::swap(&mut history.predicted, predicted);
         history.dt = self.dt;
+        history.asleep = if self.bodies.is_empty() { history.asleep + 1 } else { 0 };
+        sleep.keep(self.world, history.asleep, self.report.elastic_energy);
         history.stamp(self.world);
     }
 }
@@ -145,6 +178,7 @@ impl BodyStep {
                 past.wait.saturating_sub(1)
             },
             depth: 1 + if self.past.same_state { past.depth } else { 0 },
+            calm: 0.0,
         }
     }
 }
@@ -162,6 +196,16 @@ impl<S: Scalar> ImplicitScratch<S> {
             }
         }
         self.node.kinetic_energy(body.rows.clone(), &self.velocity)[0]
+    }
+
+    /// For how long (s) all vertices of a body have been slower than `speed` (1/s) times its size at the end of a step of `dt` (s).
+    fn calm(&self, body: &BodyStep, speed: f64, dt: f64) -> f64 {
+        let most = speed * body.size;
+        let slow = |v: &[S; 4]| dot3(v, v) <= most * most;
+        match speed > 0.0 && self.velocity[body.rows.clone()].iter().all(slow) {
+            true => body.past.body.calm + dt,
+            false => 0.0,
+        }
     }
 
     /// Power (W) that damping takes at the velocities found, `damped` being up to date.

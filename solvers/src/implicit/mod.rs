@@ -56,7 +56,7 @@ use bevy_ecs::prelude::*;
 pub use equilibrium::MAX_PARTINGS;
 pub use finish::BUDGET_DECAY;
 pub use linearised_bdf2::WAIT;
-use sinew_contact::set::ContactSet;
+use sinew_contact::set::{ContactSet, RowPlaces};
 use sinew_engine::law::ElasticEnergy;
 use sinew_engine::load::SweptVolumes;
 use sinew_engine::report::StepReport;
@@ -84,7 +84,10 @@ pub fn implicit_step<S: Scalar>(
     report: &mut StepReport,
 ) -> Result<(), StepError> {
     let mut scratch = world.remove_resource::<ImplicitScratch<S>>().unwrap_or_default();
-    scratch.node.read(world);
+    let still = scratch.is_still(world, settings);
+    if !still {
+        scratch.node.read(world);
+    }
     let revision = world.resource::<Topology>().revision;
     if scratch.revision != revision || scratch.rest.len() != scratch.node.len() {
         read_rest(world, &mut scratch.rest);
@@ -96,7 +99,12 @@ pub fn implicit_step<S: Scalar>(
         Some(contact) if !scratch.node.is_empty() => prepare(contact, world, settings, &scratch),
         _ => Ok(()),
     };
-    if result.is_ok() && !scratch.node.is_empty() {
+    if still && result.is_ok() && contact.as_ref().is_none_or(is_far) {
+        scratch.step_asleep(world, contact.as_mut(), report);
+    } else if result.is_ok() && !scratch.node.is_empty() {
+        if still {
+            scratch.node.read(world);
+        }
         let mut step = Step::new(world, settings, report, &mut scratch);
         step.contact_before = contact.as_ref().map_or(0.0, ContactSet::stored);
         step.contact = contact;
@@ -106,11 +114,47 @@ pub fn implicit_step<S: Scalar>(
     if let Some(contact) = contact {
         world.insert_resource(contact);
     }
+    scratch.sleep.end(world);
     if result.is_err() {
         write_state(world, &scratch.node.u, &scratch.node.v);
     }
     world.insert_resource(scratch);
     result
+}
+
+/// Whether nothing is near, and nobody asks how stiff it would be.
+fn is_far(contact: &ContactSet) -> bool {
+    contact.is_idle() && !contact.asks_stiffness()
+}
+
+impl<S: Scalar> ImplicitScratch<S> {
+    /// Whether a step would leave the world as it is, unless something comes near.
+    fn is_still(&self, world: &mut World, settings: &SolverSettings) -> bool {
+        settings.sleep_speed > 0.0
+            && settings.integrator.facts().dynamic
+            && self.sleep.goes_on(world)
+            && self.history.energies_hold(world)
+            && !world.contains_resource::<SweptVolumes>()
+    }
+
+    /// Such a step: it does what any step does for tools and for those who read reports.
+    fn step_asleep(
+        &mut self,
+        world: &mut World,
+        contact: Option<&mut ContactSet>,
+        report: &mut StepReport,
+    ) {
+        let dt = world.resource::<StepClock>().dt;
+        self.sleep.report(world, report);
+        if let Some(contact) = contact {
+            let now = position(&self.rest, &self.node.u);
+            let places = RowPlaces { now: &now, start: &now };
+            report.contact = contact.finish(world, &places, dt, true);
+        }
+        self.history.dt = dt;
+        self.history.asleep += 1;
+        self.history.stamp(world);
+    }
 }
 
 /// Finds the points of contact of the coming step.
@@ -138,6 +182,12 @@ impl<S: Scalar> Step<'_, S> {
         self.recall()?;
         // by the laws of this step, which recovery may have changed
         let start = follower_energies(self.world, &self.scratch.node.u);
+        if self.bodies.is_empty() {
+            self.scratch.begin();
+            self.find_local_stiffness();
+            self.finish();
+            return Ok(());
+        }
         match integrator {
             Integrator::Safe => self.safe_euler(),
             Integrator::LinearisedBdf2 => self.linearised_bdf2(),

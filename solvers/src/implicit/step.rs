@@ -5,10 +5,12 @@ use crate::linear_solver::LinearSolver;
 use crate::orphan::{Orphan, prescribe_orphans};
 use crate::recovery::Recovery;
 use crate::settings::SolverSettings;
+use crate::sleep::{CALM, Sleep};
 use crate::state::{NodeState, Rows};
 use bevy_ecs::prelude::*;
 use glam::DVec3;
 use sinew_contact::set::ContactSet;
+use sinew_engine::law::LawBuffers;
 use sinew_engine::load::SweptVolumes;
 use sinew_engine::matrix::{BlockMatrix, ProductSpans};
 use sinew_engine::report::{StepReport, VolumeReport};
@@ -32,6 +34,8 @@ pub(super) struct Step<'w, S: Scalar> {
     /// Energy (J) stored in contacts at the end of the last step.
     pub contact_before: f64,
     pub orphans: Vec<Orphan<S>>,
+    /// Bodies that sleep, and their parts in the last step.
+    pub asleep: Vec<(usize, Past)>,
     /// The elastic energies at the end of the last step still hold.
     pub energies_hold: bool,
     /// Length of the step (s).
@@ -80,6 +84,7 @@ pub struct ImplicitScratch<S: Scalar> {
     pub(crate) linear: LinearSolver<S>,
     pub(crate) history: StepHistory<S>,
     pub(crate) recovery: Recovery,
+    pub(super) sleep: Sleep<S>,
     pub(super) within: WithinStep,
     /// Predicted values of the low-rank vectors, body by body, for the bodies that have taken this step.
     pub(super) predicted: Vec<Vec<f64>>,
@@ -225,6 +230,7 @@ impl<'w, S: Scalar> Step<'w, S> {
             contact: None,
             contact_before: 0.0,
             orphans: Vec::new(),
+            asleep: Vec::new(),
             energies_hold: false,
             dt,
         }
@@ -252,20 +258,50 @@ impl<'w, S: Scalar> Step<'w, S> {
         let (unchanged, past) = scratch.history.compare(self.world, &scratch.node, self.dt);
         // the potential of a pressure changes with time
         self.energies_hold = unchanged && !self.world.contains_resource::<SweptVolumes>();
-        let ImplicitScratch { recovery, node, rest, history, .. } = &mut *scratch;
+        let topology = self.world.resource::<Topology>();
+        let count = topology.bodies.len();
+        let groups = match &self.contact {
+            Some(contact) => contact.groups(count),
+            None => (0..count).map(|body| body..body + 1).collect(),
+        };
+        let touches = |group: &Range<usize>| {
+            self.contact.as_ref().is_some_and(|contact| contact.touches(group))
+        };
+        let alone = groups.iter().filter(|group| group.len() == 1 && !touches(group));
+        let ImplicitScratch { recovery, sleep, node, rest, history, .. } = &mut *scratch;
+        let inverted = &self.world.resource::<VolumeReport>().inverted_by_body;
+        let rests = |body: &usize| {
+            past[*body].same_hold
+                && past[*body].body.calm >= CALM
+                && inverted.get(*body) == Some(&0)
+                && recovery.is_own(*body)
+                && history.is_loaded_as_before(&topology.bodies[*body], node)
+        };
+        let may_sleep = self.settings.sleep_speed > 0.0
+            && self.settings.integrator.facts().dynamic
+            && self.energies_hold
+            && !self.world.resource::<LawBuffers<S>>().joins_bodies(topology);
+        let asleep: Vec<usize> = match may_sleep {
+            true => alone.map(|group| group.start).filter(rests).collect(),
+            false => Vec::new(),
+        };
+        sleep.begin(self.world, &node.u, (count, &asleep), self.report);
         let on = self.settings.recovery;
         let recovers = recovery.update(self.world, on, node, &past, rest, self.report)?;
         let inverted = &self.world.resource::<VolumeReport>().inverted_by_body;
         let topology = self.world.resource::<Topology>();
-        let groups = match &self.contact {
-            Some(contact) => contact.groups(topology.bodies.len()),
-            None => (0..topology.bodies.len()).map(|body| body..body + 1).collect(),
-        };
         self.energies_hold &= history.groups == groups;
         for group in &groups {
-            let past = Past::of_group(&past[group.clone()], history.groups.contains(group));
+            let mut past = Past::of_group(&past[group.clone()], history.groups.contains(group));
+            if sleep.contains(group.start) {
+                self.asleep.push((group.start, past));
+                continue;
+            }
+            if past.body.calm >= CALM {
+                past.body.calm = 0.0;
+            }
             let inverted = group.clone().any(|i| inverted.get(i).is_some_and(|&count| count > 0));
-            let touched = self.contact.as_ref().is_some_and(|contact| contact.touches(group));
+            let touched = touches(group);
             let mut body =
                 BodyStep::new(&topology.bodies[group.clone()], &node.fixed, inverted, past);
             (body.bodies, body.touched) = (group.clone(), touched);
@@ -368,6 +404,11 @@ fn free_pieces(body: &BodyRows, fixed: &[FixedAxes]) -> Vec<FreePiece> {
 }
 
 impl<S: Scalar> ImplicitScratch<S> {
+    /// Forgets what is known of the elements of bodies that sleep.
+    pub(crate) fn forget_sleep(&mut self) {
+        self.sleep = Sleep::default();
+    }
+
     /// Loads and prescribed displacements as they are at the end of the step.
     pub(super) fn use_end_of_step(&mut self) {
         self.load.clone_from(&self.node.external);

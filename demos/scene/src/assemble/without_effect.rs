@@ -7,6 +7,7 @@ use crate::scene::{
 use crate::warning::{Level, Warning};
 use glam::DVec3;
 use sinew::models::body::Model;
+use sinew::simulation::Backend;
 
 /// Code of the note about such a key; its subject is the key.
 pub const CODE: &str = "scene.key.without-effect";
@@ -74,6 +75,11 @@ fn of_solver(idle: &mut Idle, built: &BuiltScene) {
     if !facts.dynamic {
         let why = "an equilibrium knows no velocity";
         idle.add("solver", &["mass_damping", "stiffness_damping"], why);
+    }
+    if !facts.dynamic || facts.explicit {
+        idle.add("solver", &["sleep_speed"], &format!("{own} lets no body sleep"));
+    } else if built.simulation.backend() == Backend::Gpu {
+        idle.add("solver", &["sleep_speed"], "on the device no body sleeps");
     }
 }
 

@@ -249,6 +249,10 @@ impl RunSummary {
             settings.instruction_set,
             settings.executor
         );
+        let slept = self.solver.totals.sleeping;
+        if slept > 0 {
+            line!(block, "asleep", "{slept} steps of bodies were left out, as these rested");
+        }
         self.describe_gpu(&mut block);
         let stages: Vec<String> = self
             .timing

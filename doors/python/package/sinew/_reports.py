@@ -459,6 +459,9 @@ class Report:
     fallbacks: Fallbacks
     """Bodies that did not."""
 
+    sleeping: int
+    """Bodies that slept: at rest, with nothing near, and left where they are."""
+
     recovering: int
     """Bodies that moved by the corotational energy to recover from inversion."""
 

@@ -206,7 +206,10 @@ impl ContactSet {
         let made = &self.made;
         let own = self.own_skins.values_mut();
         for known in self.skins.iter_mut().chain(own) {
-            known.skin.refit(dt, &|row| made.mean(row, x), &|row| made.mean(row, v));
+            let (x, v) = (|row| made.mean(row, x), |row| made.mean(row, v));
+            if !known.skin.rests(&x, &v) {
+                known.skin.refit(dt, &x, &v);
+            }
         }
         let mut fixed = world.query::<&FixedAxes>();
         if let Some(fixed) = single_table(fixed.contiguous_iter(world)) {
