@@ -487,7 +487,9 @@ impl<S: Scalar> LawBuffers<S> {
             let buffer = slot.buffer.lock().unwrap_or_else(PoisonError::into_inner);
             buffer.spans.iter().any(|span| {
                 let own = topology.bodies.get(span.body).map(|body| &body.vertices);
-                own.is_none_or(|own| span.rows.end > own.end as usize)
+                own.is_none_or(|own| {
+                    span.rows.start < own.start as usize || span.rows.end > own.end as usize
+                })
             })
         })
     }

@@ -1,13 +1,16 @@
 //! Sleep: a body at rest, with nothing near, is left where it is and costs next to nothing.
 //!
-//! A body falls asleep when all its vertices have been slower than [`SolverSettings::sleep_speed`] times its size for
-//! [`CALM`] seconds, nothing can touch or pull it in the coming step, no element is inverted, and loads, masses and what
-//! holds it are those of the last step. Its velocities, which are small, become zero; the step books their energy as
-//! dissipation. From then on its energy and forces are those found last.
+//! A body falls asleep when for [`CALM`] seconds all its vertices have been slower than [`SolverSettings::sleep_speed`] times its
+//! size, nothing could touch or pull it, and loads, masses, laws and what holds it have not changed, and when no element is
+//! inverted. Its velocities, which are small, become zero; the step books their energy as dissipation. From then on its
+//! energy and forces are those found last.
 //!
 //! It wakes in the step in which one of this no longer holds: a tool, a pull, a thread or another body comes near, a load or
-//! held vertex changes, its state is set from outside, elements go or are cut. A changed constant of any law wakes all bodies,
-//! and while a pressure acts somewhere, or a law joins several bodies, none sleeps.
+//! held vertex changes, its state is set from outside, elements go or are cut. A changed constant of any law wakes all bodies.
+//! In worlds that have or had a pressure, where a law joins several bodies, or where one has not declared what it reads
+//! ([`declare_inputs`](sinew_engine::schedule::declare_inputs)), none sleeps. Whoever evaluates elements between two steps, for
+//! reactions or forces, has those of sleepers evaluated once more. A system of
+//! [`Constrain`](sinew_engine::schedule::StepSystems::Constrain) that moves a sleeper wakes it in the next step.
 //!
 //! [`SolverSettings::sleep_speed`]: crate::settings::SolverSettings::sleep_speed
 

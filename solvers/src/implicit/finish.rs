@@ -23,7 +23,7 @@ impl<S: Scalar> Step<'_, S> {
         self.scratch.multiply_damping(self.world);
         let mut put_in = -self.contact_before;
         let r = &*self.report;
-        // a body whose solve went wrong stands still, too
+        // a body whose solve went wrong stands still, too, and so does one that is held by what touches it
         let stopped = r.cg_caps + r.line_search_failures + r.gradient_fallbacks > 0;
         let sleep_speed = if r.unconverged || stopped { 0.0 } else { self.settings.sleep_speed };
         // velocities, energy cap and energy books of every body
@@ -64,7 +64,7 @@ impl<S: Scalar> Step<'_, S> {
                 report.constraint_work = 0.0;
             }
             let energies = [kinetic + potential, kinetic + body.elastic + stored];
-            let calm = scratch.calm(body, sleep_speed, self.dt);
+            let calm = if body.touched { 0.0 } else { scratch.calm(body, sleep_speed, self.dt) };
             scratch.history.bodies.push(BodyHistory { calm, ..body.history(energies) });
             let own = scratch.history.bodies.last().copied().unwrap_or_default();
             let others = BodyHistory { wait: own.wait, depth: own.depth, ..Default::default() };
@@ -76,8 +76,9 @@ impl<S: Scalar> Step<'_, S> {
             let own = &self.world.resource::<Topology>().bodies[body].vertices;
             let rows = own.start as usize..own.end as usize;
             report.elastic_energy += past.body.elastic;
-            energy_before += past.body.elastic;
-            energy_before += scratch.node.kinetic_energy(rows, &scratch.node.v).iter().sum::<f64>();
+            let [free, held] = scratch.node.kinetic_energy(rows, &scratch.node.v);
+            energy_before += past.body.elastic + free + held;
+            report.constraint_work -= held;
             scratch.history.bodies.insert(body, past.body);
         }
         // contact

@@ -25,7 +25,7 @@ impl<S: Scalar> Step<'_, S> {
     fn extrapolate_from_middle(&mut self) {
         let scratch = &mut *self.scratch;
         let half = S::from_f64(0.5 * self.dt);
-        for row in 0..scratch.node.len() {
+        for row in self.bodies.iter().flat_map(|body| body.rows.clone()) {
             for k in 0..3 {
                 let middle = scratch.increment[row][k];
                 let free = scratch.node.free(row, k);

@@ -117,6 +117,7 @@ pub fn implicit_step<S: Scalar>(
     scratch.sleep.end(world);
     if result.is_err() {
         write_state(world, &scratch.node.u, &scratch.node.v);
+        scratch.forget_sleep();
     }
     world.insert_resource(scratch);
     result

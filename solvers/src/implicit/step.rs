@@ -267,37 +267,43 @@ impl<'w, S: Scalar> Step<'w, S> {
         let touches = |group: &Range<usize>| {
             self.contact.as_ref().is_some_and(|contact| contact.touches(group))
         };
-        let alone = groups.iter().filter(|group| group.len() == 1 && !touches(group));
         let ImplicitScratch { recovery, sleep, node, rest, history, .. } = &mut *scratch;
         let inverted = &self.world.resource::<VolumeReport>().inverted_by_body;
-        let rests = |body: &usize| {
-            past[*body].same_hold
-                && past[*body].body.calm >= CALM
-                && inverted.get(*body) == Some(&0)
-                && recovery.is_own(*body)
-                && history.is_loaded_as_before(&topology.bodies[*body], node)
-        };
         let may_sleep = self.settings.sleep_speed > 0.0
             && self.settings.integrator.facts().dynamic
             && self.energies_hold
             && !self.world.resource::<LawBuffers<S>>().joins_bodies(topology);
-        let asleep: Vec<usize> = match may_sleep {
-            true => alone.map(|group| group.start).filter(rests).collect(),
-            false => Vec::new(),
+        // what a group of bodies remembers is not that of one of them
+        let is_as_it_was = |group: &Range<usize>| {
+            let body = group.start;
+            may_sleep
+                && group.len() == 1
+                && !touches(group)
+                && past[body].same_hold
+                && history.groups.contains(group)
+                && history.is_loaded_as_before(&topology.bodies[body], node)
         };
+        let as_they_were: Vec<bool> = groups.iter().map(is_as_it_was).collect();
+        let rests = |body: &usize| {
+            past[*body].body.calm >= CALM
+                && inverted.get(*body) == Some(&0)
+                && recovery.is_own(*body)
+        };
+        let alone = groups.iter().zip(&as_they_were).filter(|(_, same)| **same);
+        let asleep: Vec<usize> = alone.map(|(group, _)| group.start).filter(rests).collect();
         sleep.begin(self.world, &node.u, (count, &asleep), self.report);
         let on = self.settings.recovery;
         let recovers = recovery.update(self.world, on, node, &past, rest, self.report)?;
         let inverted = &self.world.resource::<VolumeReport>().inverted_by_body;
         let topology = self.world.resource::<Topology>();
         self.energies_hold &= history.groups == groups;
-        for group in &groups {
+        for (group, as_it_was) in groups.iter().zip(as_they_were) {
             let mut past = Past::of_group(&past[group.clone()], history.groups.contains(group));
             if sleep.contains(group.start) {
                 self.asleep.push((group.start, past));
                 continue;
             }
-            if past.body.calm >= CALM {
+            if !as_it_was || past.body.calm >= CALM {
                 past.body.calm = 0.0;
             }
             let inverted = group.clone().any(|i| inverted.get(i).is_some_and(|&count| count > 0));

@@ -61,7 +61,7 @@ impl<S: Scalar> Step<'_, S> {
         scratch.use_motions_at(GAMMA);
         scratch.begin();
         let h = S::from_f64(h);
-        for row in 0..scratch.node.len() {
+        for row in self.bodies.iter().flat_map(|body| body.rows.clone()) {
             for k in 0..3 {
                 scratch.offset[row][k] = h * scratch.node.v[row][k];
                 if scratch.node.free(row, k) {
@@ -127,7 +127,7 @@ impl<S: Scalar> Step<'_, S> {
             }
         }
         scratch.use_end_of_step();
-        for row in 0..scratch.node.len() {
+        for row in self.bodies.iter().flat_map(|body| body.rows.clone()) {
             for k in 0..3 {
                 let (increment, v) = (scratch.increment[row][k], scratch.velocity[row][k]);
                 scratch.offset[row][k] = a * increment;
