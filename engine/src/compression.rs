@@ -128,8 +128,12 @@ type OfPoints<'w, 's, N, R, F = ()> = Query<'w, 's, (&'static N, &'static R, &'s
 
 /// Counts into [`CompressionReport`].
 fn measure_compression<S: Scalar>(
-    (workers, failure, topology): (Res<Workers>, Res<StepFailure>, Res<Topology>),
-    sleeping: Res<SleepingBodies>,
+    (workers, failure, topology, sleeping): (
+        Res<Workers>,
+        Res<StepFailure>,
+        Res<Topology>,
+        Res<SleepingBodies>,
+    ),
     (mut report, points): (ResMut<CompressionReport>, Res<OwnPoints>),
     vertices: Query<&Displacement<S>>,
     tetrahedra: Query<(&TetrahedronVertices, ShapeGradients<S>, &BodyId)>,

@@ -336,6 +336,17 @@ impl<S: Scalar> LawBuffer<S> {
         work: usize,
         f: impl Fn(usize, &mut Span<S>) + Send + Sync,
     ) {
+        self.each_awake(workers, work, &f);
+    }
+
+    /// [`for_each_awake`](Self::for_each_awake), compiled once.
+    #[inline(never)]
+    fn each_awake(
+        &mut self,
+        workers: &Workers,
+        work: usize,
+        f: &(dyn Fn(usize, &mut Span<S>) + Sync),
+    ) {
         if self.spans.iter().all(|span| !span.sleeps) {
             return workers.for_each(&mut self.spans, work, f);
         }
