@@ -338,6 +338,36 @@ fn a_way_back_finds_sleepers_asleep_and_repeats_to_the_last_bit() {
     }
 }
 
+/// Where everyone sleeps steps end early, but not the first one after a way back: both must leave the same.
+#[test]
+fn a_world_at_rest_goes_on_from_snapshots_to_the_last_bit() {
+    let build = || {
+        let mut simulation = blocks(options(Precision::F64, 1), SLEEP, 1);
+        let rows = far_end(&simulation);
+        push(&mut simulation, "late", rows, Curve::Points(vec![[4.0, 0.0], [4.2, 1.0]]));
+        simulation
+    };
+    let mut simulation = build();
+    let asleep = until_asleep(&mut simulation, 1);
+    for first in [asleep + 1, asleep + 3, asleep + 100] {
+        let mut simulation = build();
+        simulation.steps(first);
+        let snapshot = simulation.snapshot().unwrap();
+        simulation.steps(400 - first);
+        assert_eq!(simulation.report().sleeping, 1);
+        simulation.steps(60);
+        let (hash, energy) = (simulation.state_hash(), simulation.report().elastic_energy);
+        assert_eq!(simulation.report().sleeping, 0);
+        let mut other = build();
+        for simulation in [&mut simulation, &mut other] {
+            simulation.restore(&snapshot).unwrap();
+            simulation.steps(460 - first);
+            let again = (simulation.state_hash(), simulation.report().elastic_energy);
+            assert_eq!(again, (hash, energy), "from {first}");
+        }
+    }
+}
+
 #[test]
 fn nobody_sleeps_while_a_pressure_acts_a_solve_fails_or_sleep_is_off() {
     let mut blown = blocks(options(Precision::F64, 1), SLEEP, 1);
