@@ -314,7 +314,7 @@ fn check_state<S: Scalar>(world: &mut World) -> Result<(), StepError> {
     Ok(())
 }
 
-/// Whether all numbers are finite: of others nothing times them is not nothing. Without a branch for each.
+/// Whether all numbers are finite: 0 times any other is not a number. Without a branch for each.
 fn all_finite<S: Scalar>(rows: &[[S; 4]]) -> bool {
     let add = |sum: [S; 4], x: &[S; 4]| std::array::from_fn(|k| sum[k] + S::ZERO * x[k]);
     rows.iter().fold([S::ZERO; 4], add) == [S::ZERO; 4]
@@ -354,7 +354,7 @@ pub fn write_positions<S: Scalar>(
     }
 }
 
-/// Who looks at elements between two steps looks at all of them.
+/// Nobody counts as asleep between two steps: who looks at elements there looks at all of them.
 fn wake_all(mut sleeping: ResMut<SleepingBodies>) {
     sleeping.bypass_change_detection().0.clear();
 }

@@ -22,7 +22,7 @@ use sinew_engine::report::StepReport;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::topology::BodyRows;
 
-/// Time (s) for which a body is slow before it falls asleep: half a period of a slow swing is longer.
+/// Time (s) for which a body has to be slow: at the turn of a swing it is slow for less.
 pub const CALM: f64 = 0.5;
 
 /// Steps after which nothing of a world in which everyone sleeps remembers motion, velocities of four steps included.
