@@ -220,8 +220,8 @@ impl ContactSkin {
         own.iter().any(is_near) && round.is_none_or(along)
     }
 
-    /// Whether it was at rest at the last [refit](Self::refit), and still is there.
-    pub fn rests(&self, x: &dyn Fn(VertexRow) -> DVec3, v: &dyn Fn(VertexRow) -> DVec3) -> bool {
+    /// Whether it was at rest at the last [refit](Self::refit), and is at rest there now.
+    fn rests(&self, x: &dyn Fn(VertexRow) -> DVec3, v: &dyn Fn(VertexRow) -> DVec3) -> bool {
         let own = self.rows.iter().zip(self.at.iter().zip(&self.motion));
         let rests = |(&row, (at, motion)): (&VertexRow, (&DVec3, &DVec3))| {
             *motion == DVec3::ZERO && v(row) == DVec3::ZERO && x(row) == *at
@@ -236,6 +236,11 @@ impl ContactSkin {
         x: &dyn Fn(VertexRow) -> DVec3,
         v: &dyn Fn(VertexRow) -> DVec3,
     ) {
+        if self.rests(x, v) {
+            // trial states of a step that was undone may have been seen
+            self.seen.clone_from(&self.at);
+            return;
+        }
         self.at.clear();
         self.at.extend(self.rows.iter().map(|&row| x(row)));
         self.seen.clone_from(&self.at);

@@ -206,10 +206,7 @@ impl ContactSet {
         let made = &self.made;
         let own = self.own_skins.values_mut();
         for known in self.skins.iter_mut().chain(own) {
-            let (x, v) = (|row| made.mean(row, x), |row| made.mean(row, v));
-            if !known.skin.rests(&x, &v) {
-                known.skin.refit(dt, &x, &v);
-            }
+            known.skin.refit(dt, &|row| made.mean(row, x), &|row| made.mean(row, v));
         }
         let mut fixed = world.query::<&FixedAxes>();
         if let Some(fixed) = single_table(fixed.contiguous_iter(world)) {
