@@ -10,7 +10,7 @@ use sinew_engine::order::Order;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::schedule::{StepSchedule, StepSystems};
 use sinew_engine::step::{StepClock, StepError, StepFailure};
-use sinew_engine::surface::SurfaceReader;
+use sinew_engine::surface::{SurfacePoint, SurfaceReader};
 use sinew_engine::topology::Topology;
 use sinew_models::cutting::blade::{self, BladeView, EdgeMove};
 use sinew_models::cutting::check_cut;
@@ -154,34 +154,41 @@ fn look<S: Scalar>(world: &mut World) -> Result<(), StepError> {
             blade::end_stroke(world, body);
             continue;
         }
-        let linear = !world.resource::<Topology>().bodies[body].tetrahedra().is_empty();
         let known = check_cut(world, body).map_err(|error| error.to_string());
-        let known = known.and_then(|()| {
-            linear.then_some(()).ok_or_else(|| {
-                let name = &world.resource::<Topology>().bodies[body].name;
-                format!("body `{name}` has no linear tetrahedra; use `Simulation::cut`")
-            })
-        });
-        if let Err(why) = known {
-            for &i in &near {
-                let own = &all[i];
-                let line = own.edge.ends.map(|x| own.edge.place(x, &own.then, own.first));
-                cannot_enter(
-                    world,
-                    body,
-                    (&own.name, "edge meets what it cannot cut"),
-                    &line,
-                    &why,
-                )?;
-            }
-            continue;
+        let mut cuts = Vec::new();
+        for &i in &near {
+            let own = &all[i];
+            let Err(why) = known.clone().and_then(|()| check_edge(world, body, &own.edge)) else {
+                cuts.push(i);
+                continue;
+            };
+            let line = own.edge.ends.map(|x| own.edge.place(x, &own.then, own.first));
+            cannot_enter(world, body, (&own.name, "edge meets what it cannot cut"), &line, &why)?;
         }
-        cut_body::<S>(world, body, &mut all, &near)?;
+        if !cuts.is_empty() {
+            cut_body::<S>(world, body, &mut all, &cuts)?;
+        }
     }
     for own in all {
         world.entity_mut(own.entity).insert(own.state);
     }
     needle::look::<S>(world, needles)
+}
+
+/// Why an edge cannot cut a body that can be cut.
+fn check_edge(world: &World, body: usize, edge: &Edge) -> Result<(), String> {
+    let rows = &world.resource::<Topology>().bodies[body];
+    let name = &rows.name;
+    match () {
+        () if !rows.tetrahedra().is_empty() => Ok(()),
+        () if !rows.tetrahedra10().is_empty() || !rows.hexahedra().is_empty() => {
+            Err(format!("body `{name}` has no linear tetrahedra; use `Simulation::cut`"))
+        }
+        () if edge.toughness > 0.0 => Err(format!(
+            "body `{name}` is a membrane alone, in which edges have no force yet; take toughness = 0"
+        )),
+        () => Ok(()),
+    }
 }
 
 /// An error where an edge or needle along a line (m) goes through the surface of a body that it cannot enter.
@@ -198,8 +205,15 @@ pub(crate) fn cannot_enter(
     let surface = read(world, body);
     let mut places = world.query::<&sinew_engine::vertex::Position>();
     let at: Vec<DVec3> = places.iter(world).map(|x| x.0).collect();
-    let first = world.resource::<Topology>().bodies[body].vertices.start;
-    let place = |v: u32| at.get((first + v) as usize).copied().unwrap_or(DVec3::NAN);
+    let rows = &world.resource::<Topology>().bodies[body];
+    let (first, count) = (rows.vertices.start, rows.row_count() as u32);
+    let row = |v: u32| at.get((first + v) as usize).copied().unwrap_or(DVec3::NAN);
+    let place = |v: u32| match v.checked_sub(count).map(|made| surface.points[made as usize]) {
+        None => row(v),
+        Some(SurfacePoint { rows, weights }) => {
+            rows.into_iter().zip(weights).map(|(v, w)| w * row(v)).sum()
+        }
+    };
     let crosses = |[a, b]: [DVec3; 2]| {
         let triangles = surface.triangles.iter().chain(&surface.sheets);
         let mut corners = triangles.map(|triangle| triangle.map(place));

@@ -7,7 +7,7 @@ use sinew_contact::pair::BodyContact;
 use sinew_contact::tool::Tool;
 use sinew_engine::by_precision;
 use sinew_engine::row::VertexRow;
-use sinew_engine::topology::Topology;
+use sinew_engine::topology::{BodyRows, Topology};
 use sinew_models::cutting::glue::{GlueReport, glue_report};
 use sinew_models::cutting::{
     CutError, CutReport, MaterialSkin, check_cut, cut_body, is_cut, node_places, node_velocities,
@@ -68,13 +68,14 @@ impl Simulation {
         }
         let world = self.world_mut();
         let rows = world.resource::<Topology>().bodies.get(body.0);
-        if let Some(name) = rows.filter(|rows| rows.tetrahedra().is_empty()).map(|r| r.name.clone())
-        {
+        let is_curved =
+            |rows: &&BodyRows| !rows.tetrahedra10().is_empty() || !rows.hexahedra().is_empty();
+        if let Some(name) = rows.filter(is_curved).map(|r| r.name.clone()) {
             let tools = world.query_filtered::<(), With<Tool>>().iter(world).next().is_some();
             let mut contacts = world.query::<&BodyContact>();
             if tools || contacts.iter(world).any(|contact| contact.bodies.contains(&body.0)) {
-                let problem = "wounds of elements that are no linear tetrahedra have no contact yet; take tools and its \
-                               contacts away, or remove elements";
+                let problem = "wounds of elements with Gauss points have no contact yet; take tools and its contacts \
+                               away, or remove elements";
                 return Err(CutError::Body { body: name, problem: problem.into() });
             }
         }
@@ -87,7 +88,7 @@ impl Simulation {
     }
 
     /// The surface of the material of a body that can be cut: faces of its mesh as far as they have material, and both sides
-    /// of its wounds, in the present shape.
+    /// of its wounds, in the present shape. Of a membrane alone all that is left of it.
     ///
     /// # Errors
     /// When the body is none that can be cut.

@@ -13,6 +13,7 @@ mod cross;
 mod cutting;
 mod cutting_elements;
 mod cutting_faces;
+mod cutting_membranes;
 mod determinism;
 mod documents;
 mod elements;

@@ -12,6 +12,7 @@ use sinew::engine::mesh::LINEAR;
 use sinew::engine::mesh::io::{VtuData, write_pvd, write_vtu};
 use sinew::engine::mesh::{CellData, Mesh, MeshError};
 use sinew::models::axes::field::to_cell_data;
+use sinew::models::cutting::cut_material;
 use std::io::{Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
@@ -320,7 +321,7 @@ impl Writer {
                 c.vertices.iter().for_each(|&vertex| held[first + vertex as usize] = 1.0);
             }
         }
-        // only what is left, and in place of what cuts parted the tetrahedra of its material
+        // only what is left, and in place of what cuts parted the tetrahedra, or triangles, of its material
         let mut made = Vec::new();
         let mut parted = Vec::new();
         let mut left = ByKind::<Vec<usize>>::default();
@@ -333,7 +334,9 @@ impl Writer {
                     of_body.push(i as f64);
                     index.push(f64::from(e));
                 }
-                if kind != ElementKind::Tetrahedron || !simulation.is_cut(body.handle) {
+                let is_film = body.mesh.tetrahedra.is_empty();
+                let of_cut = if is_film { ElementKind::Triangle } else { ElementKind::Tetrahedron };
+                if kind != of_cut || !simulation.is_cut(body.handle) {
                     continue;
                 }
                 // it was cut, so it has one
@@ -347,9 +350,14 @@ impl Writer {
                 v.extend(skin.mean(|node| velocities[node as usize]).skip(vertices));
                 let place =
                     |p: u32| p as usize + if (p as usize) < vertices { first } else { shift };
-                for (corners, e) in &skin.cells {
-                    let source = simulation.topology().bodies[body.handle.0].source(kind, *e);
-                    parted.push((left[kind].len(), corners.map(|p| place(p) as u32)));
+                let material = cut_material(simulation.world(), body.handle.0);
+                let is_parted = |e: &u32| material.is_some_and(|own| own.is_parted(*e));
+                let film = skin.triangles.iter().zip(&skin.tetrahedra).filter(|_| is_film);
+                let film = film.filter(|(_, e)| is_parted(e));
+                let film = film.map(|(&[a, b, c], e)| ([a, b, c, c], *e));
+                for (corners, e) in skin.cells.iter().copied().chain(film) {
+                    let source = simulation.topology().bodies[body.handle.0].source(kind, e);
+                    parted.push((kind, left[kind].len(), corners.map(|p| place(p) as u32)));
                     left[kind].push(self.start[i][kind] + source as usize);
                     j.push(ratios[i][kind][source as usize]);
                     of_body.push(i as f64);
@@ -360,7 +368,12 @@ impl Writer {
         let mut mesh = self.mesh.only(&left);
         mesh.points.extend(made);
         held.resize(mesh.points.len(), 0.0);
-        parted.into_iter().for_each(|(at, corners)| mesh.tetrahedra[at] = corners);
+        for (kind, at, [a, b, c, d]) in parted {
+            match kind {
+                ElementKind::Triangle => mesh.triangles[at] = [a, b, c],
+                _ => mesh.tetrahedra[at] = [a, b, c, d],
+            }
+        }
         let points: Vec<DVec3> = mesh.points.iter().zip(&u).map(|(x, u)| x + u).collect();
         let name = format!("frames/{}_{:05}.vtu", self.stem, self.frames.len());
         let data = VtuData {

@@ -94,6 +94,31 @@ fn surfaces_follow_a_resection() {
     assert!(last.balls.iter().any(|b| b.radius == 0.01));
 }
 
+/// Triangles of a film that was slit are drawn where their material is, with the strain of what moves them.
+#[test]
+fn a_slit_film_is_drawn_as_the_blade_left_it() {
+    let mut scene = scene("slit");
+    scene.scene.duration = Some(1.0);
+    let quantities = vec![Quantity::Displacement, Quantity::Strain];
+    let capture = CaptureOptions { quantities, page: true, ..CaptureOptions::default() };
+    let (recording, _) = record_as(&scene, 40, capture);
+    let [first, .., last] = &recording.frames[..] else { panic!("two frames at least") };
+    let count = |frame: &sinew_render::scene::Frame| frame.skin.triangles.len();
+    assert!(count(last) > count(first) + 30, "{} {}", count(first), count(last));
+    let area = |frame: &sinew_render::scene::Frame| -> f64 {
+        let at =
+            |v: u32| glam::Vec3::from_array(recording.rest[frame.skin.points[v as usize] as usize]);
+        let own = frame.skin.triangles.iter().map(|t| t.map(|v| at(v).as_dvec3()));
+        own.map(|[a, b, c]| (b - a).cross(c - a).length() / 2.0).sum()
+    };
+    assert!((area(last) / area(first) - 1.0).abs() < 1e-6, "{} {}", area(first), area(last));
+    // stretched by a tenth, less beside the slit, more at its end
+    let strains = last.skin.points.iter().map(|p| last.fields[1][*p as usize]);
+    let (least, most) =
+        strains.fold((f32::MAX, 0.0_f32), |(low, high), x| (low.min(x), high.max(x)));
+    assert!(least >= 0.0 && least < 0.06 && most > 0.12 && most < 1.0, "{least} {most}");
+}
+
 #[test]
 fn a_wound_is_drawn_as_the_blade_left_it() {
     let mut scene = scene("lobe");

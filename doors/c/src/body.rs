@@ -308,9 +308,9 @@ pub unsafe extern "C" fn sinew_remove_elements(
     })
 }
 
-/// Cuts a body of linear tetrahedra along the surface that a blade sweeps, at once, in its present shape. `strip` holds both
-/// ends (m) of the edge of the blade, six numbers a position, at two positions or more. The body needs `spare`. `report` may be
-/// NULL.
+/// Cuts a body along the surface that a blade sweeps, at once, in its present shape: one of solid elements, or of a membrane of
+/// triangles alone; demos/scenes/README.md tells which. `strip` holds both ends (m) of the edge of the blade, six numbers a
+/// position, at two positions or more. The body needs `spare`. `report` may be NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn sinew_cut(
     simulation: *mut sinew_simulation,

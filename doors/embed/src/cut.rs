@@ -46,8 +46,8 @@ pub struct Skin<'a> {
 }
 
 impl Embedding {
-    /// Cuts a body of linear tetrahedra along the surface that a blade sweeps, at once, in the present shape: its edge is at
-    /// `[p, q]` (m), one position after another. The body needs vertices to spare
+    /// Cuts a body of solid elements, or of a membrane of triangles alone, along the surface that a blade sweeps, at once, in the present
+    /// shape: its edge is at `[p, q]` (m), one position after another. The body needs vertices to spare
     /// ([`BodyDescription::spare`](crate::BodyDescription::spare)).
     ///
     /// # Errors

@@ -39,20 +39,27 @@ pub(super) fn read_surface(world: &mut World, body: usize) -> BodySurface {
     // where a cut divided elements their material tells
     let cut = cut_faces(world, body);
     let is_cut = cut.is_some();
-    let divided = |kind, e: u32| {
-        kind == ElementKind::Tetrahedron && cut.as_ref().is_some_and(|cut| cut.divided[e as usize])
-    };
+    let divided =
+        |kind, e: u32| cut.as_ref().is_some_and(|cut| kind == cut.kind && cut.divided[e as usize]);
+    let whole: Vec<u32> = connectivity
+        .all_left(ElementKind::Triangle)
+        .filter(|&t| !divided(ElementKind::Triangle, t))
+        .collect();
     let outside = connectivity.surface().filter(|(_, kind, e)| !divided(*kind, *e));
     let outside: Vec<([u32; 3], ElementKind, u32)> = outside.collect();
     let mut halves = outside.partition_point(|(_, kind, _)| *kind == ElementKind::Tetrahedron);
     let mut triangles: Vec<[u32; 3]> = outside.into_iter().map(|(triangle, ..)| triangle).collect();
+    let mut sheets = Vec::new();
     let (points, wounds) = cut.map_or_else(Default::default, |cut| {
-        halves += cut.triangles.len();
-        triangles.splice(0..0, cut.triangles);
+        if cut.kind == ElementKind::Triangle {
+            sheets = cut.triangles;
+        } else {
+            halves += cut.triangles.len();
+            triangles.splice(0..0, cut.triangles);
+        }
         (cut.points, cut.wounds)
     });
-    let mut sheets = Vec::new();
-    for t in connectivity.all_left(ElementKind::Triangle) {
+    for t in whole {
         // in a body that was cut the skin of the solid is where membranes on it are
         let triangle = connectivity.cells.triangles_of.triangles.of(t)[0];
         let mut behind = connectivity.round_triangle.of(triangle).iter();
@@ -70,11 +77,15 @@ pub(super) fn read_surface(world: &mut World, body: usize) -> BodySurface {
             let [a, b, c] = [a, b, c].map(rest_of);
             (a.distance(b) + b.distance(c) + c.distance(a)) / 3.0
         };
+        // of what a cut divided the triangles with the vertices that move it
+        let of_rows = connectivity.all_left(ElementKind::Triangle);
+        let of_rows: Vec<[u32; 3]> = of_rows.map(|t| rows.triangles()[t as usize]).collect();
+        let sheets = if points.is_empty() { &sheets } else { &of_rows };
         let edge = sheets.iter().map(length).sum::<f64>() / sheets.len().max(1) as f64;
         let young_modulus = membrane.material.young_modulus * membrane.thickness / edge;
         // a membrane on a solid adds little to what the solid resists with
         let solid = count.clone();
-        for sheet in &sheets {
+        for sheet in sheets {
             for &v in sheet.iter().filter(|&&v| solid[v as usize] == 0.0) {
                 sum[v as usize] += young_modulus;
                 count[v as usize] += 1.0;

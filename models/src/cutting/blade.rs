@@ -11,7 +11,7 @@ use sinew_engine::vertex::{Displacement, RestPosition};
 use std::collections::BTreeMap;
 
 use super::glue::{self, BY};
-use super::material::{Cell, Material, Point};
+use super::material::{Cell, Material, Order, Point, real};
 use super::stroke::{BladeMove, Progress, Uncut, share};
 use super::tear::TearView;
 use super::{CutError, CutReport, cut_material, material_of, open_now, prepared, rest_of, row_of};
@@ -166,7 +166,8 @@ impl BladeView {
         };
         let mut holders = vec![0; (uncut.points - material.vertices) as usize];
         for (number, cell) in (0..).zip(&material.cells) {
-            for &p in cell.corners.iter().filter(|&&p| p >= material.vertices && p < uncut.points) {
+            for &p in cell.points().iter().filter(|&&p| p >= material.vertices && p < uncut.points)
+            {
                 holders[(p - material.vertices) as usize] = number;
             }
         }
@@ -202,8 +203,11 @@ impl BladeView {
         0.5 * (of(sides[0]) + of(sides[1]))
     }
 
-    /// Looks at what is in a box (m).
+    /// Looks at what is in a box (m); a membrane alone has no volume in which something could be.
     pub fn focus(&mut self, [low, high]: [DVec3; 2]) {
+        if self.material.order != Order::Linear {
+            return;
+        }
         let inside = |x: [DVec3; 4]| {
             let [least, most] = bounds(x);
             least.cmple(high).all() && low.cmple(most).all()
@@ -308,7 +312,9 @@ impl BodyStroke {
         let near: Vec<(u32, [u32; 2])> = edges.filter(is_near).collect();
         if near.is_empty() {
             let is_in = |corners: &[u32; 4]| {
-                let [least, most] = bounds(corners.map(|p| point(p)[1]));
+                let own = real(corners).iter().map(|p| point(*p)[1]);
+                let least = own.clone().fold(DVec3::INFINITY, DVec3::min);
+                let most = own.fold(DVec3::NEG_INFINITY, DVec3::max);
                 least.cmple(high).all() && low.cmple(most).all()
             };
             if !view.uncut.cells.iter().any(is_in) {
@@ -344,8 +350,10 @@ impl BodyStroke {
             let mean = |ends: [DVec3; 2]| 0.5 * (ends[0] + ends[1]);
             let blade = mean(own.after) - mean(own.before);
             let way = |corners: [u32; 4]| {
-                let ways = corners.map(point).map(|[before, after]| after - before);
-                let way = blade - ways.into_iter().sum::<DVec3>() / 4.0;
+                let ways =
+                    real(&corners).iter().map(|p| point(*p)).map(|[before, after]| after - before);
+                let count = ways.len() as f64;
+                let way = blade - ways.sum::<DVec3>() / count;
                 // lips that spring apart move by as much as the edge does: what is not cut yet is cut in the plane of the blade, but where
                 // this goes through tissue sideways
                 let aside = way.dot(across).abs() > way.reject_from_normalized(across).length();

@@ -47,7 +47,7 @@ pub(super) fn points_of(
 ) -> BTreeMap<u32, (Points, Lumps)> {
     let mut cells = BTreeMap::<u32, Vec<usize>>::new();
     let parted = |e: &u32| material.elements[*e as usize].portion != [0.25; 4];
-    if material.order != Order::Linear {
+    if !material.order.is_linear() {
         cells.extend(changed.iter().filter(|e| parted(e)).map(|&e| (e, Vec::new())));
         for (number, cell) in material.cells.iter().enumerate() {
             if let Some(own) = cells.get_mut(&cell.element) {
@@ -116,7 +116,9 @@ pub(super) fn write<S: Scalar>(world: &mut World, mut changed: Changed) {
         };
         let own_points = changed.points.remove(&e).map(|own| own.0);
         match material.order {
-            Order::Linear => changed.linear::<S>(world, (e, row, parent), entity),
+            Order::Linear | Order::Triangles => {
+                changed.linear::<S>(world, (e, row, parent), entity)
+            }
             Order::TenNodes => {
                 let (nodes, blocks) = places(world, rows, row, &TETRAHEDRON10_PAIRS);
                 let mut entity = world.entity_mut(entity);

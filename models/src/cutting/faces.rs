@@ -76,13 +76,13 @@ pub(super) struct FaceCell {
 type Place = ([u32; 4], [u64; 4]);
 
 impl Material {
-    /// The triangles on some faces, given by their vertices, ascending, of elements that are left.
+    /// The triangles on some faces, given by their vertices, ascending, of elements that are left; none of a membrane alone.
     pub(super) fn face_cells(
         &self,
         faces: &BTreeSet<[u32; 3]>,
         is_left: impl Fn(u32) -> bool,
     ) -> Vec<FaceCell> {
-        if faces.is_empty() {
+        if faces.is_empty() || self.order == Order::Triangles {
             return Vec::new();
         }
         let mut is_near = vec![false; self.vertices as usize];
@@ -185,6 +185,9 @@ impl Material {
 
     /// Whether membrane triangles that are left lie on elements with all of their area.
     pub(super) fn bears_sheets(&self) -> bool {
+        if self.order == Order::Triangles {
+            return true;
+        }
         let mut areas: Vec<f64> =
             self.sheets.iter().map(|sheet| sheet.portion.iter().sum()).collect();
         let covers = self.covers();
@@ -206,7 +209,7 @@ impl BodyResection {
         faces: &BTreeSet<[u32; 3]>,
     ) -> BTreeMap<[u32; 3], Vec<FacePart>> {
         let mut parts = BTreeMap::<[u32; 3], Vec<FacePart>>::new();
-        let Some(material) = self.material.as_ref().filter(|own| own.order == Order::Linear) else {
+        let Some(material) = self.material.as_ref().filter(|own| own.order.is_linear()) else {
             return parts;
         };
         let kind = kind_of(rows);

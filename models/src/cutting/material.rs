@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 use sinew_engine::isoparametric::{hexahedron_shape, middle_of, tetrahedron10_shape};
+use sinew_engine::layout::WHOLE_TRIANGLE;
 use sinew_engine::sets::DisjointSets;
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -18,7 +19,7 @@ pub(super) const EDGES: [[usize; 2]; 6] = [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3
 /// they are wrong.
 const CHIP: f64 = 1e-8;
 /// No number.
-pub(super) const NONE: u32 = u32::MAX;
+pub const NONE: u32 = u32::MAX;
 
 /// A point of the material: a mean of vertices of the mesh by these weights, which add up to 1. Vertices of no weight come
 /// last.
@@ -65,16 +66,16 @@ impl Point {
     }
 }
 
-/// A tetrahedron of the material.
+/// A tetrahedron of the material, or a triangle of that of a membrane, whose faces are its edges.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cell {
-    /// Points, positively oriented.
+    /// Points, positively oriented; a triangle has [`NONE`] in the last place, as have its faces.
     pub corners: [u32; 4],
     /// Element that moves it.
     pub element: u32,
-    /// Part of the volume of the element of the mesh.
+    /// Part of the volume, or area, of the element of the mesh.
     pub volume: f64,
-    /// Whether the face opposite each corner was laid open.
+    /// Whether the face opposite each corner was laid open; of a triangle always that opposite the corner which it does not have.
     pub wound: [bool; 4],
     /// Number that it, or what it is a part of, had when the last stroke began.
     pub began: u32,
@@ -95,7 +96,12 @@ impl Cell {
         self.corners.contains(&point)
     }
 
-    /// Its edges, the lower point first.
+    /// Its corners: four of a tetrahedron, three of a triangle.
+    pub fn points(&self) -> &[u32] {
+        real(&self.corners)
+    }
+
+    /// Its edges, the lower point first; a triangle has three, and three to the corner that it does not have.
     pub(super) fn edges(&self) -> [[u32; 2]; 6] {
         EDGES.map(|ends| sorted(ends.map(|i| self.corners[i])))
     }
@@ -111,6 +117,8 @@ pub enum Order {
     TenNodes,
     /// Hexahedra: six tetrahedra each in local coordinates, where they are cubes.
     Hexahedra,
+    /// Triangles of a membrane without anything under it.
+    Triangles,
 }
 
 impl Order {
@@ -120,14 +128,20 @@ impl Order {
             Self::Linear => 4,
             Self::TenNodes => 10,
             Self::Hexahedra => 8,
+            Self::Triangles => 3,
         }
+    }
+
+    /// Whether a point moves as the corners of its element do, by the weights that it has of them.
+    pub fn is_linear(self) -> bool {
+        matches!(self, Self::Linear | Self::Triangles)
     }
 }
 
 /// An element: one of the mesh, or a copy of one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Element {
-    /// Its vertices in the mesh, which give its shape at rest; the first four.
+    /// Its vertices in the mesh, which give its shape at rest; the first four, [`NONE`] in the last place of a triangle.
     pub vertices: [u32; 4],
     /// The vertices that move it: those of the mesh, or ghosts of them, which are numbered from the last vertex of the mesh on.
     pub nodes: [u32; 4],
@@ -138,7 +152,7 @@ pub struct Element {
     /// Element that it fell off, or itself.
     pub parent: u32,
     /// Part of the volume of the whole element that lies at each corner: integrals of linear shape functions over the
-    /// material. Of hexahedra a quarter of the part of the cube.
+    /// material. Of hexahedra a quarter of the part of the cube. Of triangles the same of the area, and 0 in the last place.
     pub portion: [f64; 4],
 }
 
@@ -244,6 +258,44 @@ impl Material {
         }
     }
 
+    /// Of a mesh of triangles.
+    pub fn of_triangles(vertices: usize, triangles: &[[u32; 3]]) -> Self {
+        let padded: Vec<[u32; 4]> = triangles.iter().map(|&[a, b, c]| [a, b, c, NONE]).collect();
+        let mut material = Self { order: Order::Triangles, ..Self::new(vertices, &padded) };
+        let [a, b, c] = WHOLE_TRIANGLE;
+        material.elements.iter_mut().for_each(|element| element.portion = [a, b, c, 0.0]);
+        material.cells.iter_mut().for_each(|cell| cell.wound[3] = true);
+        material.spread_sheets();
+        material
+    }
+
+    /// Whether a cut parted an element.
+    pub fn is_parted(&self, element: u32) -> bool {
+        let [a, b, c] = WHOLE_TRIANGLE;
+        let whole = if self.order == Order::Triangles { [a, b, c, 0.0] } else { [0.25; 4] };
+        self.elements[element as usize].portion != whole
+    }
+
+    /// Makes the membrane triangles of a body of nothing else what its elements are.
+    fn spread_sheets(&mut self) {
+        let known = std::mem::take(&mut self.sheets).into_iter().map(|sheet| sheet.is_gone);
+        let gone = known.map(Some).chain(std::iter::repeat(None));
+        let of = |(own, is_gone): (&Element, Option<bool>)| {
+            let mut order = [0, 1, 2];
+            order.sort_unstable_by_key(|&i| own.vertices[i]);
+            Sheet {
+                vertices: order.map(|i| own.vertices[i]),
+                nodes: order.map(|i| own.nodes[i]),
+                source: own.source,
+                parent: own.parent,
+                portion: order.map(|i| own.portion[i]),
+                // nothing of what is gone has copies
+                is_gone: is_gone.unwrap_or(false),
+            }
+        };
+        self.sheets = self.elements.iter().zip(gone).map(of).collect();
+    }
+
     /// Of a mesh of ten-node tetrahedra.
     pub fn of_ten_nodes(vertices: usize, tetrahedra: &[[u32; 10]]) -> Self {
         let corners: Vec<[u32; 4]> =
@@ -288,6 +340,7 @@ impl Material {
         };
         match self.order {
             Order::Linear => point.moved_by(element, at),
+            Order::Triangles => weighted(&point.weights_in(element.vertices)[..3]),
             Order::TenNodes => weighted(&tetrahedron10_shape(point.weights_in(element.vertices))),
             Order::Hexahedra => {
                 let at = hexahedra::local(&element.all_vertices(), point);
@@ -322,7 +375,7 @@ impl Material {
         stroke.marks.iter().flat_map(|mark| mark.edge).for_each(|p| is_end[p as usize] = true);
         let mut cells = Vec::with_capacity(self.cells.len() + 8 * stroke.separated.len());
         for cell in &self.cells {
-            if cell.corners.iter().filter(|p| is_end[**p as usize]).count() < 2 {
+            if cell.points().iter().filter(|p| is_end[**p as usize]).count() < 2 {
                 cells.push(*cell);
                 continue;
             }
@@ -355,7 +408,9 @@ impl Material {
         let mut opened = Vec::new();
         for own in parts.chunk_by(|a, b| a.0 == b.0) {
             let corners = uncut.cells[own[0].0 as usize];
-            let is_cut = EDGES.map(|ends| self.is_cut(sorted(ends.map(|i| corners[i]))));
+            // nothing holds the corner that triangles do not have
+            let is_cut = |edge: [u32; 2]| edge[1] == NONE || self.is_cut(edge);
+            let is_cut = EDGES.map(|ends| is_cut(sorted(ends.map(|i| corners[i]))));
             let group = groups(is_cut);
             let of = |part: &Cell| group[(0..4).find(|&i| part.has(corners[i])).unwrap_or(0)];
             let places: Vec<usize> = own.iter().map(|(_, at)| *at).collect();
@@ -371,7 +426,10 @@ impl Material {
         self.part_points(uncut.points);
         self.uncut = Some(uncut);
         let origins = self.part_nodes(&touched);
-        self.part_sheets(&covers, known);
+        match self.order {
+            Order::Triangles => self.spread_sheets(),
+            _ => self.part_sheets(&covers, known),
+        }
         origins
     }
 
@@ -379,7 +437,7 @@ impl Material {
     fn part_points(&mut self, first: u32) {
         let mut round: Vec<Vec<u32>> = vec![Vec::new(); self.points.len() - first as usize];
         for (number, cell) in (0..).zip(&self.cells) {
-            for &p in cell.corners.iter().filter(|&&p| p >= first) {
+            for &p in cell.points().iter().filter(|&&p| p >= first) {
                 round[(p - first) as usize].push(number);
             }
         }
@@ -471,9 +529,10 @@ impl Material {
                     to.iter_mut().for_each(|part| *part += 0.25 * cell.volume);
                     continue;
                 }
-                for &p in &cell.corners {
+                let part = cell.volume / cell.points().len() as f64;
+                for &p in cell.points() {
                     let weights = self.points[p as usize].weights_in(source.vertices);
-                    (0..4).for_each(|i| to[i] += 0.25 * cell.volume * weights[i]);
+                    (0..4).for_each(|i| to[i] += part * weights[i]);
                 }
             }
         }
@@ -575,7 +634,11 @@ impl Material {
             let at = |&p: &u32| own.iter().position(|&n| self.cells[n as usize].has(p));
             let of_corner = corners.each_ref().map(|p| at(p).map(|at| set[at]));
             let first = |own| of_corner.iter().position(|other| *other == own).unwrap_or(0) as u32;
-            (!own.is_empty()).then(|| of_corner.map(first))
+            let mut held = of_corner.map(first);
+            if corners[3] == NONE {
+                held[3] = 3;
+            }
+            (!own.is_empty()).then_some(held)
         };
         uncut.cells.iter().zip(parts).map(of).collect()
     }
@@ -696,19 +759,27 @@ impl Material {
         self.cells.retain(|cell| is_left(cell.element));
     }
 
-    /// Area of one side of all wounds, when `rest` says where the vertices of the mesh are. Wounds in distorted hexahedra are
-    /// taken as flat between their points.
+    /// Area of one side of all wounds, of triangles their length, when `rest` says where the vertices of the mesh are. Wounds in
+    /// distorted hexahedra are taken as flat between their points.
     pub fn wound_area(&self, rest: &dyn Fn(u32) -> DVec3) -> f64 {
         let point = |p: u32| -> DVec3 {
             let Point { vertices, weights } = self.points[p as usize];
             vertices.iter().zip(weights).filter(|(_, w)| *w != 0.0).map(|(&v, w)| w * rest(v)).sum()
         };
         let faces = self.cells.iter().flat_map(|cell| {
-            let open = (0..4).filter(|&i| cell.wound[i]);
-            open.map(|i| cell.face(i).map(point))
+            let open = (0..cell.points().len()).filter(|&i| cell.wound[i]);
+            open.map(|i| cell.face(i))
         });
+        if self.order == Order::Triangles {
+            let length = |face: [u32; 3]| {
+                let [a, b, _] = sorted(face);
+                point(a).distance(point(b))
+            };
+            return faces.map(length).sum::<f64>() / 2.0;
+        }
         // both sides, and two triangles in a parallelogram
-        faces.map(|[a, b, c]| (b - a).cross(c - a).length()).sum::<f64>() / 4.0
+        let area = |[a, b, c]: [DVec3; 3]| (b - a).cross(c - a).length();
+        faces.map(|face| area(face.map(point))).sum::<f64>() / 4.0
     }
 
     /// Faces of the material that bound it, outward: the cell behind each, and whether it was laid open by a cut.
@@ -716,8 +787,15 @@ impl Material {
         self.skin_of(|_| true)
     }
 
-    /// The same of cells that `chosen` picks.
+    /// The same of cells that `chosen` picks. Triangles of a membrane are all of it.
     pub fn skin_of(&self, chosen: impl Fn(&Cell) -> bool) -> Vec<([u32; 3], u32, bool)> {
+        if self.order == Order::Triangles {
+            let own = (0..).zip(&self.cells).filter(|(_, cell)| chosen(cell));
+            let of = |(number, Cell { corners: [a, b, c, _], .. }): (u32, &Cell)| {
+                ([*a, *b, *c], number, false)
+            };
+            return own.map(of).collect();
+        }
         let mut is_near = vec![false; self.points.len()];
         for cell in self.cells.iter().filter(|cell| chosen(cell)) {
             cell.corners.iter().for_each(|&p| is_near[p as usize] = true);
@@ -791,6 +869,11 @@ fn part_groups(
         }
     }
     opened
+}
+
+/// Those of four corners that there are.
+pub(super) fn real(corners: &[u32; 4]) -> &[u32] {
+    &corners[..if corners[3] == NONE { 3 } else { 4 }]
 }
 
 fn sorted<const N: usize>(mut points: [u32; N]) -> [u32; N] {

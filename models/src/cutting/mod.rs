@@ -6,9 +6,9 @@
 //! or softer than before, and no state is interpolated.
 //!
 //! What can be cut: bodies of linear tetrahedra, with axes, fibres and muscles, with clusters of volume and with membranes on their
-//! faces; bodies of ten-node tetrahedra with straight sides; bodies of hexahedra with full integration. Not membranes elsewhere and
-//! those that bend or have fibres, two kinds of solid elements in one body, axes in elements with Gauss points, hexahedra that are
-//! filled in part, pooled springs and models of springs.
+//! faces; bodies of ten-node tetrahedra with straight sides; bodies of hexahedra with full integration; bodies that are a membrane of
+//! triangles alone. Not membranes beside the faces of a body and those that bend or have fibres, two kinds of solid elements in one
+//! body, axes in elements with Gauss points, hexahedra that are filled in part, pooled springs and models of springs.
 //!
 //! - The vertices of the mesh stay where they are and mean what they meant: constraints, loads, pulls and lists of positions
 //!   have the material that held them. The vertices that copies got are *ghosts*: nothing holds or loads them but the weight
@@ -27,7 +27,7 @@
 //!   ([`CutReport::elastic_energy`]).
 //! - Membranes and pressures on faces of linear tetrahedra go with the area of these: what is left of a face acts on the vertices that
 //!   move it, by the first moments of its parts, which share its energy and mass out, too. Copies of membrane triangles are numbered
-//!   after all of the mesh. No pressure acts on wounds.
+//!   after all of the mesh. No pressure acts on wounds. A membrane of nothing else comes apart in the same way, along lines.
 //! - What is left of an element with Gauss points has points of its own, which integrate a uniform stress exactly, and in
 //!   ten-node tetrahedra any polynomial of second degree. So elastic energy and forces change as far as strain differs within
 //!   elements and the law is not linear, and in hexahedra by the terms of higher degree. Masses, kinetic energy and momentum
@@ -72,7 +72,7 @@ use std::time::Duration;
 
 use self::columns::{Changed, points_of};
 use self::faces::Sheet;
-use self::material::{Element, Material, Order};
+use self::material::{Element, Material, NONE, Order};
 pub use self::skin::{
     MaterialSkin, cut_material, is_cut, node_places, node_velocities, update_skin,
 };
@@ -102,7 +102,7 @@ pub struct CutReport {
     pub pieces: usize,
     /// Least share of an element of the body now; of hexahedra in local coordinates.
     pub least_share: f64,
-    /// Area (m^2, at rest) of one side of the wound.
+    /// Area (m^2, at rest) of one side of the wound; of a membrane its length times the thickness.
     pub area: f64,
     /// Elastic energy (J) that the body has more than before because clusters of volume fell apart; 0 without.
     pub elastic_energy: f64,
@@ -299,7 +299,12 @@ pub fn check_cut(world: &mut World, body: usize) -> Result<(), CutError> {
         _ if !is_spare => {
             "it has no vertices to spare; build it with `spare`, such as the number of vertices of the mesh"
         }
-        _ if kinds.contains(&ElementKind::Triangle) && !bears_membrane(world, body)? => FREE_SHEETS,
+        _ if kinds.contains(&ElementKind::Triangle)
+            && order != Order::Triangles
+            && !bears_membrane(world, body)? =>
+        {
+            FREE_SHEETS
+        }
         _ => return Ok(()),
     };
     Err(CutError::Body { body: name, problem: problem.into() })
@@ -313,10 +318,10 @@ fn sheet_problem(kinds: &[ElementKind], order: Order, soft: &SoftBody) -> Option
     let sheet = soft.membrane.as_ref();
     Some(match () {
         () if kinds.iter().all(|kind| kind.is_solid()) => return None,
-        () if kinds.iter().all(|kind| !kind.is_solid()) => {
-            "it is a membrane alone; put its triangles on faces of linear tetrahedra"
+        () if !kinds.iter().any(|kind| kind.is_solid()) && kinds.contains(&ElementKind::Quad) => {
+            "quadrilaterals of its membrane have no share of an area; take triangles"
         }
-        () if order != Order::Linear || kinds.contains(&ElementKind::Quad) => {
+        () if !order.is_linear() || kinds.contains(&ElementKind::Quad) => {
             "only triangles on faces of linear tetrahedra come apart with these; take such elements, or no membrane"
         }
         () if sheet.is_some_and(|m| m.is_pooled() || m.model == MembraneModel::MassSpring) => {
@@ -374,6 +379,7 @@ fn order_of(rows: &BodyRows) -> Order {
     match () {
         () if !rows.tetrahedra10().is_empty() => Order::TenNodes,
         () if !rows.hexahedra().is_empty() => Order::Hexahedra,
+        () if rows.tetrahedra().is_empty() && !rows.triangles().is_empty() => Order::Triangles,
         () => Order::Linear,
     }
 }
@@ -381,6 +387,7 @@ fn order_of(rows: &BodyRows) -> Order {
 fn kind_of(rows: &BodyRows) -> ElementKind {
     match order_of(rows) {
         Order::Hexahedra => ElementKind::Hexahedron,
+        Order::Triangles => ElementKind::Triangle,
         Order::Linear | Order::TenNodes => ElementKind::Tetrahedron,
     }
 }
@@ -408,9 +415,12 @@ fn material_of(world: &World, body: usize, own: &BodyResection) -> Material {
                 Order::Linear => Material::new(vertices, &in_mesh(rows, kind)),
                 Order::TenNodes => Material::of_ten_nodes(vertices, &in_mesh(rows, kind)),
                 Order::Hexahedra => Material::of_hexahedra(vertices, &in_mesh(rows, kind)),
+                Order::Triangles => Material::of_triangles(vertices, &in_mesh(rows, kind)),
             };
-            let triangles = in_mesh::<3>(rows, ElementKind::Triangle).into_iter();
-            material.sheets = (0..).zip(triangles).map(Sheet::whole).collect();
+            if material.order != Order::Triangles {
+                let triangles = in_mesh::<3>(rows, ElementKind::Triangle).into_iter();
+                material.sheets = (0..).zip(triangles).map(Sheet::whole).collect();
+            }
             material
         }
     };
@@ -461,6 +471,10 @@ fn open<S: Scalar>(
     let at_rest = |vertex: u32| rest[row_of(&old, vertex) as usize];
     let area = material.wound_area(&at_rest);
     let soft = soft_of(world, body);
+    let thickness = match (material.order, &soft) {
+        (Order::Triangles, Some(soft)) => soft.membrane.map_or(0.0, |own| own.thickness),
+        _ => 1.0,
+    };
     let mut origins = Vec::new();
     if !stroke.separated.is_empty() {
         let gluing = soft.as_ref().and_then(|soft| glue::gluing(soft, &at_rest));
@@ -485,7 +499,7 @@ fn open<S: Scalar>(
         spare: old.spare - old.copies.ghosts.len(),
         pieces: own.pieces,
         least_share: material.elements.iter().map(Element::share).fold(1.0, f64::min),
-        area: material.wound_area(&at_rest) - area,
+        area: thickness * (material.wound_area(&at_rest) - area),
         ..CutReport::default()
     };
     if changed.is_empty() {
@@ -497,7 +511,7 @@ fn open<S: Scalar>(
         return Err(CutError::Spare { body: name(), needed, left });
     };
     report.spare = left;
-    if material.order != Order::Linear {
+    if !material.order.is_linear() {
         check_faces(world, &old, own, &changed)?;
     }
     let sheets = changed_sheets(&sheets, &material);
@@ -568,6 +582,8 @@ fn divide<S: Scalar>(
     let mut rows = ByKind::<Vec<u32>>::default();
     rows[ElementKind::Triangle] = sheets.iter().map(|&t| of_sheets[t as usize]).collect();
     rows[kind] = changed.iter().map(|&e| element_of[e as usize]).collect();
+    // whose elements are its sheets
+    let changed = if material.order == Order::Triangles { Vec::new() } else { changed };
     let mut connectivity = own.connectivity.after(&new, &rows);
     let gone = chosen(&old, |kind, e| !own.connectivity.is_present(kind, e));
     connectivity.remove(&gone);
@@ -677,6 +693,7 @@ fn parted_rows(
         Order::Linear => parted_nodes::<4>(&mut new, (old, own), (material, changed), lowest_first),
         Order::TenNodes => parted_nodes::<10>(&mut new, (old, own), (material, changed), |t| t),
         Order::Hexahedra => parted_nodes::<8>(&mut new, (old, own), (material, changed), |h| h),
+        Order::Triangles => {}
     }
     new
 }
@@ -865,18 +882,20 @@ pub(crate) struct CutFaces {
     pub triangles: Vec<[u32; 3]>,
     /// Triangles up to here are wounds.
     pub wounds: usize,
-    /// Rows of elements whose outside this is.
+    /// Kind of the elements whose outside this is; of a membrane alone the triangles are what is left of it.
+    pub kind: ElementKind,
+    /// Rows of those that it is of.
     pub divided: Vec<bool>,
 }
 
 /// What a body shows where its elements are not whole; `None` before it is cut.
 pub(crate) fn cut_faces(world: &World, body: usize) -> Option<CutFaces> {
     let own = world.get_resource::<Resection>()?.bodies.get(body)?.as_ref()?;
-    own.material.as_ref().filter(|material| material.order == Order::Linear)?;
+    own.material.as_ref().filter(|material| material.order.is_linear())?;
     let material = material_of(world, body, own);
     let rows = &world.resource::<Topology>().bodies[body];
     let first = rows.row_count() as u32;
-    let kind = ElementKind::Tetrahedron;
+    let kind = kind_of(rows);
     let row = |e: u32| own.element_of[kind][e as usize];
     let mut cells = vec![0_u32; material.elements.len()];
     material.cells.iter().for_each(|cell| cells[cell.element as usize] += 1);
@@ -891,7 +910,9 @@ pub(crate) fn cut_faces(world: &World, body: usize) -> Option<CutFaces> {
     for (face, cell, wound) in skin {
         let element = &material.elements[material.cells[cell as usize].element as usize];
         wounds += usize::from(wound);
-        let nodes = element.nodes.map(|node| row_of(rows, node));
+        // the corner that a triangle does not have has no weight
+        let node = |i: usize| element.nodes[if element.nodes[i] == NONE { 0 } else { i }];
+        let nodes = [0, 1, 2, 3].map(|i| row_of(rows, node(i)));
         triangles.push(face.map(|point| match point.checked_sub(material.vertices) {
             // whoever holds a vertex is moved by it
             None => row_of(rows, point),
@@ -902,5 +923,5 @@ pub(crate) fn cut_faces(world: &World, body: usize) -> Option<CutFaces> {
             }
         }));
     }
-    Some(CutFaces { points, triangles, wounds, divided })
+    Some(CutFaces { points, triangles, wounds, kind, divided })
 }

@@ -31,7 +31,7 @@ pub struct MaterialSkin {
     pub triangles: Vec<[u32; 3]>,
     /// Whether each was laid open by a cut.
     pub wound: Vec<bool>,
-    /// Number of the tetrahedron or copy behind each.
+    /// Number of the tetrahedron or copy behind each, of a membrane alone of the triangle that it is of.
     pub tetrahedra: Vec<u32>,
     /// Tetrahedra of points that fill what is left of those that cuts parted, with the number of each or of its copy.
     pub cells: Vec<([u32; 4], u32)>,
@@ -62,9 +62,9 @@ impl MaterialSkin {
     }
 }
 
-/// Whether a body of linear tetrahedra was cut: its material is no longer that of its elements, and is drawn.
+/// Whether a body of linear tetrahedra, or of a membrane alone, was cut: its material is no longer that of its elements, and is drawn.
 pub fn is_cut(world: &World, body: usize) -> bool {
-    cut_material(world, body).is_some_and(|material| material.order == Order::Linear)
+    cut_material(world, body).is_some_and(|material| material.order.is_linear())
 }
 
 /// The material of a body that was cut, with that of elements that were removed since.
@@ -116,7 +116,7 @@ fn build(world: &mut World, body: usize, skin: &mut MaterialSkin) -> Result<(), 
     let own = resection.bodies[body].as_ref().expect("it was prepared");
     let material = material_of(world, body, own);
     world.insert_resource(resection);
-    if material.order != Order::Linear {
+    if !material.order.is_linear() {
         *skin = MaterialSkin::default();
         return Ok(());
     }
@@ -147,8 +147,9 @@ fn build(world: &mut World, body: usize, skin: &mut MaterialSkin) -> Result<(), 
         skin.wound.push(wound);
         skin.tetrahedra.push(element);
     }
-    for cell in &material.cells {
-        if material.elements[cell.element as usize].portion != [0.25; 4] {
+    let solid = material.cells.iter().filter(|_| material.order == Order::Linear);
+    for cell in solid {
+        if material.is_parted(cell.element) {
             let corners = cell.corners.map(|point| place(skin, cell.element, true, point));
             skin.cells.push((corners, cell.element));
         }

@@ -5,7 +5,7 @@ use sinew_engine::layout::{ascending, starts};
 use sinew_engine::sets::DisjointSets;
 use std::collections::BTreeSet;
 
-use super::material::{Cell, EDGES, Material, Order};
+use super::material::{Cell, EDGES, Material, NONE, Order};
 
 /// How near (in edges) to its end an edge may be cut: a point of the wound never lies on a vertex.
 const MARGIN: f64 = 1e-3;
@@ -42,7 +42,7 @@ pub struct Uncut {
     pub(super) cells: Vec<[u32; 4]>,
     /// Edges, ascending.
     pub(super) edges: Vec<[u32; 2]>,
-    /// Edges of every cell.
+    /// Edges of every cell; [`NONE`] for those of triangles to the corner that they do not have.
     edges_of: Vec<[u32; 6]>,
     /// Element of every cell where elements are of several, which are entered together.
     elements: Vec<u32>,
@@ -86,10 +86,13 @@ impl Progress {
 impl Uncut {
     /// Of a material.
     pub fn new(material: &Material) -> Self {
-        let edges = material.cells.iter().flat_map(Cell::edges).collect();
-        let edges = ascending(material.points.len(), edges);
+        let edges = material.cells.iter().flat_map(Cell::edges).filter(|edge| edge[1] != NONE);
+        let edges = ascending(material.points.len(), edges.collect());
         let start = starts(material.points.len(), edges.iter().map(|edge| edge[0]));
         let number = |edge: [u32; 2]| {
+            if edge[1] == NONE {
+                return NONE;
+            }
             let [from, to] = [0, 1].map(|i| start[edge[0] as usize + i] as usize);
             (from + edges[from..to].partition_point(|own| *own < edge)) as u32
         };
@@ -148,7 +151,7 @@ impl Uncut {
             true => marks[*e as usize].is_some_and(|mark| mark.swept),
             false => to.crossed.binary_search_by_key(e, |(own, _)| *own).is_ok(),
         };
-        let is_entered = |cell: &usize| self.edges_of[*cell].iter().any(entered);
+        let is_entered = |cell: &usize| self.real_edges(*cell).any(|e| entered(&e));
         let mut cells: Vec<usize> = (0..self.cells.len()).filter(is_entered).collect();
         if !self.elements.is_empty() {
             let own: BTreeSet<u32> = cells.iter().map(|&cell| self.elements[cell]).collect();
@@ -160,15 +163,15 @@ impl Uncut {
             let own = &self.edges_of[cell];
             if separated[cell] {
                 // the blade came where it was not expected
-                let was = |e: u32| marks[e as usize].is_some() && !fresh.contains(&e);
-                let held = groups(own.map(was));
-                if parts(held, own.map(|e| marks[e as usize].is_some())) {
+                let held =
+                    groups(is_cut(own, |e| marks[e].is_some() && !fresh.contains(&(e as u32))));
+                if parts(held, is_cut(own, |e| marks[e].is_some())) {
                     apart.push(cell as u32);
                 }
                 continue;
             }
             let normal = to.along.cross((to.way)(self.cells[cell]));
-            for &e in own {
+            for e in self.real_edges(cell) {
                 let away = |x: DVec3| normal.dot(x - to.on);
                 let [a, b] = self.edges[e as usize].map(|p| (to.place)(p).map(away));
                 if marks[e as usize].is_none()
@@ -178,13 +181,24 @@ impl Uncut {
                     marks[e as usize] = mark(e, share(a, b), false);
                 }
             }
-            if groups(own.map(|e| marks[e as usize].is_some())) != [0; 4] {
+            if parts(self.whole(cell), is_cut(own, |e| marks[e].is_some())) {
                 separated[cell] = true;
                 apart.push(cell as u32);
-                own.iter().for_each(|&e| whole[e as usize] |= marks[e as usize].is_none());
+                self.real_edges(cell)
+                    .for_each(|e| whole[e as usize] |= marks[e as usize].is_none());
             }
         }
         apart
+    }
+
+    /// Edges of a cell, without those of a triangle to the corner that it does not have.
+    fn real_edges(&self, cell: usize) -> impl Iterator<Item = u32> + '_ {
+        self.edges_of[cell].iter().copied().filter(|e| *e != NONE)
+    }
+
+    /// Number of the group of every corner of a cell that nothing has parted.
+    fn whole(&self, cell: usize) -> [u32; 4] {
+        groups(is_cut(&self.edges_of[cell], |_| false))
     }
 
     /// What was decided by the stroke of which a material is, but for marks that opened nothing yet. `held` is its
@@ -197,11 +211,12 @@ impl Uncut {
             }
         }
         let Progress { marks, whole, separated, .. } = &mut progress;
-        for (cell, _) in held.iter().enumerate().filter(|(_, own)| own.is_some_and(|g| g != [0; 4]))
-        {
-            separated[cell] = true;
-            let own = self.edges_of[cell].iter().map(|&e| e as usize);
-            own.for_each(|e| whole[e] |= marks[e].is_none());
+        for (cell, own) in held.iter().enumerate() {
+            if own.is_some_and(|own| own != self.whole(cell)) {
+                separated[cell] = true;
+                self.real_edges(cell)
+                    .for_each(|e| whole[e as usize] |= marks[e as usize].is_none());
+            }
         }
         progress
     }
@@ -244,7 +259,7 @@ impl Uncut {
         let (cell, own) = (cell as usize, &self.edges_of[cell as usize]);
         for spares_whole in [true, false] {
             let mut added = Vec::new();
-            for (&[a, b], &e) in EDGES.iter().zip(own) {
+            for (&[a, b], &e) in EDGES.iter().zip(own).filter(|(_, e)| **e != NONE) {
                 let e = e as usize;
                 let side = [a, b].map(|i| normal.dot(x[i] - on));
                 let crosses = (side[0] >= 0.0) != (side[1] >= 0.0);
@@ -258,9 +273,10 @@ impl Uncut {
                 marks[e] = Some(Mark { edge: self.edges[e], at, swept: false });
                 added.push(e);
             }
-            if parts(held, own.map(|e| marks[e as usize].is_some())) {
+            if parts(held, is_cut(own, |e| marks[e].is_some())) {
                 separated[cell] = true;
-                own.iter().for_each(|&e| whole[e as usize] |= marks[e as usize].is_none());
+                self.real_edges(cell)
+                    .for_each(|e| whole[e as usize] |= marks[e as usize].is_none());
                 return true;
             }
             added.into_iter().for_each(|e| marks[e] = None);
@@ -274,13 +290,14 @@ impl Uncut {
         let mut closed = Vec::new();
         for (cell, own) in self.edges_of.iter().enumerate() {
             let Some(held) =
-                held[cell].filter(|_| own.iter().any(|&e| marks[e as usize].is_some()))
+                held[cell].filter(|_| self.real_edges(cell).any(|e| marks[e as usize].is_some()))
             else {
                 continue;
             };
-            if parts(held, own.map(|e| marks[e as usize].is_some())) {
+            if parts(held, is_cut(own, |e| marks[e].is_some())) {
                 separated[cell] = true;
-                own.iter().for_each(|&e| whole[e as usize] |= marks[e as usize].is_none());
+                self.real_edges(cell)
+                    .for_each(|e| whole[e as usize] |= marks[e as usize].is_none());
                 closed.push(cell as u32);
             }
         }
@@ -308,7 +325,7 @@ impl Uncut {
 
     /// What is to be opened after some cells fell apart, ascending.
     pub fn stroke(&self, progress: &mut Progress, separated: Vec<u32>, goes_on: bool) -> Stroke {
-        let edges = separated.iter().flat_map(|&cell| self.edges_of[cell as usize]);
+        let edges = separated.iter().flat_map(|&cell| self.real_edges(cell as usize));
         let mut edges: Vec<u32> = edges.filter(|&e| !progress.used[e as usize]).collect();
         edges.sort_unstable();
         edges.dedup();
@@ -332,7 +349,7 @@ impl Material {
         let uncut = Uncut::new(self);
         let mut places = vec![DVec3::ZERO; self.points.len()];
         for cell in &self.cells {
-            cell.corners.iter().for_each(|&p| places[p as usize] = self.place(cell, p, at));
+            cell.points().iter().for_each(|&p| places[p as usize] = self.place(cell, p, at));
         }
         let place = |p: u32| places[p as usize];
         let mut progress = uncut.begin();
@@ -359,6 +376,11 @@ impl Material {
         let stroke = uncut.stroke(&mut progress, separated, false);
         (Uncut::marks(&progress), stroke)
     }
+}
+
+/// Which edges of a cell are cut; those of a triangle to the corner that it does not have count as cut.
+fn is_cut(edges: &[u32; 6], is_cut: impl Fn(usize) -> bool) -> [bool; 6] {
+    edges.map(|e| e == NONE || is_cut(e as usize))
 }
 
 /// Number of the group of every corner of a tetrahedron: those that edges which are not cut hold together.

@@ -28,7 +28,7 @@ pub struct CutSummary {
     pub name: String,
     /// Body.
     pub body: String,
-    /// Tetrahedra that it parted.
+    /// Elements that it parted.
     pub separated: usize,
     /// Copies that came to be.
     pub copies: usize,

@@ -45,13 +45,13 @@ pub(crate) struct MeasuredBody {
     rest: Vec<DVec3>,
 }
 
-/// A piece of a tetrahedron that a cut parted.
+/// A piece of a tetrahedron that a cut parted, or of a triangle of a body that is a membrane alone.
 pub(crate) struct Parted {
-    /// The tetrahedron of the mesh.
+    /// The element of the mesh.
     pub source: u32,
-    /// Vertices that move it, of the mesh or made by cuts.
+    /// Vertices that move it, of the mesh or made by cuts; of a triangle the first three.
     pub nodes: [u32; 4],
-    /// Part of its volume.
+    /// Part of its volume or area.
     pub share: f64,
 }
 
@@ -155,6 +155,8 @@ impl MeasuredBody {
     ) -> Vec<Measures> {
         let mut sums = vec![([0.0; 4], 0.0); u.len()];
         let whole = solids.iter().map(|&e| (e, &self.solids[e as usize].vertices[..], 1.0));
+        let of_sheets = if self.solids.is_empty() { parted.len() } else { 0 };
+        let (parted_sheets, parted) = parted.split_at(of_sheets);
         let parted = parted.iter().map(|own| (own.source, &own.nodes[..], own.share));
         for (e, vertices, share) in whole.chain(parted) {
             let solid = &self.solids[e as usize];
@@ -171,13 +173,19 @@ impl MeasuredBody {
             }
         }
         let solid: Vec<bool> = sums.iter().map(|s| s.1 > 0.0).collect();
-        for sheet in self.sheets.iter().filter(|s| sheet_left(s.element)) {
-            let vertices = sheet.vertices.map(|v| v as usize);
-            let measures =
-                sheet_measures(sheet.lame, vertices.map(|v| self.rest[v]), vertices.map(|v| u[v]));
-            for v in vertices.into_iter().filter(|&v| !solid[v]) {
-                (0..4).for_each(|k| sums[v].0[k] += sheet.area * measures[k]);
-                sums[v].1 += sheet.area;
+        let whole = self.sheets.iter().filter(|s| sheet_left(s.element));
+        let whole = whole.map(|sheet| (sheet, sheet.vertices, 1.0));
+        let parted = parted_sheets.iter().map(|&Parted { source, nodes: [a, b, c, _], share }| {
+            (&self.sheets[source as usize], [a, b, c], share)
+        });
+        for (sheet, nodes, share) in whole.chain(parted) {
+            let rest = sheet.vertices.map(|v| self.rest[v as usize]);
+            let nodes = nodes.map(|v| v as usize);
+            let measures = sheet_measures(sheet.lame, rest, nodes.map(|v| u[v]));
+            let area = share * sheet.area;
+            for v in nodes.into_iter().filter(|&v| !solid[v]) {
+                (0..4).for_each(|k| sums[v].0[k] += area * measures[k]);
+                sums[v].1 += area;
             }
         }
         let mean = |(sum, weight): ([f64; 4], f64)| {

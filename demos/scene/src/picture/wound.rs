@@ -26,7 +26,7 @@ impl Wound {
         simulation.update_skin(body.handle, &mut self.skin).ok()?;
         let face = |(&vertices, &e): (&[u32; 3], &u32)| Face {
             vertices,
-            element: Some((ElementKind::Tetrahedron, e)),
+            element: (!body.mesh.tetrahedra.is_empty()).then_some((ElementKind::Tetrahedron, e)),
             second: false,
         };
         Some(self.skin.triangles.iter().zip(&self.skin.tetrahedra).map(face).collect())
@@ -65,12 +65,21 @@ impl Wound {
         };
         let rest = |&vertex: &u32| body.mesh.points[vertex as usize];
         u.extend(at[self.vertices..].iter().zip(&material.ghosts).map(|(x, of)| *x - rest(of)));
-        let pieces: BTreeSet<u32> = self.skin.cells.iter().map(|(_, e)| *e).collect();
+        // of tetrahedra those that fill what is left of them, of a membrane alone its triangles
+        let solid = self.skin.cells.iter().map(|(_, e)| *e);
+        let is_sheet = body.mesh.tetrahedra.is_empty();
+        let sheets = self.skin.tetrahedra.iter().copied().filter(|_| is_sheet);
+        let is_parted = |e: &u32| !is_sheet || material.is_parted(*e);
+        let pieces: BTreeSet<u32> = solid.chain(sheets).filter(is_parted).collect();
         let parted = |e: u32| {
             let element = &material.elements[e as usize];
             let place = |v| element.vertices.iter().position(|&own| own == v).unwrap_or(0);
-            let nodes = body.mesh.tetrahedra[element.source as usize];
-            let nodes = nodes.map(|v| element.nodes[place(v)]);
+            let source = element.source as usize;
+            let vertices = match body.membrane_triangles().get(source).filter(|_| is_sheet) {
+                Some(&[a, b, c]) => [a, b, c, a],
+                None => body.mesh.tetrahedra[source],
+            };
+            let nodes = vertices.map(|v| element.nodes[place(v)]);
             Parted { source: element.source, nodes, share: element.share() }
         };
         pieces.into_iter().map(parted).collect()

@@ -517,7 +517,7 @@ impl BodySummary {
             line!(
                 block,
                 "  torn",
-                "{} cm^2, {} tears that began at the surface: {} tetrahedra parted, {} vertices more, {} piece(s)",
+                "{} cm^2, {} tears that began at the surface: {} elements parted, {} vertices more, {} piece(s)",
                 short(tear.area * 1e4),
                 tear.begun,
                 tear.separated,
@@ -595,7 +595,7 @@ fn describe_cut(cut: &CutSummary, block: &mut TextBlock) {
     line!(
         block,
         format!("cut {}", cut.name),
-        "{}, {} cm^2: {} tetrahedra parted, {} copies and {} vertices more ({} spare), {} piece(s); {}",
+        "{}, {} cm^2: {} elements parted, {} copies and {} vertices more ({} spare), {} piece(s); {}",
         cut.body,
         short(cut.area * 1e4),
         cut.separated,

@@ -271,7 +271,7 @@ impl Touched {
             block.line(format!("tool {}", tool.name), words);
             if tool.separated > 0 {
                 let words = format!(
-                    "{} tetrahedra parted, {} vertices more; {} cm^2 against toughness, {} J",
+                    "{} elements parted, {} vertices more; {} cm^2 against toughness, {} J",
                     tool.separated,
                     tool.cut_vertices,
                     short(tool.cut_area * 1e4),

@@ -124,14 +124,17 @@ impl ContactSet {
             let pair = self.pairs.iter().find(|pair| pair.of.bodies.contains(&body));
             pair.map(|pair| &pair.of.name).or(self.tools.first().map(|tool| &tool.name))
         };
-        let other = |own: &BodyRows| !own.copies.sources.is_empty() && own.tetrahedra().is_empty();
+        let other = |own: &BodyRows| {
+            let curved = !own.tetrahedra10().is_empty() || !own.hexahedra().is_empty();
+            !own.copies.sources.is_empty() && curved
+        };
         let cut = topology.bodies.iter().enumerate().find(|(_, own)| other(own));
         if let Some((body, own)) = cut
             && let Some(name) = touched(body)
         {
             let problem = format!(
-                "body `{}` was cut, and wounds of elements that are no linear tetrahedra have no contact: take tools and \
-                 its contacts away, or remove elements in place of cuts",
+                "body `{}` was cut, and wounds of elements with Gauss points have no contact: take tools and its \
+                 contacts away, or remove elements in place of cuts",
                 own.name
             );
             return Err(StepError::InvalidContact { name: name.clone(), problem });
@@ -146,7 +149,7 @@ impl ContactSet {
         self.skins.resize_with(versions.len(), KnownSkin::default);
         // a cut gives the points of all bodies other numbers
         let is_cut =
-            world.resource::<Topology>().bodies.iter().any(|own| !own.copies.sources.is_empty());
+            world.resource::<Topology>().bodies.iter().any(|own| !own.copies.portions.is_empty());
         let mut made = MadePoints::none(rest.len());
         for (body, version) in versions.into_iter().enumerate() {
             let first = world.resource::<Topology>().bodies[body].vertices.start;
