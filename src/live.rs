@@ -260,7 +260,7 @@ impl StateWriter {
 
 impl Simulation {
     /// Triangles of the outside of what is left of a body, outward, by vertices of the user's mesh: of its solid elements that
-    /// are whole after cuts, then of membranes that do not lie on these. Faces of four corners are cut in two.
+    /// are whole after cuts, then of membranes that do not lie on these, as far as they are whole. Faces of four corners are cut in two.
     pub fn outside(&mut self, body: BodyHandle) -> Vec<[u32; 3]> {
         let world = self.columns();
         let Some(read) = world.get_resource::<SurfaceReader>().copied() else { return Vec::new() };
@@ -275,7 +275,8 @@ impl Simulation {
             t
         };
         let known: HashSet<[u32; 3]> = triangles.iter().map(|&t| sorted(t)).collect();
-        triangles.extend(surface.sheets.iter().map(user).filter(|&t| !known.contains(&sorted(t))));
+        let sheets = surface.sheets.iter().filter(of_vertices).map(user);
+        triangles.extend(sheets.filter(|&t| !known.contains(&sorted(t))));
         triangles
     }
 }

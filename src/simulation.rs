@@ -507,7 +507,7 @@ impl Simulation {
     ///
     /// # Errors
     /// When a triangle names a vertex that no element uses, or has an edge that none has; `name` says in
-    /// the error who asked. Faces of linear tetrahedra that a cut parted have what is left of them.
+    /// the error who asked. Faces of linear tetrahedra and triangles of a membrane alone that a cut parted have what is left of them.
     pub fn face_rows(
         &self,
         body: BodyHandle,

@@ -321,6 +321,33 @@ fn a_pressure_acts_on_every_piece_of_a_film() {
     }
 }
 
+/// The same on slits that cross a few edges, round which copies of a triangle hang together; and `outside` has triangles that are whole.
+#[test]
+fn a_pressure_acts_on_all_of_a_film_with_slits() {
+    let mesh = film(6, 0.0);
+    let (mut twins, mut next) = (0, random_numbers(3));
+    for _ in 0..60 {
+        let description = body(&mesh, MembraneModel::Biquadratic);
+        let (mut simulation, film) = alone(options(Precision::F64, 1), &description);
+        blow(&mut simulation, film, &mesh.triangles, 40.0, Curve::Constant);
+        let mut number = |low: f64, high: f64| low + (high - low) * next(1000) as f64 * 1e-3;
+        let a = DVec2::new(number(0.01, 0.05), number(0.01, 0.05));
+        let b = a + DVec2::from_angle(number(0.0, 6.2)) * number(0.002, 0.012);
+        let edge = |x: DVec2| [0.01, -0.01].map(|z| x.extend(z));
+        let report = simulation.cut(film, &[edge(a), edge(b)]).unwrap();
+        simulation.evaluate();
+        let force: DVec3 = rows(&mut simulation).iter().map(|row| row.4).sum();
+        let whole = 40.0 * SIDE * SIDE;
+        assert!((force.abs() - DVec3::Z * whole).length() < 1e-12 * whole, "{force} {whole}");
+        let mut nodes = simulation.topology().bodies[0].triangles().to_vec();
+        nodes.sort_unstable();
+        twins += nodes.windows(2).filter(|pair| pair[0] == pair[1]).count();
+        let outside = simulation.outside(film);
+        assert_eq!(outside.len(), mesh.triangles.len() - report.separated.len());
+    }
+    assert!(twins > 5, "{twins}");
+}
+
 /// A ball pushes the half that it is over, and lifts nothing of the other one, although triangles of both lie in the same place.
 #[test]
 fn a_ball_pushes_the_half_that_it_meets() {

@@ -434,7 +434,7 @@ fn surface(world: &mut World, index: usize) -> SinewSurface {
     let body = &world.resource::<Topology>().bodies[index];
     let user = |triangle: &[u32; 3]| triangle.map(|v| body.vertex_of(LocalRow(v)).0);
     let of_vertices = |t: &&[u32; 3]| t.iter().all(|v| (*v as usize) < body.row_count());
-    let triangles = found.triangles.iter().filter(of_vertices).chain(&found.sheets).map(user);
+    let triangles = found.triangles.iter().chain(&found.sheets).filter(of_vertices).map(user);
     let triangles = triangles.collect();
     let changes = body.changes;
     let mut skin = MaterialSkin::default();

@@ -50,8 +50,9 @@ pub(super) fn read_surface(world: &mut World, body: usize) -> BodySurface {
     let mut halves = outside.partition_point(|(_, kind, _)| *kind == ElementKind::Tetrahedron);
     let mut triangles: Vec<[u32; 3]> = outside.into_iter().map(|(triangle, ..)| triangle).collect();
     let mut sheets = Vec::new();
+    let is_film = cut.as_ref().is_some_and(|cut| cut.kind == ElementKind::Triangle);
     let (points, wounds) = cut.map_or_else(Default::default, |cut| {
-        if cut.kind == ElementKind::Triangle {
+        if is_film {
             sheets = cut.triangles;
         } else {
             halves += cut.triangles.len();
@@ -77,10 +78,10 @@ pub(super) fn read_surface(world: &mut World, body: usize) -> BodySurface {
             let [a, b, c] = [a, b, c].map(rest_of);
             (a.distance(b) + b.distance(c) + c.distance(a)) / 3.0
         };
-        // of what a cut divided the triangles with the vertices that move it
+        // of a membrane alone that was cut the triangles with the vertices that move them
         let of_rows = connectivity.all_left(ElementKind::Triangle);
         let of_rows: Vec<[u32; 3]> = of_rows.map(|t| rows.triangles()[t as usize]).collect();
-        let sheets = if points.is_empty() { &sheets } else { &of_rows };
+        let sheets = if is_film { &of_rows } else { &sheets };
         let edge = sheets.iter().map(length).sum::<f64>() / sheets.len().max(1) as f64;
         let young_modulus = membrane.material.young_modulus * membrane.thickness / edge;
         // a membrane on a solid adds little to what the solid resists with

@@ -229,8 +229,11 @@ impl BodyResection {
         });
         for (_, sheet) in left {
             let all = parts.entry(sheet.vertices).or_default();
-            if all.iter().all(|own| own.nodes != sheet.nodes) {
-                all.push(FacePart { nodes: sheet.nodes, moments: sheet.portion });
+            let part = FacePart { nodes: sheet.nodes, moments: sheet.portion };
+            // on a solid the same vertices move what was found; of a membrane alone also two copies that hang together round a slit
+            let is_found = all.iter().any(|own| own.nodes == sheet.nodes);
+            if material.order == Order::Triangles || !is_found {
+                part.add_to(all);
             }
         }
         parts

@@ -9,7 +9,7 @@ use sinew_engine::scalar::Scalar;
 use sinew_engine::surface::TissuePoint;
 use sinew_engine::topology::{BodyRows, Topology};
 
-use super::material::Material;
+use super::material::{Material, Order};
 use super::{places, rest_of, row_of};
 use crate::body::present::Resection;
 
@@ -69,6 +69,7 @@ pub(crate) fn read_point(
     let own = world.get_resource::<Resection>().and_then(|own| own.bodies.get(body)?.as_ref());
     let material = own.and_then(|own| own.material.as_deref());
     let element = match material {
+        Some(material) if material.order != Order::Linear => return None,
         Some(material) => holder(material, element, vertices.map(|v| v.0), weights)?,
         None => element,
     };

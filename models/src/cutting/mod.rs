@@ -28,6 +28,7 @@
 //! - Membranes and pressures on faces of linear tetrahedra go with the area of these: what is left of a face acts on the vertices that
 //!   move it, by the first moments of its parts, which share its energy and mass out, too. Copies of membrane triangles are numbered
 //!   after all of the mesh. No pressure acts on wounds. A membrane of nothing else comes apart in the same way, along lines.
+//!   Its lips are touched by tools and other bodies, but not by each other where they are within two edges at rest.
 //! - What is left of an element with Gauss points has points of its own, which integrate a uniform stress exactly, and in
 //!   ten-node tetrahedra any polynomial of second degree. So elastic energy and forces change as far as strain differs within
 //!   elements and the law is not linear, and in hexahedra by the terms of higher degree. Masses, kinetic energy and momentum
@@ -272,10 +273,10 @@ pub fn check_cut(world: &mut World, body: usize) -> Result<(), CutError> {
         Some(_) if kinds.iter().filter(|kind| kind.is_solid()).count() > 1 => {
             "tetrahedra and hexahedra in one body share no material; build a body of each, or remove elements"
         }
-        Some(soft) if soft.evaluation == Evaluation::Pooled => {
+        Some(soft) if order != Order::Triangles && soft.evaluation == Evaluation::Pooled => {
             "pooled springs have no share of a volume; take evaluation = \"fused\""
         }
-        Some(soft) if !scales(soft.model) => {
+        Some(soft) if order != Order::Triangles && !scales(soft.model) => {
             "its model is not proportional to a volume; take one that is, \"svk_comp\" or another"
         }
         Some(soft) if soft.axes.is_some() && order != Order::Linear => {
