@@ -10,6 +10,7 @@ use sinew::models::resection::Region;
 use sinew::prelude::*;
 use sinew::snapshot::Snapshot;
 use sinew::touch::tool::ToolMotion;
+use std::collections::HashSet;
 
 const SIDE: f64 = 0.06;
 const THICKNESS: f64 = 1e-3;
@@ -177,7 +178,8 @@ fn what_is_cut_off_falls() {
 }
 
 /// A slit of length `2 a` in a wide plate under a tension `s` across it opens by `4 s a / E` in its middle (plane stress). A cut is up to an
-/// element longer at either end than the blade, and elements at its ends are stiff: three halves of an element, of half of the slit.
+/// element longer at either end than the blade, and elements at its ends are stiff: with 5 elements on the slit within 0.3, and half of that
+/// with 10.
 #[test]
 fn a_slit_opens_as_in_theory() {
     let (a, stress) = (0.01, 100.0);
@@ -321,11 +323,16 @@ fn a_pressure_acts_on_every_piece_of_a_film() {
     }
 }
 
-/// The same on slits that cross a few edges, round which copies of a triangle hang together; and `outside` has triangles that are whole.
+/// The same on slits that cross a few edges, round which copies of a triangle hang together; and `outside` has triangles of the mesh alone.
 #[test]
 fn a_pressure_acts_on_all_of_a_film_with_slits() {
     let mesh = film(6, 0.0);
     let (mut twins, mut next) = (0, random_numbers(3));
+    let sorted = |mut t: [u32; 3]| {
+        t.sort_unstable();
+        t
+    };
+    let known: HashSet<[u32; 3]> = mesh.triangles.iter().map(|t| sorted(*t)).collect();
     for _ in 0..60 {
         let description = body(&mesh, MembraneModel::Biquadratic);
         let (mut simulation, film) = alone(options(Precision::F64, 1), &description);
@@ -342,8 +349,12 @@ fn a_pressure_acts_on_all_of_a_film_with_slits() {
         let mut nodes = simulation.topology().bodies[0].triangles().to_vec();
         nodes.sort_unstable();
         twins += nodes.windows(2).filter(|pair| pair[0] == pair[1]).count();
-        let outside = simulation.outside(film);
-        assert_eq!(outside.len(), mesh.triangles.len() - report.separated.len());
+        // without those beside the ends of the slit, which are whole but have points on their edges
+        let (outside, count) = (simulation.outside(film), mesh.triangles.len());
+        let gone = count - outside.len();
+        let parted = report.separated.len();
+        assert!(outside.iter().all(|t| known.contains(&sorted(*t))) && gone >= parted);
+        assert!(gone <= parted + 4, "{gone} {parted}");
     }
     assert!(twins > 5, "{twins}");
 }

@@ -1041,9 +1041,9 @@ sinew_status sinew_remove_elements(struct sinew_simulation *simulation,
                                    const struct sinew_region *region,
                                    size_t *removed);
 
-// Cuts a body of linear tetrahedra along the surface that a blade sweeps, at once, in its present shape. `strip` holds both
-// ends (m) of the edge of the blade, six numbers a position, at two positions or more. The body needs `spare`. `report` may be
-// NULL.
+// Cuts a body along the surface that a blade sweeps, at once, in its present shape: one of solid elements, or of a membrane of
+// triangles alone; demos/scenes/README.md tells which. `strip` holds both ends (m) of the edge of the blade, six numbers a
+// position, at two positions or more. The body needs `spare`. `report` may be NULL.
 sinew_status sinew_cut(struct sinew_simulation *simulation,
                        sinew_handle body,
                        const double *strip,

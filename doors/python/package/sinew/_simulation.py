@@ -353,8 +353,8 @@ class Body(_Thing):
         return reports.Removal(**report)
 
     def cut(self, strip: ArrayLike) -> reports.Cut:
-        """Cuts a body of linear tetrahedra along the surface that a blade sweeps, at once, in its present shape. ``strip``: both
-        ends (m) of the edge of the blade, one position after another, (n, 2, 3)."""
+        """Cuts a body along the surface that a blade sweeps, at once, in its present shape: one of solid elements, or of a membrane
+        of triangles alone. ``strip``: both ends (m) of the edge of the blade, one position after another, (n, 2, 3)."""
         ends = np.asarray(strip, float)
         if ends.ndim != 3 or ends.shape[1:] != (2, 3):
             raise ArgumentError(f"strip: an array of shape {ends.shape}; it needs (n, 2, 3)")
