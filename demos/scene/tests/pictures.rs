@@ -115,7 +115,7 @@ fn a_slit_film_is_drawn_as_the_blade_left_it() {
     let strains = last.skin.points.iter().map(|p| last.fields[1][*p as usize]);
     let (least, most) =
         strains.fold((f32::MAX, 0.0_f32), |(low, high), x| (low.min(x), high.max(x)));
-    assert!(least >= 0.0 && least < 0.06 && most > 0.12 && most < 1.0, "{least} {most}");
+    assert!((0.0..0.06).contains(&least) && (0.12..1.0).contains(&most), "{least} {most}");
 }
 
 #[test]
