@@ -617,7 +617,7 @@ class Cut:
     """Least share of an element of the body now; of hexahedra in local coordinates."""
 
     area: float
-    """Area (m^2, at rest) of one side of the wound."""
+    """Area (m^2, at rest) of one side of the wound; of a membrane its length times the thickness."""
 
     elastic_energy: float
     """Elastic energy (J) that the body has more than before because clusters of volume fell apart; 0 without."""
