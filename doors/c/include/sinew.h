@@ -1244,8 +1244,8 @@ sinew_status sinew_thread_cut(struct sinew_simulation *simulation,
                               sinew_handle *first,
                               sinew_handle *second);
 
-// Lets a body of linear tetrahedra with `spare` vertices tear. `lines` as below `tear` of a body in a scene: `strength`,
-// `toughness`, `radius`, `max_speed`; NULL: it tears no more.
+// Lets a body of linear tetrahedra, or of a membrane of triangles alone, with `spare` vertices tear. `lines` as below `tear` of
+// a body in a scene: `strength`, `toughness`, `radius`, `max_speed`; NULL: it tears no more.
 sinew_status sinew_tear_set(struct sinew_simulation *simulation,
                             sinew_handle body,
                             const char *lines);

@@ -86,8 +86,8 @@ pub unsafe extern "C" fn sinew_thread_cut(
     })
 }
 
-/// Lets a body of linear tetrahedra with `spare` vertices tear. `lines` as below `tear` of a body in a scene: `strength`,
-/// `toughness`, `radius`, `max_speed`; NULL: it tears no more.
+/// Lets a body of linear tetrahedra, or of a membrane of triangles alone, with `spare` vertices tear. `lines` as below `tear` of
+/// a body in a scene: `strength`, `toughness`, `radius`, `max_speed`; NULL: it tears no more.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn sinew_tear_set(
     simulation: *mut sinew_simulation,

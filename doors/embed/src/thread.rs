@@ -226,8 +226,8 @@ impl Embedding {
         Ok(report.cloned().unwrap_or_default())
     }
 
-    /// Lets a body of linear tetrahedra with vertices to spare tear, by words as below `tear` of a body in a scene: `strength`, `toughness`, `radius`,
-    /// `max_speed`; without words it tears no more. What was given before is replaced, and its report goes on.
+    /// Lets a body of linear tetrahedra, or of a membrane of triangles alone, with vertices to spare tear, by words as below `tear` of a body in a
+    /// scene: `strength`, `toughness`, `radius`, `max_speed`; without words it tears no more. What was given before is replaced, and its report goes on.
     ///
     /// # Errors
     /// When there is no such body, it cannot tear, or a word or number cannot be used.

@@ -29,6 +29,8 @@
 //! - What comes apart is decided as for [blades](super::blade), by marks on edges, and opened by the same code: mass, momentum and energy are
 //!   the same before and after. What the tear sets free goes into motion, and nothing holds its sides together: the law is brittle.
 //! - Of several cuts the last one tears on; where an earlier one ends a new tear may begin.
+//! - A body that is a membrane of triangles alone tears by its strength, along lines, and from any vertex. Its stress is that of its forces,
+//!   where its material keeps its volume; the compression term counts as far as it pushes.
 //! - After each step the decision depends on the state and the edits alone, so that snapshots and replays need nothing more.
 
 use bevy_ecs::prelude::*;
@@ -42,19 +44,19 @@ use sinew_engine::scalar::Scalar;
 use sinew_engine::topology::Topology;
 
 use super::blade::{self, BladeViews};
-use super::material::{Material, Order};
+use super::material::{Material, NONE, Order, real};
 use super::stroke::{Progress, Uncut};
 use super::{
-    CutError, check_cut, material_of, open_now, order_of, prepared, rest_of, row_of, soft_of,
+    CutError, check_cut, kind_of, material_of, open_now, order_of, prepared, rest_of, row_of,
+    soft_of,
 };
 use crate::body::description::SoftBody;
 use crate::body::present::Resection;
 use crate::element::projection::symmetric_eigen;
 use crate::frame::row::{Elements, TetrahedronEnergy, TetrahedronForces};
 use crate::frame::rules::VolumeRule;
-use crate::resection::state::{Point, Queries, State};
+use crate::resection::state::{Point, Queries, State, membrane_forces};
 
-const KIND: ElementKind = ElementKind::Tetrahedron;
 /// Least radius (mean edges) over which stress may be averaged: below, it is that of a few elements, and depends on the mesh.
 const LEAST_RADIUS: f64 = 1.2;
 /// The same for an energy release: nearer to the end of a wound than this the material does not know where that is.
@@ -72,7 +74,7 @@ pub struct Tear {
     pub body: usize,
     /// Largest principal stress (Pa) that it bears.
     pub strength: f64,
-    /// Energy (J/m^2, by area at rest) that the end of a wound takes to go on; it goes on by its strength without.
+    /// Energy (J/m^2, by area at rest) that the end of a wound takes to go on; it goes on by its strength without. Not of membranes alone.
     pub toughness: Option<f64>,
     /// Radius (m, at rest) of the ball over which stress is averaged, 1.2 mean edges at least, 1.5 with a toughness; these without.
     pub radius: Option<f64>,
@@ -139,11 +141,19 @@ pub fn check_tear(world: &mut World, tear: &Tear) -> Result<Tear, CutError> {
     check_cut(world, tear.body)?;
     let rows = world.resource::<Topology>().bodies[tear.body].clone();
     let refuse = |problem: String| Err(CutError::Tear { body: rows.name.clone(), problem });
-    if order_of(&rows) != Order::Linear {
-        return refuse("its elements are no linear tetrahedra; take these".into());
+    let order = order_of(&rows);
+    if !order.is_linear() {
+        let problem =
+            "its elements are no linear tetrahedra; take these, or a membrane of triangles alone";
+        return refuse(problem.into());
     }
     let Some(soft) = soft_of(world, tear.body) else { return refuse("it has no elements".into()) };
-    if soft.volume != VolumeRule::Elements {
+    let film = soft.membrane.filter(|_| order == Order::Triangles);
+    if film.is_some() && tear.toughness.is_some() {
+        let problem = "a membrane alone tears by its strength; leave its toughness out";
+        return refuse(problem.into());
+    }
+    if film.is_none() && soft.volume != VolumeRule::Elements {
         return refuse(
             "clusters of volume have no stress of their own elements; take volume = \"elements\""
                 .into(),
@@ -152,7 +162,7 @@ pub fn check_tear(world: &mut World, tear: &Tear) -> Result<Tear, CutError> {
     if soft.glue.is_some() {
         return refuse("glue would hold its tears closed; build it without".into());
     }
-    if soft.membrane.is_some() {
+    if film.is_none() && soft.membrane.is_some() {
         return refuse("what its membrane bears is not known; build it without".into());
     }
     if soft.axes.is_some() {
@@ -160,7 +170,7 @@ pub fn check_tear(world: &mut World, tear: &Tear) -> Result<Tear, CutError> {
             "the stress of its axes and fibres is not known; take a model without".into(),
         );
     }
-    if law_of(&soft).is_none() {
+    if film.is_none() && law_of(&soft).is_none() {
         return refuse(
             "its model does not tell the forces of single elements; take another".into(),
         );
@@ -195,7 +205,8 @@ pub fn check_tear(world: &mut World, tear: &Tear) -> Result<Tear, CutError> {
              Take {least:.4} m or more, or a finer mesh"
         ));
     }
-    let (mu, rho) = (soft.material.lame().map_or(0.0, |lame| lame.mu), soft.material.density);
+    let material = film.map_or(soft.material, |own| own.material);
+    let (mu, rho) = (material.lame().map_or(0.0, |lame| lame.mu), material.density);
     let speed = tear.max_speed.or((mu > 0.0 && rho > 0.0).then(|| (mu / rho).sqrt()));
     Ok(Tear { radius: Some(radius), max_speed: speed, ..*tear })
 }
@@ -270,7 +281,8 @@ impl TearView {
         let resection = prepared(world, body)?;
         let own = resection.bodies[body].as_ref().expect("it was prepared");
         let material = material_of(world, body, own);
-        let element_of = own.element_of[KIND].clone();
+        let kind = kind_of(&world.resource::<Topology>().bodies[body]);
+        let element_of = own.element_of[kind].clone();
         world.insert_resource(resection);
         let of_rows = rest_of(world, body);
         let own = &world.resource::<Topology>().bodies[body];
@@ -292,7 +304,7 @@ impl TearView {
         material.cells.iter().for_each(|cell| alive[cell.element as usize] = true);
         let mut middles = Vec::new();
         for (e, element) in material.elements.iter().enumerate().filter(|(e, _)| alive[*e]) {
-            let corners = element.vertices.iter().zip(element.portion);
+            let corners = real(&element.vertices).iter().zip(element.portion);
             let sum: DVec3 = corners.map(|(&v, part)| part * rest[v as usize]).sum();
             middles.push((sum / element.share(), element_of[e]));
         }
@@ -374,9 +386,9 @@ impl TearView {
         used.map(|(&v, w)| w * self.rest[v as usize]).sum()
     }
 
-    /// The corners of an uncut cell as its material has them.
+    /// The corners of an uncut cell as its material has them; that which a triangle does not have is somewhere.
     fn corners(&self, cell: u32, place: &dyn Fn(u32) -> DVec3) -> [DVec3; 4] {
-        self.uncut.corners(cell).map(place)
+        self.uncut.corners(cell).map(|p| if p == NONE { DVec3::ZERO } else { place(p) })
     }
 
     /// The same in the present shape, where rows are at these places (m).
@@ -417,6 +429,9 @@ impl TearView {
         wanted: bool,
     ) -> (Vec<Stress>, Vec<DVec3>) {
         let Some(soft) = soft_of(world, body) else { return Default::default() };
+        if self.material.order == Order::Triangles {
+            return (self.membrane_stresses::<S>(world, body, at, &soft), Vec::new());
+        }
         let Some((energy, forces)) = law_of(&soft) else { return Default::default() };
         let mut queries = Queries::<S>::new(world);
         let Some(own) = world.resource::<Resection>().bodies[body].as_ref() else {
@@ -428,11 +443,10 @@ impl TearView {
         let of = |&(_, row): &(DVec3, u32)| {
             let x = nodes[row as usize].map(|v| at[v as usize]);
             let mut stress = Stress::default();
-            state.visit(KIND, row, |point| {
+            state.visit(ElementKind::Tetrahedron, row, |point| {
                 let Point::Solid(e, u) = point else { return };
                 let gradient = displacement_gradient(&e.gradients, u);
                 let volume = e.volume * (1.0 + volume_change(&gradient));
-                let mut sum = [0.0; 6];
                 let forces = forces(e, u);
                 if let (true, Some(forces)) = (wanted, forces) {
                     let [d1, d2, d3] = e.gradients.map(DVec3::from);
@@ -443,15 +457,7 @@ impl TearView {
                         in_material[row] -= energy * d + transposed * DVec3::from(f);
                     }
                 }
-                for (f, x) in forces.iter().flatten().zip(x) {
-                    let (f, x) = (DVec3::from(*f), x - at[nodes[row as usize][0] as usize]);
-                    // of a symmetric tensor: xx, yy, zz, yz, xz, xy
-                    let both = |i: usize, j: usize| -0.5 * (f[i] * x[j] + f[j] * x[i]);
-                    let of =
-                        [both(0, 0), both(1, 1), both(2, 2), both(1, 2), both(0, 2), both(0, 1)];
-                    sum.iter_mut().zip(of).for_each(|(sum, part)| *sum += part);
-                }
-                stress = (sum, volume);
+                stress = (virial(forces.iter().flatten(), &x), volume);
             });
             stress
         };
@@ -464,6 +470,48 @@ impl TearView {
         }
         (stresses, in_material)
     }
+
+    /// The stress of every triangle of a body that is a membrane alone, in the order of the middles.
+    fn membrane_stresses<S: Scalar>(
+        &self,
+        world: &mut World,
+        body: usize,
+        at: &[DVec3],
+        soft: &SoftBody,
+    ) -> Vec<Stress> {
+        let mut queries = Queries::<S>::new(world);
+        let own = world.resource::<Resection>().bodies[body].as_ref();
+        let (Some(own), Some(sheet)) = (own, soft.membrane) else { return Vec::new() };
+        let state = State::new(own, world, soft, &mut queries);
+        let (ordered, kind) = (&own.connectivity.ordered, ElementKind::Triangle);
+        let of = |&(_, row): &(DVec3, u32)| {
+            let x = ordered.triangles()[row as usize].map(|v| at[v as usize]);
+            let element = &self.material.elements[ordered.order[kind][row as usize] as usize];
+            let [a, b, c] = [0, 1, 2].map(|i| self.rest[element.vertices[i] as usize]);
+            let (share, area) = (element.share(), 0.5 * (b - a).cross(c - a).length());
+            let mut stress = Stress::default();
+            state.visit(kind, row, |point| {
+                let Point::Sheet(e, u, _) = point else { return };
+                let forces = membrane_forces(sheet.model, e, u);
+                let sum = virial(forces.iter().flatten(), &x).map(|part| share * part);
+                stress = (sum, share * area * sheet.thickness);
+            });
+            stress
+        };
+        self.middles.iter().map(of).collect()
+    }
+}
+
+/// What forces (N) of an element on vertices at these places (m) say of its stress, times its volume (N m): `xx, yy, zz, yz, xz, xy`.
+fn virial<'a>(forces: impl Iterator<Item = &'a [f64; 3]>, x: &[DVec3]) -> [f64; 6] {
+    let mut sum = [0.0; 6];
+    for (f, at) in forces.zip(x) {
+        let (f, x) = (DVec3::from(*f), *at - x[0]);
+        let both = |i: usize, j: usize| -0.5 * (f[i] * x[j] + f[j] * x[i]);
+        let of = [both(0, 0), both(1, 1), both(2, 2), both(1, 2), both(0, 2), both(0, 1)];
+        sum.iter_mut().zip(of).for_each(|(sum, part)| *sum += part);
+    }
+    sum
 }
 
 /// Largest principal value (Pa) and its direction.
@@ -589,7 +637,7 @@ impl Look<'_> {
         let all = view.middles.iter().zip(self.stresses);
         let hot: Vec<DVec3> =
             all.filter(|(_, own)| is_hot(own)).map(|(middle, _)| middle.0).collect();
-        let mut best: Option<(f64, u32, DVec3)> = None;
+        let mut found: Vec<(f64, u32, DVec3)> = Vec::new();
         for &vertex in &view.outside {
             let at = view.rest[vertex as usize];
             let near = |x: &DVec3| x.distance_squared(at) <= self.radius * self.radius;
@@ -598,12 +646,24 @@ impl Look<'_> {
                 continue;
             }
             let (stress, across) = self.mean(at);
-            if stress > strength && best.is_none_or(|(most, ..)| stress > most) {
-                best = Some((stress, vertex, across));
+            if stress > strength {
+                found.push((stress, vertex, across));
             }
         }
-        let Some((stress, vertex, across)) = best else { return false };
-        *largest = largest.max(stress);
+        // the first of equals; nothing comes apart at a corner that the plane only touches
+        found.sort_by(|a, b| b.0.total_cmp(&a.0));
+        *largest = found.first().map_or(*largest, |own| largest.max(own.0));
+        found.into_iter().any(|own| self.begin_at(own, progress, apart))
+    }
+
+    /// Lets a tear begin at a vertex by the plane across a direction; whether it does.
+    fn begin_at(
+        &self,
+        (_, vertex, across): (f64, u32, DVec3),
+        progress: &mut Progress,
+        apart: &mut Vec<u32>,
+    ) -> bool {
+        let view = self.view;
         // to the side on which there is more tension, whatever the sign of the direction
         let at = view.rest[vertex as usize];
         let pull = self

@@ -328,6 +328,23 @@ fn tetrahedron<S: Scalar>(
 }
 
 /// Energy (J) of a membrane triangle by its own law; springs on edges are booked beside it.
+/// Forces (N) of a whole triangle; none of springs on edges alone.
+pub(crate) fn membrane_forces(
+    model: MembraneModel,
+    e: &membrane::Element<f64>,
+    u: &[[f64; 3]; 3],
+) -> Option<[[f64; 3]; 3]> {
+    Some(match model {
+        MembraneModel::Biquadratic | MembraneModel::CompressibleBiquadratic => {
+            membrane::biquadratic::forces(e, u)
+        }
+        MembraneModel::Quadratic => membrane::quadratic::forces(e, u),
+        MembraneModel::Linear => membrane::linear::forces(e, u),
+        MembraneModel::Corotational => membrane::corotational::forces(e, u),
+        MembraneModel::MassSpring => return None,
+    })
+}
+
 fn membrane_energy(model: MembraneModel, e: &membrane::Element<f64>, u: &[[f64; 3]; 3]) -> f64 {
     match model {
         MembraneModel::Biquadratic | MembraneModel::CompressibleBiquadratic => {
