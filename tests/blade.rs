@@ -154,6 +154,75 @@ fn strokes_go_on_from_snapshots() {
     assert_eq!((other.state_hash(), other.tool_report(own).unwrap().clone()), (hash, report));
 }
 
+/// A body of several pieces of rows with a coarse space: its preconditioner goes on from step to step while elements part, and so it does from
+/// snapshots, between steps and after cuts by hand.
+#[test]
+fn preconditioners_go_on_through_strokes() {
+    let build = |threads| {
+        let mesh = block(10);
+        let mut simulation = Simulation::new(options(Precision::F64, threads)).unwrap();
+        let description = BodyDescription::new("block", &mesh, soft(1e4, 0.4));
+        let spare = mesh.points.len();
+        let body = simulation.add_body(&BodyDescription { spare, ..description }).unwrap();
+        for (axis, side) in [(0b111, "x0"), (0b111, "x1"), (0b100, "z0")] {
+            guide(&mut simulation, body, &mesh, side, axis);
+        }
+        let edge = Edge {
+            ends: [DVec3::Z * 0.03, DVec3::Z * -0.02],
+            into: DVec3::Y,
+            toughness: 5.0,
+            travel: DVec3::ZERO,
+        };
+        let start = DVec3::new(0.031, -0.002, 0.045);
+        let blade = simulation.add_tool(Tool::blade("scalpel", edge, start)).unwrap();
+        (simulation, body, blade)
+    };
+    let by_hand = |simulation: &mut Simulation, body: BodyHandle| {
+        let edge = |y: f64| [DVec3::new(0.013, y, 0.1), DVec3::new(0.012, y, -0.1)];
+        assert_eq!(simulation.cut(body, &[edge(-0.1), edge(0.1)]).unwrap().pieces, 2);
+    };
+    let step = |simulation: &mut Simulation, blade: Entity, i: usize| {
+        let at = DVec3::new(0.031, -0.002 + 0.001 * i as f64, 0.045);
+        simulation.move_tool(blade, at).unwrap();
+        simulation.step().unwrap();
+    };
+    let (mut simulation, body, blade) = build(2);
+    let (mut parted, mut steps, mut refreshes, mut saved) = (0, 0, 0, Vec::new());
+    let mut hashes = Vec::new();
+    for i in 0..40 {
+        if i == 25 {
+            by_hand(&mut simulation, body);
+        }
+        if [12, 25, 31].contains(&i) {
+            saved.push((i, simulation.snapshot().unwrap()));
+        }
+        step(&mut simulation, blade, i);
+        let report = simulation.report();
+        assert!(!report.unconverged && report.cg_caps == 0, "{report:?}");
+        let now = simulation.tool_report(blade).unwrap().separated;
+        if now > parted {
+            (steps, refreshes) = (steps + 1, refreshes + report.preconditioner_refreshes);
+        }
+        parted = now;
+        hashes.push(simulation.state_hash());
+    }
+    assert_eq!(simulation.report().preconditioner, "multigrid");
+    assert!(steps > 10 && 2 * refreshes < steps, "{refreshes} in {steps}");
+    let (mut other, _, mut own) = build(1);
+    for (from, snapshot) in saved {
+        // twice into the same simulation, and into one that was never cut
+        if from == 31 {
+            (other, _, own) = build(1);
+        }
+        other.restore(&Snapshot::from_bytes(&snapshot.to_bytes()).unwrap()).unwrap();
+        for i in from..(from + 8).min(40) {
+            // nobody cuts by hand in between
+            step(&mut other, own, i);
+            assert_eq!(other.state_hash(), hashes[i], "from {from}");
+        }
+    }
+}
+
 #[test]
 fn a_blade_says_what_it_cannot_cut() {
     let mesh = block(4);

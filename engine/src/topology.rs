@@ -58,6 +58,14 @@ impl BodyRows {
         Self { name, vertices, blocks, ordered, size, piece: Vec::new(), splits: 0, changes: 0 }
     }
 
+    /// Notes the connected piece of each vertex row. A row that comes to a piece, as those of cuts do, is no split.
+    pub fn set_pieces(&mut self, piece: Vec<u32>) {
+        let mut both = self.piece.iter().zip(&piece);
+        let splits = both.any(|(was, now)| *was != crate::layout::UNUSED && was != now);
+        self.splits += u64::from(splits);
+        self.piece = piece;
+    }
+
     /// Whether it has no element any more.
     pub fn is_empty(&self) -> bool {
         self.piece.iter().all(|&piece| piece == crate::layout::UNUSED)

@@ -6,8 +6,8 @@
 //! other two products. What a piece adds to the rows of later ones stays in its own array and is
 //! fetched by them.
 //!
-//! Values of the preconditioner are kept over solves. They are computed again when the unknowns held
-//! or the factors of the matrix change, and when the iterations spent beyond those of the first solve
+//! Values of the preconditioner are kept over solves, and over cuts, which add blocks and rows. They are computed again when
+//! the unknowns held of other rows or the factors of the matrix change, and when the iterations spent beyond those of the first solve
 //! after the last refresh add up to what a refresh costs, in the middle of a solve if need be, or when
 //! a solve with them did not converge.
 
@@ -28,6 +28,7 @@ use sinew_engine::topology::Topology;
 use sinew_engine::vertex::FixedAxes;
 use sinew_engine::workers::Workers;
 use std::ops::Range;
+use std::sync::Arc;
 
 pub mod memory;
 
@@ -39,7 +40,7 @@ pub struct BodySystem<'a, S> {
     /// The bodies that are solved for together, consecutive ones.
     pub bodies: &'a Range<usize>,
     /// Pattern of its part of the matrix.
-    pub pattern: &'a Pattern,
+    pub pattern: &'a Arc<Pattern>,
     /// Rest positions (m) of all rows of the world.
     pub rest: &'a [DVec3],
     /// Preconditioner, neither [`Preconditioner::Auto`] nor [`Preconditioner::Direct`].
@@ -99,8 +100,8 @@ pub struct ConjugateGradients<T: Scalar> {
     forces: Vec<[T; 8]>,
     motions: Vec<Motion<T>>,
     kept: Option<KeptFor>,
-    /// Connected piece of every row when the aggregates were chosen.
-    laid_out_for: Vec<u32>,
+    /// Pattern that the preconditioner was made for, and connected piece of every row when its aggregates were chosen.
+    laid_out_for: (Arc<Pattern>, Vec<u32>),
     shared: SharedValues<T>,
     /// Pieces, and rows in them, of the couplings of the matrix.
     coupled: Vec<[[u32; 2]; COUPLED]>,
@@ -112,6 +113,8 @@ struct KeptFor {
     kind: Preconditioner,
     factors: [f64; 3],
     held: Vec<FixedAxes>,
+    /// Factor of the matrix.
+    scale: f64,
     /// Splits of the body: aggregates must not reach across a gap.
     splits: u64,
     /// Iterations per power of ten of the first solve after the refresh.
@@ -192,6 +195,7 @@ impl<T: Scalar> ConjugateGradients<T> {
         self.coupled.clear();
         self.coupled
             .extend(self.matrix.couplings.iter().map(|c| c.rows.map(|row| pattern.place(row))));
+        self.take_in(pattern);
         let mut inner = Inner {
             status: CgStatus::Cap,
             iterations: 0,
@@ -235,13 +239,44 @@ impl<T: Scalar> ConjugateGradients<T> {
         inner
     }
 
+    /// Lets a kept preconditioner go on with blocks that came since it was made: what nothing acted on then has its diagonal block alone, in
+    /// the scale of the others.
+    fn take_in(&mut self, pattern: &Arc<Pattern>) {
+        for (piece, own) in pattern.pieces.iter().zip(&mut self.product) {
+            let reach = piece.reach - piece.rows.start;
+            own.p.resize(reach, [T::ZERO; 4]);
+            own.q.resize(reach, [T::ZERO; 4]);
+        }
+        let Self { matrix, cholesky, kept: Some(kept), laid_out_for: (made_for, pieces), .. } =
+            self
+        else {
+            return;
+        };
+        if Arc::ptr_eq(made_for, pattern) {
+            return;
+        }
+        let scale = T::from_f64(matrix.factor / kept.scale);
+        for row in 0..kept.held.len() {
+            let was_alone = pieces[row] == UNUSED && kept.held[row] == FixedAxes::ALL;
+            if !was_alone || matrix.held[row] == FixedAxes::ALL {
+                continue;
+            }
+            kept.held[row] = matrix.held[row];
+            self.shared.forget();
+            let [piece, own] = pattern.place(row as u32).map(|at| at as usize);
+            if !cholesky.pieces[piece].set_alone(own, &matrix.diagonal[row], scale) {
+                // as after a solve that did not converge
+                kept.excess = f64::INFINITY;
+            }
+        }
+    }
+
     /// The kept values of the preconditioner, if they may be used for a matrix.
     fn usable<S: Scalar>(&self, of: &BodySystem<'_, S>) -> Option<&KeptFor> {
-        self.kept.as_ref().filter(|k| {
+        self.kept_for(of.system.topology, of.bodies).filter(|k| {
             k.kind == of.preconditioner
                 && k.factors == of.system.factors()
                 && k.held == self.matrix.held
-                && k.splits == splits(of.system.topology, of.bodies)
                 && (self.correction.is_some() || self.matrix.low_rank.is_empty())
                 && k.excess < k.cost
         })
@@ -249,13 +284,18 @@ impl<T: Scalar> ConjugateGradients<T> {
 
     /// Whether the factor alone took more than twelve iterations for three powers of ten when it was new, or the coarse
     /// space was added for that.
-    pub fn is_slow(&self) -> bool {
+    pub fn is_slow(&self, (topology, bodies): (&Topology, &Range<usize>)) -> bool {
         let slow = |k: &KeptFor| match k.kind {
             Preconditioner::Multigrid => true,
             Preconditioner::IncompleteCholesky => k.fresh.is_some_and(|decade| 3.0 * decade > SLOW),
             _ => false,
         };
-        self.kept.as_ref().is_some_and(slow)
+        self.kept_for(topology, bodies).is_some_and(slow)
+    }
+
+    /// What is kept, unless bodies fell into other pieces since.
+    fn kept_for(&self, topology: &Topology, bodies: &Range<usize>) -> Option<&KeptFor> {
+        self.kept.as_ref().filter(|kept| kept.splits == splits(topology, bodies))
     }
 
     /// The last direction, any length.
@@ -272,7 +312,7 @@ impl<T: Scalar> ConjugateGradients<T> {
         let BodySystem { system, bodies, pattern, rest, preconditioner: kind } = *of;
         let splits = splits(system.topology, bodies);
         let rest = &rest[ranges(system.topology, bodies).0];
-        if self.kept.as_ref().is_some_and(|k| k.splits != splits) {
+        if self.kept_for(system.topology, bodies).is_none() {
             self.kept = None;
         }
         let (piece, ends) = (&pieces(system.topology, bodies), &ends(system.topology, bodies));
@@ -288,7 +328,8 @@ impl<T: Scalar> ConjugateGradients<T> {
         let cost = FACTOR_COST * refresh / iteration;
         let held = self.matrix.held.clone();
         let factors = system.factors();
-        self.kept = Some(KeptFor { kind, factors, held, splits, fresh: None, excess: 0.0, cost });
+        let (scale, fresh, excess) = (self.matrix.factor, None, 0.0);
+        self.kept = Some(KeptFor { kind, factors, held, scale, splits, fresh, excess, cost });
         breakdowns
     }
 
@@ -296,7 +337,7 @@ impl<T: Scalar> ConjugateGradients<T> {
     fn build(
         &mut self,
         workers: &Workers,
-        pattern: &Pattern,
+        pattern: &Arc<Pattern>,
         rows: Rows<'_>,
         kind: Preconditioner,
     ) -> u32 {
@@ -306,6 +347,7 @@ impl<T: Scalar> ConjugateGradients<T> {
             self.kept.is_some() && self.correction.is_some() || !self.matrix.low_rank.is_empty();
         if self.kept.as_ref().is_none_or(|k| k.kind != kind)
             || self.correction.is_some() != corrected
+            || self.laid_out_for.0 != *pattern
         {
             self.lay_out(pattern, rows, kind, corrected);
         }
@@ -348,13 +390,14 @@ impl<T: Scalar> ConjugateGradients<T> {
     /// The symbolic part of a preconditioner, and work space for it.
     fn lay_out(
         &mut self,
-        pattern: &Pattern,
+        pattern: &Arc<Pattern>,
         Rows { rest, piece, ends }: Rows<'_>,
         kind: Preconditioner,
         corrected: bool,
     ) {
-        self.laid_out_for.clear();
-        self.laid_out_for.extend_from_slice(piece);
+        self.laid_out_for.0 = pattern.clone();
+        self.laid_out_for.1.clear();
+        self.laid_out_for.1.extend_from_slice(piece);
         let couplings = kind != Preconditioner::BlockJacobi;
         self.cholesky = IncompleteCholesky::new(pattern, couplings);
         self.correction = corrected.then(Correction::default);
@@ -367,15 +410,18 @@ impl<T: Scalar> ConjugateGradients<T> {
                 .unwrap_or_else(|| CoarseSpace::rigid(pattern, rest, piece, size))
         });
         self.product.clear();
-        self.update.clear();
+        // a solve may be under way, in the same rows
+        let mut before = std::mem::take(&mut self.update).into_iter();
         for piece in &pattern.pieces {
             let (n, reach) = (piece.rows.len(), piece.reach - piece.rows.start);
             let zero = |n| vec![[T::ZERO; 4]; n];
+            let before = before.next().filter(|own| own.x.len() == n);
+            let (x, r) = before.map_or_else(|| (zero(n), zero(n)), |own| (own.x, own.r));
             self.product.push(ProductPiece { p: zero(reach), q: zero(reach), curvature: 0.0 });
             let nodes = self.coarse.as_ref().map_or(0..0, |c| c.nodes_of(piece.rows.clone()));
             self.update.push(UpdatePiece {
-                x: zero(n),
-                r: zero(n),
+                x,
+                r,
                 z: zero(n),
                 rz: 0.0,
                 rr: 0.0,
@@ -739,7 +785,7 @@ mod tests {
         n: [usize; 3],
         seed: u64,
         pieces: usize,
-    ) -> (Pattern, SystemMatrix<f64>, Vec<DVec3>) {
+    ) -> (Arc<Pattern>, SystemMatrix<f64>, Vec<DVec3>) {
         let count = n[0] * n[1] * n[2];
         let mut next = noise(seed);
         let rest: Vec<DVec3> = (0..count)
@@ -792,12 +838,12 @@ mod tests {
                 Piece { rows, reach }
             })
             .collect();
-        (Pattern { start, column, pieces, used: rest.len() }, matrix, rest)
+        (Arc::new(Pattern { start, column, pieces, used: rest.len() }), matrix, rest)
     }
 
     fn prepared(
         kind: Preconditioner,
-        pattern: &Pattern,
+        pattern: &Arc<Pattern>,
         matrix: &SystemMatrix<f64>,
         rest: &[DVec3],
         ends: &[[u32; 2]],

@@ -8,7 +8,7 @@
 //! (the same as a shift of the diagonal), and at last without them: block Jacobi.
 
 use crate::system::{
-    Block, Pattern, Piece, SystemMatrix, definite_inverse, inverse, packed, padded, sub4,
+    Block, Pattern, Piece, SystemMatrix, definite_inverse, inverse, packed, padded, scale4, sub4,
     transpose_product,
 };
 use serde::{Deserialize, Serialize};
@@ -140,6 +140,16 @@ impl<T: Scalar> FactorPiece<T> {
             }
         }
         Self { start, column, target, inverse: Vec::new(), upper: Vec::new(), breakdowns: 0 }
+    }
+
+    /// Gives a row that nothing couples the inverse of its diagonal block, times `scale`; false where that block is not positive
+    /// definite.
+    pub fn set_alone(&mut self, row: usize, block: &Block<T>, scale: T) -> bool {
+        let inverse = definite_inverse(block);
+        if let Some(inverse) = inverse {
+            self.inverse[row] = inverse.map(|row| scale4(row, scale));
+        }
+        inverse.is_some()
     }
 
     #[inline(always)]

@@ -43,6 +43,9 @@ impl<S: Scalar> DirectFactor<S> {
             return;
         }
         (self.factor, self.recalled) = (None, matrix.is_some());
+        if !matrix.is_some_and(|matrix| matrix.low_rank.fits(&self.matrix.low_rank)) {
+            self.symbolic = None;
+        }
         self.matrix = matrix.cloned().unwrap_or_default();
     }
 

@@ -20,6 +20,7 @@ use sinew_engine::matrix::ProductSpans;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::topology::Topology;
 use std::ops::Range;
+use std::sync::Arc;
 
 /// Result of a solve.
 #[derive(Clone, Copy, Debug)]
@@ -49,6 +50,9 @@ pub type LinearMemory<S> = Vec<(Range<usize>, GroupMemory<S>)>;
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 #[serde(bound = "S: Scalar")]
 pub struct GroupMemory<S: Scalar> {
+    /// Where its pieces of rows end, and whether it was solved for since blocks came or went.
+    ends: Vec<u32>,
+    is_used: bool,
     single: Option<PreconditionerMemory<f32>>,
     full: Option<PreconditionerMemory<S>>,
     /// The matrix of the complete factor.
@@ -81,7 +85,9 @@ struct Way<S> {
 
 #[derive(Clone, Debug, Default)]
 struct BodySolver<S: Scalar> {
-    pattern: Pattern,
+    pattern: Arc<Pattern>,
+    /// It was solved for since blocks came or went.
+    is_used: bool,
     /// Whether the matrix is added up: in the number type of the state, in `f32`.
     assembled: [bool; 2],
     single: ConjugateGradients<f32>,
@@ -89,6 +95,50 @@ struct BodySolver<S: Scalar> {
     direct: crate::direct::DirectFactor<S>,
     /// In use when `S` is `f64` and mixed precision is off or not enough.
     full: ConjugateGradients<S>,
+}
+
+impl<S: Scalar> BodySolver<S> {
+    /// With pieces of rows that end there.
+    fn recalled(
+        topology: &Topology,
+        bodies: &Range<usize>,
+        ends: &[u32],
+    ) -> Result<Self, MemoryMisfit> {
+        let rows = ranges(topology, bodies).0.len();
+        let ascends = ends.windows(2).all(|two| two[0] < two[1]);
+        if !ascends || ends.last().map_or(0, |end| *end as usize) != rows {
+            return Err(MemoryMisfit);
+        }
+        let pattern = Arc::new(Pattern::divided_at(topology, bodies, ends));
+        Ok(Self { pattern, ..Self::default() })
+    }
+
+    /// Whether it can go on; see [`LinearSolver::follow`].
+    fn follow(&mut self, topology: &Topology, bodies: &Range<usize>) -> bool {
+        let is_used = std::mem::take(&mut self.is_used);
+        if !is_used
+            || bodies.end > topology.bodies.len()
+            || ranges(topology, bodies).0.len() != self.pattern.len()
+        {
+            return false;
+        }
+        let pattern = Pattern::divided_at(topology, bodies, &self.pattern.ends());
+        if pattern != *self.pattern {
+            // corners of middles may be others
+            if topology.bodies[bodies.clone()].iter().any(|body| !body.tetrahedra10().is_empty()) {
+                return false;
+            }
+            self.pattern = Arc::new(pattern);
+            self.single.forget_copy();
+            self.full.forget_copy();
+            #[cfg(feature = "direct")]
+            {
+                self.direct = Default::default();
+            }
+        }
+        self.assembled = [false; 2];
+        true
+    }
 }
 
 /// One round of refinement with the complete factor of `matrix`.
@@ -116,13 +166,14 @@ fn solve_directly<S: Scalar>(
 impl<S: Scalar> LinearSolver<S> {
     /// Preconditioners and factors that are kept from solve to solve and still hold.
     pub fn memory(&mut self, topology: &Topology) -> LinearMemory<S> {
-        if self.revision != topology.revision {
-            return Vec::new();
-        }
+        self.follow(topology);
         let of = |(bodies, solver): &mut (Range<usize>, BodySolver<S>)| {
+            let of_rows = (topology, &*bodies, &solver.pattern);
             let memory = GroupMemory {
-                single: solver.single.memory(topology, bodies),
-                full: solver.full.memory(topology, bodies),
+                ends: solver.pattern.ends(),
+                is_used: solver.is_used,
+                single: solver.single.memory(of_rows),
+                full: solver.full.memory(of_rows),
                 #[cfg(feature = "direct")]
                 factorised: solver.direct.memory(),
                 #[cfg(not(feature = "direct"))]
@@ -149,14 +200,14 @@ impl<S: Scalar> LinearSolver<S> {
         }
         let mut old = std::mem::take(&mut self.groups);
         for (bodies, memory) in memory {
-            let at = old.iter().position(|(of, _)| of == bodies);
-            let mut solver = match at {
-                Some(at) => old.swap_remove(at).1,
-                None => BodySolver {
-                    pattern: Pattern::new(topology, bodies.clone()),
-                    ..BodySolver::default()
-                },
+            let fits = |(of, solver): &(Range<usize>, BodySolver<S>)| {
+                of == bodies && solver.pattern.ends() == memory.ends
             };
+            let mut solver = match old.iter().position(fits) {
+                Some(at) => old.swap_remove(at).1,
+                None => BodySolver::recalled(topology, bodies, &memory.ends)?,
+            };
+            solver.is_used = memory.is_used;
             let of_rows = (&solver.pattern, &rest[ranges(topology, bodies).0]);
             solver.single.recall(topology, bodies, of_rows, memory.single.as_ref())?;
             solver.full.recall(topology, bodies, of_rows, memory.full.as_ref())?;
@@ -165,6 +216,15 @@ impl<S: Scalar> LinearSolver<S> {
             self.groups.push((bodies.clone(), solver));
         }
         Ok(())
+    }
+
+    /// Goes on where blocks came or went, as a cut lets them: vertices have the rows that they had, and preconditioners of
+    /// bodies with as many rows as before are about right. Groups that nobody solved for since the last time are forgotten.
+    fn follow(&mut self, topology: &Topology) {
+        if self.revision != topology.revision {
+            self.revision = topology.revision;
+            self.groups.retain_mut(|(bodies, solver)| solver.follow(topology, bodies));
+        }
     }
 
     /// Solves the rows of consecutive bodies of `A x = b` from the start vector in `x`; `b` and `x` hold those
@@ -196,25 +256,24 @@ impl<S: Scalar> LinearSolver<S> {
         (x, seeds): (&mut [[S; 4]], &[Rows<S>]),
         options: &LinearOptions,
     ) -> CgOutcome {
-        if self.revision != system.topology.revision {
-            self.revision = system.topology.revision;
-            self.groups.clear();
-        }
+        self.follow(system.topology);
         let group = match self.groups.iter().position(|(of, _)| *of == bodies) {
             Some(group) => group,
             None => {
-                let pattern = Pattern::new(system.topology, bodies.clone());
+                let pattern = Arc::new(Pattern::new(system.topology, &bodies));
                 let solver = BodySolver { pattern, ..BodySolver::default() };
                 self.groups.push((bodies.clone(), solver));
                 self.groups.len() - 1
             }
         };
+        self.groups[group].1.is_used = true;
         if !options.same_matrix {
             self.groups[group].1.assembled = [false; 2];
         }
         let preconditioner = {
             let BodySolver { pattern, single, full, .. } = &self.groups[group].1;
-            let slow = single.is_slow() || full.is_slow();
+            let of = (system.topology, &bodies);
+            let slow = single.is_slow(of) || full.is_slow(of);
             resolve(options.preconditioner, system, pattern.used, slow)
         };
         let same_type = size_of::<S>() == size_of::<f32>();

@@ -71,9 +71,8 @@ impl<S: Scalar> SolverMemory<S> {
         }
         scratch.forget_sleep();
         let mut rest = std::mem::take(&mut scratch.rest);
-        if rest.len() != world.resource::<Topology>().vertex_count() {
-            read_rest(world, &mut rest);
-        }
+        // rows of cuts have other places than before
+        read_rest(world, &mut rest);
         let topology = world.resource::<Topology>();
         scratch.recovery.recall(topology, self.recovery.as_ref());
         let result = scratch.linear.recall(topology, &rest, &self.linear);

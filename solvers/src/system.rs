@@ -129,7 +129,7 @@ pub(crate) fn dot<T: Scalar>(a: &[[T; 4]], b: &[[T; 4]]) -> f64 {
 }
 
 /// Rows that a task works on, cut by size alone.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Piece {
     /// Block rows of the body.
     pub rows: Range<usize>,
@@ -138,7 +138,7 @@ pub struct Piece {
 }
 
 /// Non-zero pattern of the upper half of one body's matrix, and the pieces it is worked on in.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Pattern {
     /// First off-diagonal block of each row (one entry more than rows).
     pub start: Vec<u32>,
@@ -163,40 +163,56 @@ impl Pattern {
     }
 
     /// Pattern of consecutive bodies.
-    pub fn new(topology: &Topology, bodies: Range<usize>) -> Self {
-        let (rows, blocks) = ranges(topology, &bodies);
-        let start: Vec<u32> = topology.edge_start[rows.start..=rows.end]
-            .iter()
-            .map(|s| s - blocks.start as u32)
-            .collect();
-        let column: Vec<u32> =
-            topology.edges[blocks].iter().map(|e| e[1] - rows.start as u32).collect();
-        let n = rows.len();
-        let mut is_used: Vec<bool> = start.windows(2).map(|own| own[0] < own[1]).collect();
-        column.iter().for_each(|&c| is_used[c as usize] = true);
-        let used = is_used.iter().filter(|used| **used).count();
+    pub fn new(topology: &Topology, bodies: &Range<usize>) -> Self {
+        let (start, column, is_used) = blocks_of(topology, bodies);
+        let (n, used) = (is_used.len(), is_used.iter().filter(|used| **used).count());
         let count = ((used + ROWS_PER_PIECE / 2) / ROWS_PER_PIECE).clamp(1, MAX_PIECES);
         // equal numbers of blocks, the diagonal counted
         let total = used + column.len();
-        let mut passed = 0;
-        let mut pieces = Vec::with_capacity(count);
-        let mut first = 0;
+        let (mut passed, mut end, mut ends) = (0, 0, Vec::with_capacity(count));
         for piece in 1..=count {
             let target = total * piece / count;
-            let mut end = first;
             while end < n && (piece == count || passed + (start[end] as usize) < target) {
                 passed += usize::from(is_used[end]);
                 end += 1;
             }
-            if end == first {
-                continue;
-            }
-            let own = &column[start[first] as usize..start[end] as usize];
-            let reach = own.iter().map(|&c| c as usize + 1).max().unwrap_or(end).max(end);
-            pieces.push(Piece { rows: first..end, reach });
-            first = end;
+            ends.push(end as u32);
         }
-        Self { start, column, pieces, used }
+        Self { pieces: divided((&start, &column), &ends), start, column, used }
+    }
+
+    /// The same in pieces that end at these rows, as those of another pattern of the same rows do.
+    pub fn divided_at(topology: &Topology, bodies: &Range<usize>, ends: &[u32]) -> Self {
+        let (start, column, is_used) = blocks_of(topology, bodies);
+        let used = is_used.iter().filter(|used| **used).count();
+        Self { pieces: divided((&start, &column), ends), start, column, used }
+    }
+
+    /// Where its pieces end.
+    pub fn ends(&self) -> Vec<u32> {
+        self.pieces.iter().map(|piece| piece.rows.end as u32).collect()
+    }
+
+    /// Whether it can be one of so many rows: what comes out of a file may be anything.
+    pub fn is_sound(&self, rows: usize) -> bool {
+        let Self { start, column, pieces, used } = self;
+        let ascends = |own: &[u32]| own.windows(2).all(|two| two[0] < two[1]);
+        let of_row = |(row, own): (usize, &[u32])| {
+            let own = column.get(own[0] as usize..own[1] as usize);
+            own.is_some_and(|own| {
+                let beyond = |c: &u32| (row + 1..rows).contains(&(*c as usize));
+                ascends(own) && own.iter().all(beyond)
+            })
+        };
+        let ends = self.ends();
+        start.len() == rows + 1
+            && start[0] == 0
+            && start[rows] as usize == column.len()
+            && *used <= rows
+            && start.windows(2).enumerate().all(of_row)
+            && ascends(&ends)
+            && ends.last().is_some_and(|last| *last as usize == rows)
+            && divided((start, column), &ends) == *pieces
     }
 
     /// Number of block rows.
@@ -315,6 +331,33 @@ pub struct SystemMatrix<T> {
     /// Factor that brings the largest diagonal entry of the tangent and inertia to one: no number type
     /// overflows, and `f32` rounds the same in all units of measurement.
     pub factor: f64,
+}
+
+/// Where blocks of rows of consecutive bodies start, their columns, and which rows have blocks.
+fn blocks_of(topology: &Topology, bodies: &Range<usize>) -> (Vec<u32>, Vec<u32>, Vec<bool>) {
+    let (rows, blocks) = ranges(topology, bodies);
+    let start = &topology.edge_start[rows.start..=rows.end];
+    let start: Vec<u32> = start.iter().map(|s| s - blocks.start as u32).collect();
+    let edges = topology.edges[blocks].iter();
+    let column: Vec<u32> = edges.map(|e| e[1] - rows.start as u32).collect();
+    let mut is_used: Vec<bool> = start.windows(2).map(|own| own[0] < own[1]).collect();
+    column.iter().for_each(|&c| is_used[c as usize] = true);
+    (start, column, is_used)
+}
+
+/// Takes rows apart; pieces that would be empty are left out.
+fn divided((start, column): (&[u32], &[u32]), ends: &[u32]) -> Vec<Piece> {
+    let (mut first, mut pieces) = (0, Vec::with_capacity(ends.len()));
+    for end in ends.iter().map(|end| *end as usize) {
+        if end == first {
+            continue;
+        }
+        let own = &column[start[first] as usize..start[end] as usize];
+        let reach = own.iter().map(|&c| c as usize + 1).max().unwrap_or(end).max(end);
+        pieces.push(Piece { rows: first..end, reach });
+        first = end;
+    }
+    pieces
 }
 
 const CHUNK: usize = 2048;

@@ -9,6 +9,7 @@ use sinew_engine::element::{
 use sinew_engine::isoparametric::{AxisHexahedron, HexahedronIndex, QuadIndex};
 use sinew_engine::topology::Topology;
 use sinew_engine::vertex::BodyId;
+use std::sync::Arc;
 
 use crate::cutting::material::Material;
 use crate::laws::pooled::TriangleVertices;
@@ -51,7 +52,7 @@ pub(crate) struct BodyResection {
     /// Number of connected pieces.
     pub pieces: usize,
     /// Its material, once it was cut.
-    pub material: Option<Box<Material>>,
+    pub material: Option<Arc<Material>>,
 }
 
 /// Entities in whose rows the elements of a body stand.

@@ -9,6 +9,7 @@ use sinew_engine::scalar::Scalar;
 use sinew_engine::topology::Topology;
 use sinew_engine::vertex::{Displacement, RestPosition};
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use super::glue::{self, BY};
 use super::material::{Cell, Material, Order, Point, real};
@@ -58,8 +59,8 @@ pub struct EdgeMove {
 pub struct BladeView {
     /// Of what changes of the body it was made, and whether a stroke was going on that had opened something.
     of: Option<(u64, bool)>,
-    material: Material,
-    uncut: Uncut,
+    material: Arc<Material>,
+    uncut: Arc<Uncut>,
     /// A cell that has each point that no vertex is, of the uncut material.
     holders: Vec<u32>,
     /// Mean edge (m) at rest.
@@ -161,8 +162,8 @@ impl BladeView {
         let (first, rows) = (rows.vertices.start, nodes.map(|node| row_of(rows, node)).collect());
         let of = version(world, body);
         let uncut = match (&material.uncut, of) {
-            (Some(uncut), Some((_, true))) => (**uncut).clone(),
-            _ => Uncut::new(&material),
+            (Some(uncut), Some((_, true))) => uncut.clone(),
+            _ => Arc::new(Uncut::new(&material)),
         };
         let mut holders = vec![0; (uncut.points - material.vertices) as usize];
         for (number, cell) in (0..).zip(&material.cells) {

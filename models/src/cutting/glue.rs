@@ -339,9 +339,7 @@ pub(crate) fn refresh<S: Scalar>(world: &mut World, resection: Option<&mut Resec
                 }
             }));
             let rows = &mut world.resource_mut::<Topology>().bodies[body];
-            if piece != rows.piece {
-                (rows.piece, rows.splits) = (piece, rows.splits + 1);
-            }
+            rows.set_pieces(piece);
             own.pieces = rows.piece_count();
         }
         own.material = Some(material);

@@ -5,6 +5,7 @@ use sinew_engine::isoparametric::{hexahedron_shape, middle_of, tetrahedron10_sha
 use sinew_engine::layout::WHOLE_TRIANGLE;
 use sinew_engine::sets::DisjointSets;
 use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
 
 use super::blade::shares;
 use super::faces::Sheet;
@@ -187,7 +188,7 @@ impl Element {
 /// A blade divides the *material* only. An element whose material falls apart becomes as many copies of the same shape, each
 /// with its share of the volume and vertices of its own where the two sides come apart (virtual nodes: Molino, Bao, Fedkiw
 /// 2004; Sifakis, Der, Fedkiw 2007). So no small or flat element ever reaches a solver, and nothing is interpolated.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Debug, Default, PartialEq)]
 pub struct Material {
     /// Points; those of the mesh first.
     pub points: Vec<Point>,
@@ -200,7 +201,7 @@ pub struct Material {
     /// Number of vertices of the mesh.
     pub vertices: u32,
     /// What it was when the last stroke began.
-    pub uncut: Option<Box<Uncut>>,
+    pub uncut: Option<Arc<Uncut>>,
     /// Marks on edges of that which are cut, by their edges.
     pub(super) cut: Vec<Mark>,
     /// Kind of its elements.
@@ -209,6 +210,31 @@ pub struct Material {
     pub sheets: Vec<Sheet>,
     /// What glue holds, swept since or not; that of earlier strokes first.
     pub bonds: Vec<Bond>,
+}
+
+/// Places that a copy of a material has to spare: it is made for a cut.
+const ROOM: usize = 256;
+
+impl Clone for Material {
+    fn clone(&self) -> Self {
+        fn roomy<T: Copy>(list: &[T]) -> Vec<T> {
+            let mut own = Vec::with_capacity(list.len() + ROOM);
+            own.extend_from_slice(list);
+            own
+        }
+        Self {
+            points: roomy(&self.points),
+            cells: self.cells.clone(),
+            elements: roomy(&self.elements),
+            ghosts: self.ghosts.clone(),
+            vertices: self.vertices,
+            uncut: self.uncut.clone(),
+            cut: roomy(&self.cut),
+            order: self.order,
+            sheets: self.sheets.clone(),
+            bonds: self.bonds.clone(),
+        }
+    }
 }
 
 /// Where glue is in a triangle of a wound: middles of nine equal parts, by the corners.
@@ -358,7 +384,7 @@ impl Material {
     /// The same, with glue in all that opens.
     pub fn open_glued(&mut self, stroke: &Stroke, glue: Option<Gluing>) -> Vec<u32> {
         if !stroke.goes_on {
-            self.uncut = Some(Box::new(Uncut::new(self)));
+            self.uncut = Some(Arc::new(Uncut::new(self)));
             self.cut.clear();
             (0..).zip(&mut self.cells).for_each(|(number, cell)| cell.began = number);
         }

@@ -69,6 +69,7 @@ use sinew_engine::topology::{BodyRows, ElementTables, Topology};
 use sinew_engine::vertex::{Displacement, Mass, Position, RestPosition, Velocity, WeightShift};
 use sinew_identify::mass::MassLumping;
 use std::collections::BTreeSet;
+use std::sync::Arc;
 use std::time::Duration;
 
 use self::columns::{Changed, points_of};
@@ -404,12 +405,12 @@ fn in_mesh<const N: usize>(rows: &BodyRows, kind: ElementKind) -> Vec<[u32; N]> 
 }
 
 /// The material of a body as it is now.
-fn material_of(world: &World, body: usize, own: &BodyResection) -> Material {
+fn material_of(world: &World, body: usize, own: &BodyResection) -> Arc<Material> {
     let rows = &world.resource::<Topology>().bodies[body];
     let kind = kind_of(rows);
     let is_left = |e: u32| own.connectivity.is_present(kind, own.element_of[kind][e as usize]);
     let mut material = match &own.material {
-        Some(material) => (**material).clone(),
+        Some(material) => material.clone(),
         None => {
             let vertices = rows.mesh_vertices();
             let mut material = match order_of(rows) {
@@ -422,13 +423,17 @@ fn material_of(world: &World, body: usize, own: &BodyResection) -> Material {
                 let triangles = in_mesh::<3>(rows, ElementKind::Triangle).into_iter();
                 material.sheets = (0..).zip(triangles).map(Sheet::whole).collect();
             }
-            material
+            Arc::new(material)
         }
     };
-    material.keep(is_left);
     let of_sheets = own.element_of[ElementKind::Triangle].iter();
-    for (sheet, &row) in material.sheets.iter_mut().zip(of_sheets) {
-        sheet.is_gone = !own.connectivity.is_present(ElementKind::Triangle, row);
+    let gone = of_sheets.map(|&row| !own.connectivity.is_present(ElementKind::Triangle, row));
+    let same_sheets = gone.clone().zip(&material.sheets).all(|(gone, own)| own.is_gone == gone);
+    // all that is left whole is shared
+    if !(same_sheets && material.cells.iter().all(|cell| is_left(cell.element))) {
+        let material = Arc::make_mut(&mut material);
+        material.keep(is_left);
+        material.sheets.iter_mut().zip(gone).for_each(|(sheet, gone)| sheet.is_gone = gone);
     }
     material
 }
@@ -456,18 +461,15 @@ fn open<S: Scalar>(
     world: &mut World,
     body: usize,
     resection: &mut Resection,
-    (mut material, stroke): (Material, &Stroke),
+    (before, stroke): (Arc<Material>, &Stroke),
 ) -> Result<CutReport, CutError> {
     let own = resection.bodies[body].as_ref().expect("it was prepared");
     let old = world.resource::<Topology>().bodies[body].clone();
     let kind = kind_of(&old);
+    let mut material = (*before).clone();
     if !material.bears_sheets() {
         return Err(CutError::Body { body: old.name.clone(), problem: FREE_SHEETS.into() });
     }
-    let (whole, sheets) =
-        (own.material.is_none().then(|| material.elements.clone()), material.sheets.clone());
-    let known = own.material.as_ref().map(|own| &own.elements);
-    let before = known.or(whole.as_ref()).expect("one of both is there");
     let rest = rest_of(world, body);
     let at_rest = |vertex: u32| rest[row_of(&old, vertex) as usize];
     let area = material.wound_area(&at_rest);
@@ -483,16 +485,15 @@ fn open<S: Scalar>(
         origins = material.open_glued(stroke, gluing);
     }
     let changed: Vec<u32> = (0..material.elements.len())
-        .filter(|&e| before.get(e) != Some(&material.elements[e]))
+        .filter(|&e| before.elements.get(e) != Some(&material.elements[e]))
         .map(|e| e as u32)
         .collect();
     // also neighbours whose vertices are others now
     let is_parted = |e: &u32| {
-        before
-            .get(*e as usize)
-            .is_some_and(|was| was.portion != material.elements[*e as usize].portion)
+        let was = before.elements.get(*e as usize);
+        was.is_some_and(|was| was.portion != material.elements[*e as usize].portion)
     };
-    let copies = before.len()..material.elements.len();
+    let copies = before.elements.len()..material.elements.len();
     let mut report = CutReport {
         separated: changed.iter().copied().filter(is_parted).collect(),
         copies: copies.map(|e| [e as u32, material.elements[e].source]).collect(),
@@ -515,7 +516,7 @@ fn open<S: Scalar>(
     if !material.order.is_linear() {
         check_faces(world, &old, own, &changed)?;
     }
-    let sheets = changed_sheets(&sheets, &material);
+    let sheets = changed_sheets(&before.sheets, &material);
     let parted: Vec<u32> =
         report.separated.iter().map(|&e| own.element_of[kind][e as usize]).collect();
     let can_copy = |(kind, e): (ElementKind, u32)| {
@@ -535,8 +536,6 @@ fn open<S: Scalar>(
     before_edit::<S>(world);
     *resection = world.remove_resource().unwrap_or_default();
     log_edit(world, Edit::Cut { body, stroke: stroke.clone() });
-    let taken = resection.bodies[body].as_mut().and_then(|own| own.material.take());
-    let before = whole.or(taken.map(|own| own.elements)).expect("one of both is there");
     let parting = Parting { old, before, material, origins, changed, sheets, parted };
     (report.pieces, report.elastic_energy) = divide::<S>(world, body, resection, parting);
     Ok(report)
@@ -547,7 +546,7 @@ struct Parting {
     /// Rows of the body as they were.
     old: BodyRows,
     /// They as they were.
-    before: Vec<Element>,
+    before: Arc<Material>,
     /// And as they are to be.
     material: Material,
     /// For every new ghost the vertex or ghost in whose place it comes.
@@ -594,18 +593,18 @@ fn divide<S: Scalar>(
     }
     own.element_of[kind] = element_of;
     own.element_of[ElementKind::Triangle] = of_sheets;
-    new.piece = glue::pieces(world, (body, &new), own, &material);
-    new.splits += u64::from(new.piece != old.piece);
+    let pieces = glue::pieces(world, (body, &new), own, &material);
+    new.set_pieces(pieces);
     new.changes += 1;
     own.pieces = new.piece_count();
     let glued = own.glued_pairs(&material, &new);
     merge_edges(world, body, new.clone(), (&own.connectivity, &glued));
-    let elements = (&before[..], &material);
+    let elements = (&before.elements[..], &material);
     let rest = &rest_of(world, body);
     let (rows, numbers) = (&new, &changed[..]);
     let sheets = (&sheets[..], soft.as_ref().and_then(|soft| soft.membrane));
     columns::write::<S>(world, Changed { rows, own, elements, numbers, sheets, points, rest });
-    own.material = Some(Box::new(material));
+    own.material = Some(Arc::new(material));
     partition_laws::<S>(world);
     let tables = ElementTables::of(world);
     world.insert_resource(tables);
@@ -626,10 +625,9 @@ fn divide<S: Scalar>(
 pub(crate) fn divide_alike<S: Scalar>(world: &mut World, body: usize, material: &Material) {
     let Ok(mut resection) = prepared(world, body) else { return };
     let own = resection.bodies[body].as_ref().expect("it was prepared");
-    let whole = material_of(world, body, own);
-    let sheets = changed_sheets(&whole.sheets, material);
-    let before = whole.elements;
-    let is_other = |e: &usize| before.get(*e) != Some(&material.elements[*e]);
+    let before = material_of(world, body, own);
+    let sheets = changed_sheets(&before.sheets, material);
+    let is_other = |e: &usize| before.elements.get(*e) != Some(&material.elements[*e]);
     let changed = (0..material.elements.len()).filter(is_other).map(|e| e as u32).collect();
     let (origins, mut material) = (material.ghosts.clone(), material.clone());
     // here all copies fall off whole elements

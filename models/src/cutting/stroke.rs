@@ -147,11 +147,13 @@ impl Uncut {
                 }
             }
         }
-        let entered = |e: &u32| match to.again {
-            true => marks[*e as usize].is_some_and(|mark| mark.swept),
-            false => to.crossed.binary_search_by_key(e, |(own, _)| *own).is_ok(),
-        };
-        let is_entered = |cell: &usize| self.real_edges(*cell).any(|e| entered(&e));
+        let mut entered = vec![false; self.edges.len()];
+        to.crossed.iter().for_each(|(e, _)| entered[*e as usize] = true);
+        if to.again {
+            let swept = marks.iter().map(|mark| mark.is_some_and(|mark| mark.swept));
+            entered.iter_mut().zip(swept).for_each(|(entered, swept)| *entered |= swept);
+        }
+        let is_entered = |cell: &usize| self.real_edges(*cell).any(|e| entered[e as usize]);
         let mut cells: Vec<usize> = (0..self.cells.len()).filter(is_entered).collect();
         if !self.elements.is_empty() {
             let own: BTreeSet<u32> = cells.iter().map(|&cell| self.elements[cell]).collect();

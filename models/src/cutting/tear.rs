@@ -42,6 +42,7 @@ use sinew_engine::element::{displacement_gradient, volume_change};
 use sinew_engine::order::Order as Created;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::topology::Topology;
+use std::sync::Arc;
 
 use super::blade::{self, BladeViews};
 use super::material::{Material, NONE, Order, real};
@@ -108,8 +109,8 @@ pub struct TearReport {
 pub(super) struct TearView {
     /// Count of its changes.
     of: u64,
-    material: Material,
-    uncut: Uncut,
+    material: Arc<Material>,
+    uncut: Arc<Uncut>,
     parts: Vec<Vec<u32>>,
     held: Vec<Option<[u32; 4]>>,
     progress: Progress,
@@ -290,7 +291,7 @@ impl TearView {
             (0..material.vertices).map(|v| of_rows[row_of(own, v) as usize]).collect::<Vec<_>>();
         let nodes = 0..material.vertices + material.ghosts.len() as u32;
         let rows = nodes.map(|node| row_of(own, node)).collect();
-        let uncut = material.uncut.as_deref().cloned().unwrap_or_else(|| Uncut::new(&material));
+        let uncut = material.uncut.clone().unwrap_or_else(|| Arc::new(Uncut::new(&material)));
         let parts = material.parts();
         let held = material.held(&uncut, &parts);
         let progress = uncut.resume(&material, &held);

@@ -274,11 +274,7 @@ impl BodyResection {
             rows.piece[v as usize] = UNUSED;
         }
         if touched.may_split {
-            let pieces = self.connectivity.pieces();
-            if pieces != rows.piece {
-                rows.piece = pieces;
-                rows.splits += 1;
-            }
+            rows.set_pieces(self.connectivity.pieces());
             self.pieces = rows.piece_count();
         }
     }

@@ -9,6 +9,8 @@ use std::sync::Arc;
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(bound = "T: Scalar")]
 struct Values<T: Scalar> {
+    /// Pattern that the preconditioner was made for, where it is another one now.
+    pattern: Option<Arc<Pattern>>,
     /// Connected piece of every row when the aggregates were chosen.
     pieces: Vec<u32>,
     cholesky: Vec<FactorValues<T>>,
@@ -40,18 +42,22 @@ impl<T: Scalar> SharedValues<T> {
 pub struct MemoryMisfit;
 
 impl<T: Scalar> ConjugateGradients<T> {
+    /// Forgets the last copy of the values: the pattern is another one.
+    pub fn forget_copy(&mut self) {
+        self.shared.forget();
+    }
+
     /// The kept preconditioner, if the next solve may use it.
     pub fn memory(
         &mut self,
-        topology: &Topology,
-        bodies: &Range<usize>,
+        (topology, bodies, pattern): (&Topology, &Range<usize>, &Arc<Pattern>),
     ) -> Option<PreconditionerMemory<T>> {
-        // those of other pieces are thrown away at the next solve
-        let same = |kept: &&KeptFor| kept.splits == splits(topology, bodies);
-        let kept = self.kept.as_ref().filter(same)?.clone();
+        let kept = self.kept_for(topology, bodies)?.clone();
         let values = self.shared.0.get_or_insert_with(|| {
+            let (own, pieces) = &self.laid_out_for;
             Arc::new(Values {
-                pieces: self.laid_out_for.clone(),
+                pattern: (own != pattern).then(|| own.clone()),
+                pieces: pieces.clone(),
                 cholesky: self.cholesky.values(),
                 coarse: self.coarse.as_ref().map(CoarseSpace::values),
                 corrected: self.correction.is_some(),
@@ -68,7 +74,7 @@ impl<T: Scalar> ConjugateGradients<T> {
         &mut self,
         topology: &Topology,
         bodies: &Range<usize>,
-        (pattern, rest): (&Pattern, &[DVec3]),
+        (pattern, rest): (&Arc<Pattern>, &[DVec3]),
         memory: Option<&PreconditionerMemory<T>>,
     ) -> Result<(), MemoryMisfit> {
         let now = self.kept.take();
@@ -80,17 +86,22 @@ impl<T: Scalar> ConjugateGradients<T> {
         if !same {
             self.shared.forget();
             let n = pattern.len();
-            let fits = values.pieces.len() == n && kept.held.len() == n && rest.len() == n;
+            let own = values.pattern.as_ref();
+            let is_sound = own.is_none_or(|own| own.is_sound(n) && own.ends() == pattern.ends());
+            let fits =
+                is_sound && values.pieces.len() == n && kept.held.len() == n && rest.len() == n;
             if !fits || matches!(kept.kind, Preconditioner::Auto | Preconditioner::Direct) {
                 return Err(MemoryMisfit);
             }
             let corrected = values.corrected;
+            let own = own.unwrap_or(pattern);
             if now.is_none_or(|now| now.kind != kept.kind)
-                || self.laid_out_for != values.pieces
+                || self.laid_out_for.0 != *own
+                || self.laid_out_for.1 != values.pieces
                 || self.correction.is_some() != corrected
             {
                 let (piece, ends) = (&values.pieces, &ends(topology, bodies));
-                self.lay_out(pattern, Rows { rest, piece, ends }, kept.kind, corrected);
+                self.lay_out(own, Rows { rest, piece, ends }, kept.kind, corrected);
             }
             let coarse = match (&mut self.coarse, &values.coarse) {
                 (None, None) => true,
