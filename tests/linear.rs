@@ -11,7 +11,6 @@ use sinew::engine::scalar::Scalar;
 use sinew::engine::schedule::ForceSchedule;
 use sinew::engine::vertex::{ElasticForce, FixedAxes, Mass, RestPosition};
 use sinew::engine::workers::Workers;
-use sinew::models::body::Evaluation;
 use sinew::prelude::*;
 use sinew::solvers::cg::CgStatus;
 use sinew::solvers::linear_solver::{CgOutcome, LinearSolver};
