@@ -105,6 +105,33 @@ pub(crate) fn sums(simulation: &mut Simulation) -> Vec<f64> {
     sums
 }
 
+/// Elastic energy (J), and what [`sums`] says.
+pub(crate) fn books(simulation: &mut Simulation) -> (f64, Vec<f64>) {
+    (simulation.evaluate(), sums(simulation))
+}
+
+/// Holds against [`books`] of before: energies and mass by themselves, momenta of velocities of about 1 m/s by the mass, what forces add up to by
+/// the size of all of them.
+pub(crate) fn nothing_changed(
+    simulation: &mut Simulation,
+    before: &(f64, Vec<f64>),
+    tolerance: f64,
+    what: &str,
+) {
+    let after = books(simulation);
+    let what = format!("{what}: {before:?} {after:?}");
+    assert!((after.0 / before.0 - 1.0).abs() < tolerance, "{what}");
+    let forces: f64 = rows(simulation).iter().map(|row| row.4.length()).sum();
+    for (i, (a, b)) in after.1.iter().zip(&before.1).enumerate() {
+        let size = match i {
+            0 | 1 => *b,
+            2..8 => before.1[0],
+            _ => forces,
+        };
+        assert!((a - b).abs() < tolerance * size, "{i} {what}");
+    }
+}
+
 fn activate(simulation: &mut Simulation, body: BodyHandle, activation: f64) {
     for family in ["c", "d"] {
         simulation.set_activation(body, family, activation).unwrap();
