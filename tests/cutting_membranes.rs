@@ -143,29 +143,42 @@ fn what_is_cut_off_falls() {
     let mesh = film(6, 0.0);
     let held = vertices(&mesh.points, |x| x.y < 0.02);
     let loose = vertices(&mesh.points, |x| x.y > 0.04);
-    for precision in [Precision::F64, Precision::F32] {
+    let mut shortened = 0;
+    let both = [Integrator::Newton, Integrator::Safe];
+    for (precision, integrator) in
+        [Precision::F64, Precision::F32].into_iter().flat_map(|p| both.map(|by| (p, by)))
+    {
         let description = body(&mesh, MembraneModel::CompressibleBiquadratic);
         let (mut simulation, film) = alone(options(precision, 1), &description);
         let on = simulation.rows(film, "held", &held).unwrap();
         simulation.add_constraint(Constraint::hold("held", on));
-        // Safe steps are shortened for a body as a whole: the half that is held, slack under its weight, shortens one to a quarter (two
-        // backtracks in its report), and what falls loses three quarters of its speed with it.
-        simulation.integrate_by(Integrator::Newton);
+        simulation.integrate_by(integrator);
         simulation.cut(film, &across()).unwrap();
-        simulation.steps(20);
+        for _ in 0..20 {
+            simulation.step().unwrap();
+            // the half that is held, slack under its weight, overshoots; what falls does not stop for it
+            shortened +=
+                if integrator == Integrator::Safe { simulation.report().backtracks } else { 0 };
+        }
         let u = simulation.displacements(film);
         let time = simulation.time();
         let fallen = -0.5 * 9.81 * time * (time + 0.01);
-        let tolerance = if precision == Precision::F64 { 1e-9 } else { 1e-5 };
+        // a safe step solves to 1e-3
+        let tolerance = match (precision, integrator) {
+            (Precision::F64, Integrator::Newton) => 1e-9,
+            (Precision::F64, _) => 1e-6,
+            (Precision::F32, _) => 1e-5,
+        };
         for &v in &loose {
             assert!(
                 (u[v as usize].z / fallen - 1.0).abs() < tolerance,
-                "{} {fallen}",
+                "{precision:?} {integrator:?}: {} {fallen}",
                 u[v as usize].z
             );
         }
         assert!(held.iter().all(|v| u[*v as usize] == DVec3::ZERO));
     }
+    assert!(shortened > 0);
 }
 
 /// A slit of length `2 a` in a wide plate under a tension `s` across it opens by `4 s a / E` in its middle (plane stress). A cut is up to an

@@ -47,7 +47,7 @@
 )]
 
 use crate::scalar::Scalar;
-use bevy_ecs::prelude::Component;
+use bevy_ecs::prelude::{Component, Resource};
 use bytemuck::{Pod, TransparentWrapper, Zeroable};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -174,3 +174,19 @@ impl FixedAxes {
 #[component(clone_behavior = Ignore)]
 #[repr(transparent)]
 pub struct BodyId(pub u32);
+
+/// Cuts since an integrator last looked, for who remembers how vertices moved. Integrators take them away, and so does whoever
+/// sets the motion anew.
+#[derive(Resource, Clone, Debug, Default)]
+pub struct RecentCuts<S>(pub Vec<RecentCut<S>>);
+
+/// What a cut did to the vertices of a body.
+#[derive(Clone, Debug, Default)]
+pub struct RecentCut<S> {
+    /// Number of the body.
+    pub body: usize,
+    /// Rows that came to life, each with the row in whose place it is.
+    pub copies: Vec<[u32; 2]>,
+    /// Rows whose masses (kg) it shared out anew: before it and after.
+    pub masses: Vec<(u32, [S; 2])>,
+}

@@ -6,6 +6,7 @@ use sinew_engine::connectivity::ElementKind;
 use sinew_engine::law::partition_laws;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::topology::{ElementTables, Topology};
+use sinew_engine::vertex::RecentCuts;
 use std::sync::{Arc, OnceLock};
 
 use crate::axes::muscle;
@@ -158,6 +159,7 @@ impl EditImage {
         let tables = ElementTables::of(world);
         world.insert_resource(tables);
         world.remove_resource::<Resection>();
+        world.remove_resource::<RecentCuts<S>>();
         if let Some(resection) = &self.resection {
             rows_again(world, resection.clone());
         }

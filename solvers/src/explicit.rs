@@ -48,7 +48,7 @@ use sinew_engine::simd::{VectorKernel, vectorised};
 use sinew_engine::step::{StepClock, StepError};
 use sinew_engine::substep::WithinStep;
 use sinew_engine::topology::Topology;
-use sinew_engine::vertex::{Displacement, ElasticForce, FixedAxes, Velocity};
+use sinew_engine::vertex::{Displacement, ElasticForce, FixedAxes, RecentCuts, Velocity};
 use sinew_engine::workers::Workers;
 
 /// Work space of the explicit integrators, and what they remember from step to step.
@@ -275,6 +275,8 @@ pub fn explicit_step<S: Scalar>(
     report: &mut StepReport,
 ) -> Result<(), StepError> {
     let mut scratch = world.remove_resource::<ExplicitScratch<S>>().unwrap_or_default();
+    // nothing here remembers what vertices did before
+    world.remove_resource::<RecentCuts<S>>();
     scratch.node.read(world);
     let revision = Some(world.resource::<Topology>().revision);
     if scratch.revision != revision {

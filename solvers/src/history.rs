@@ -6,8 +6,8 @@ use bevy_ecs::prelude::*;
 use serde::{Deserialize, Serialize};
 use sinew_engine::scalar::Scalar;
 use sinew_engine::schedule::{ActiveLaws, law_inputs_unchanged};
-use sinew_engine::topology::Topology;
-use sinew_engine::vertex::FixedAxes;
+use sinew_engine::topology::{BodyRows, Topology};
+use sinew_engine::vertex::{FixedAxes, RecentCuts};
 use std::ops::Range;
 
 /// Ratios of step lengths over which BDF2 uses the last step; beyond them it starts again.
@@ -138,6 +138,41 @@ impl<S: Scalar> StepHistory<S> {
         let laws = world.get_resource::<ActiveLaws>().map_or(0, |laws| laws.0.len());
         let tick = self.tick.filter(|_| self.revision == revision && self.laws == laws);
         !self.void && tick.is_some_and(|tick| law_inputs_unchanged(world, tick))
+    }
+
+    /// Goes on through the cuts since the end of the last step: copies moved as the vertices did in whose place they are. The
+    /// energies do not go on.
+    pub fn follow_cuts(&mut self, world: &mut World) {
+        let Some(cuts) = world.remove_resource::<RecentCuts<S>>() else { return };
+        let topology = world.resource::<Topology>();
+        // nothing else may have changed it
+        let follows = |(body, rows): (usize, &BodyRows)| {
+            let count = cuts.0.iter().filter(|cut| cut.body == body).count() as u64;
+            count > 0
+                && self.changes.get(body).map(|changes| changes + count) == Some(rows.changes)
+                && rows.vertices.end as usize <= self.u.len()
+        };
+        let follows: Vec<bool> = topology.bodies.iter().enumerate().map(follows).collect();
+        let Self { u, v, increment, v_before, v_older: [older, oldest], .. } = self;
+        let mut fields = [u, v, increment, v_before, older, oldest];
+        for cut in cuts.0.iter().filter(|cut| follows[cut.body]) {
+            for [to, from] in cut.copies.iter().map(|rows| rows.map(|row| row as usize)) {
+                // the first steps have none before them
+                for field in fields.iter_mut().filter(|field| to.max(from) < field.len()) {
+                    field[to] = field[from];
+                }
+                self.fixed[to] = FixedAxes::NONE;
+            }
+            for &(row, [before, after]) in &cut.masses {
+                let known = &mut self.mass[row as usize];
+                if *known == before {
+                    *known = after;
+                }
+            }
+            self.changes[cut.body] = topology.bodies[cut.body].changes;
+            // it may have divided clusters
+            self.predicted.get_mut(cut.body).into_iter().for_each(Vec::clear);
+        }
     }
 
     /// Whether the part of a body is of its rows and elements: bodies that come, and elements that others lose, do not change it.

@@ -12,6 +12,7 @@ use bevy_ecs::prelude::*;
 use serde::{Deserialize, Serialize};
 use sinew_engine::scalar::Scalar;
 use sinew_engine::topology::Topology;
+use sinew_engine::vertex::RecentCuts;
 
 /// Kept values of the solvers that were used so far.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
@@ -36,6 +37,7 @@ impl<S: Scalar> SolverMemory<S> {
             self.linear.clear();
             return;
         };
+        scratch.history.follow_cuts(world);
         scratch.history.remember(world, &mut self.history);
         let topology = world.resource::<Topology>();
         self.recovery = scratch.recovery.memory(topology);
@@ -61,6 +63,8 @@ impl<S: Scalar> SolverMemory<S> {
     /// # Errors
     /// When it belongs to other bodies.
     pub fn recall(&self, world: &mut World) -> Result<(), MemoryMisfit> {
+        // the motion that is recalled is that after them
+        world.remove_resource::<RecentCuts<S>>();
         let mut scratch = world.remove_resource::<ImplicitScratch<S>>().unwrap_or_default();
         match &self.history {
             None => scratch.history = StepHistory::default(),

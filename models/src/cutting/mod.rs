@@ -66,7 +66,9 @@ use sinew_engine::scalar::Scalar;
 use sinew_engine::stopwatch::Stopwatch;
 use sinew_engine::surface::SurfacePoint;
 use sinew_engine::topology::{BodyRows, ElementTables, Topology};
-use sinew_engine::vertex::{Displacement, Mass, Position, RestPosition, Velocity, WeightShift};
+use sinew_engine::vertex::{
+    Displacement, Mass, Position, RecentCut, RecentCuts, RestPosition, Velocity, WeightShift,
+};
 use sinew_identify::mass::MassLumping;
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -571,7 +573,7 @@ fn divide<S: Scalar>(
     let soft = soft_of(world, body);
     let losing = soft.as_ref().map(|soft| own.parting::<S>(world, soft, &parted));
     let mut new = parted_rows(&old, own, &material, [&changed, &sheets]);
-    copy_vertices::<S>(world, &new, &origins);
+    let copies = copy_vertices::<S>(world, &new, &origins);
     let points = points_of(&material, &changed, &|vertex| rest[row_of(&old, vertex) as usize]);
     let element_of = new.rows_of(kind);
     for (e, (_, lumps)) in &points {
@@ -588,9 +590,11 @@ fn divide<S: Scalar>(
     let gone = chosen(&old, |kind, e| !own.connectivity.is_present(kind, e));
     connectivity.remove(&gone);
     let was = std::mem::replace(&mut own.connectivity, connectivity);
-    if let Some(soft) = &soft {
-        sum_masses::<S>(world, (body, soft), (&old, &was), (&new, &own.connectivity), &rows);
-    }
+    let masses = soft.as_ref().map(|soft| {
+        sum_masses::<S>(world, (body, soft), (&old, &was), (&new, &own.connectivity), &rows)
+    });
+    let cut = RecentCut { body, copies, masses: masses.unwrap_or_default() };
+    world.get_resource_or_init::<RecentCuts<S>>().0.push(cut);
     own.element_of[kind] = element_of;
     own.element_of[ElementKind::Triangle] = of_sheets;
     let pieces = glue::pieces(world, (body, &new), own, &material);
@@ -759,8 +763,8 @@ fn changed_sheets(before: &[Sheet], material: &Material) -> Vec<u32> {
     all.filter(is_other).map(|(t, _)| t).collect()
 }
 
-/// Gives the last ghosts of a body the state of the vertices or ghosts in whose place they come.
-fn copy_vertices<S: Scalar>(world: &mut World, rows: &BodyRows, origins: &[u32]) {
+/// Gives the last ghosts of a body the state of the vertices or ghosts in whose place they come; rows of each pair.
+fn copy_vertices<S: Scalar>(world: &mut World, rows: &BodyRows, origins: &[u32]) -> Vec<[u32; 2]> {
     let first = rows.vertices.start as usize;
     let to = first + rows.vertex_order.len() + rows.copies.ghosts.len() - origins.len();
     type Columns<S> = (
@@ -774,23 +778,26 @@ fn copy_vertices<S: Scalar>(world: &mut World, rows: &BodyRows, origins: &[u32])
     let Some((mut rest, mut x, mut u, mut v, mut vertex)) =
         single_table(query.contiguous_iter_mut(world))
     else {
-        return;
+        return Vec::new();
     };
-    for (to, &origin) in (to..).zip(origins) {
+    let copied = (to..).zip(origins).map(|(to, &origin)| {
         let from = first + row_of(rows, origin) as usize;
         (rest[to], x[to], u[to], v[to], vertex[to]) =
             (rest[from], x[from], u[from], v[from], vertex[from]);
-    }
+        [to as u32, from as u32]
+    });
+    copied.collect()
 }
 
-/// Shares the masses out again where elements, by their rows, came apart. What a removal left of removed elements stays where it is.
+/// Shares the masses out again where elements, by their rows, came apart: rows of masses that are others, with those before and
+/// now (kg). What a removal left of removed elements stays where it is.
 fn sum_masses<S: Scalar>(
     world: &mut World,
     (body, soft): (usize, &SoftBody),
     old: (&BodyRows, &Connectivity),
     new: (&BodyRows, &Connectivity),
     changed: &ByKind<Vec<u32>>,
-) {
+) -> Vec<(u32, [S; 2])> {
     let rest = rest_of(world, body);
     let mut vertices = BTreeSet::new();
     let changed = ElementKind::ALL.map(|kind| changed[kind].iter().map(move |&e| (kind, e)));
@@ -816,11 +823,13 @@ fn sum_masses<S: Scalar>(
     let first = new.0.vertices.start as usize;
     let mut query = world.query::<(&mut Mass<S>, &mut WeightShift<S>)>();
     let Some((mut mass, mut shift)) = single_table(query.contiguous_iter_mut(world)) else {
-        return;
+        return Vec::new();
     };
+    let mut masses = Vec::new();
     let [was, now] = &sums;
     for (at, &row) in vertices.iter().enumerate() {
         let row = first + row as usize;
+        let before = mass[row].0;
         let columns = [&mut mass[row].0, &mut shift[row].0];
         for (column, (was, now)) in columns.into_iter().zip(was.iter().zip(now)) {
             let kept = column.to_f64() - S::from_f64(was[at]).to_f64();
@@ -828,7 +837,11 @@ fn sum_masses<S: Scalar>(
                 *column = S::from_f64(now[at] + kept);
             }
         }
+        if mass[row].0 != before {
+            masses.push((row as u32, [before, mass[row].0]));
+        }
     }
+    masses
 }
 
 /// Adds the edges of copies and the pairs that glue couples to the edge graph, and numbers the blocks of all elements anew.

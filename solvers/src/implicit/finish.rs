@@ -34,11 +34,10 @@ impl<S: Scalar> Step<'_, S> {
             put_in += begin;
             self.bodies[index].budget += begin;
             let (body, scratch) = (&self.bodies[index], &mut *self.scratch);
-            let report = &mut *self.report;
             let rows = body.rows.clone();
             if dynamic {
                 let power = scratch.damping_power(body, self.settings.mass_damping);
-                report.damping_dissipation += self.dt * power;
+                self.report.damping_dissipation += self.dt * power;
             }
             let load_potential = scratch.node.load_potential(rows.clone(), &scratch.iterate);
             let potential = body.elastic + stored - load_potential;
@@ -47,9 +46,11 @@ impl<S: Scalar> Step<'_, S> {
                 && body.mode == StepMode::Safe
                 && body.exceeds_budget::<S>(kinetic, potential)
             {
-                kinetic = scratch.cap_energy(body, kinetic, potential);
-                report.energy_caps += 1;
+                kinetic = self.cap_energy(index, kinetic, [potential, stored]);
+                self.report.energy_caps += 1;
             }
+            let (body, scratch) = (&self.bodies[index], &mut *self.scratch);
+            let report = &mut *self.report;
             report.elastic_energy += body.elastic;
             if dynamic {
                 // what holds vertices also speeds them up and slows them down
@@ -112,6 +113,26 @@ impl<S: Scalar> Step<'_, S> {
                 scratch.velocity[orphan.row][k] = orphan.velocity[k];
             }
         }
+    }
+
+    /// Slows free unknowns of a body down until its energy is at its budget, if possible those of the pieces alone that gained some;
+    /// returns the kinetic energy (J) that is left. `stored` is the part of the potential energy (J) that is of contact.
+    fn cap_energy(&mut self, index: usize, kinetic: f64, [potential, stored]: [f64; 2]) -> f64 {
+        let some = self.rows_in_excess(index, stored);
+        let (body, scratch) = (&self.bodies[index], &mut *self.scratch);
+        let left = (body.budget - potential).max(0.0);
+        let of = |row| scratch.node.kinetic_energy(row..row + 1, &scratch.velocity)[0];
+        let own: f64 = some.iter().map(|&row| of(row)).sum();
+        let (slowed, factor) = match left - (kinetic - own) {
+            rest if some.len() < body.rows.len() && own > 0.0 && rest >= 0.0 => (some, rest / own),
+            _ => (body.rows.clone().collect(), left / kinetic),
+        };
+        for row in slowed {
+            for k in scratch.node.free_axes(row) {
+                scratch.velocity[row][k] *= S::from_f64(factor.sqrt());
+            }
+        }
+        scratch.node.kinetic_energy(body.rows.clone(), &scratch.velocity)[0]
     }
 
     /// Writes the new state into the columns and the history.
@@ -185,20 +206,6 @@ impl BodyStep {
 }
 
 impl<S: Scalar> ImplicitScratch<S> {
-    /// Slows the free unknowns of a body down until its energy is at its budget; returns the kinetic energy (J) that is
-    /// left.
-    fn cap_energy(&mut self, body: &BodyStep, kinetic: f64, potential: f64) -> f64 {
-        let factor = ((body.budget - potential).max(0.0) / kinetic).sqrt();
-        for row in body.rows.clone() {
-            for k in 0..3 {
-                if self.node.free(row, k) {
-                    self.velocity[row][k] *= S::from_f64(factor);
-                }
-            }
-        }
-        self.node.kinetic_energy(body.rows.clone(), &self.velocity)[0]
-    }
-
     /// For how long (s) all vertices of a body have been slower than `speed` (1/s) times its size at the end of a step of `dt` (s).
     fn calm(&self, body: &BodyStep, speed: f64, dt: f64) -> f64 {
         let most = speed * body.size;

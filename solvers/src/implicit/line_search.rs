@@ -20,13 +20,13 @@ const BENDS: u32 = 3;
 /// Energy of the volume error over the slope of the step, below which no further correction is made.
 const BENT_ENOUGH: f64 = 0.01;
 /// Most halvings of the line search.
-const MAX_HALVINGS: u32 = 30;
+pub(super) const MAX_HALVINGS: u32 = 30;
 
 /// The potential of a body along its Newton step, as differences to the current iterate: `linear t +
 /// quadratic t^2 / 2` from inertia, damping and loads, and the elastic energy.
-struct LineSearch {
+pub(super) struct LineSearch {
     /// Index of the body.
-    body: usize,
+    pub body: usize,
     linear: f64,
     quadratic: f64,
     /// Coefficients of `t^2`, `t^3` and `t^4` that the bend adds to the potential.
@@ -42,20 +42,22 @@ struct LineSearch {
     /// Differences of energy can be told from rounding.
     resolved: bool,
     /// Fraction of the Newton step that is tried.
-    fraction: f64,
+    pub fraction: f64,
     accepted: bool,
+    /// Whether pieces have fractions of their own in the direction; `None` before that was tried.
+    pub by_pieces: Option<bool>,
 }
 
 impl LineSearch {
     /// Change of the potential at the fraction tried, where the elastic energy changes by `elastic`.
-    fn change(&self, elastic: f64) -> f64 {
+    pub fn change(&self, elastic: f64) -> f64 {
         let t = self.fraction;
         let [b, c, d] = self.bent;
         elastic + t * self.linear + 0.5 * t * t * self.quadratic + t * t * (b + t * (c + t * d))
     }
 
     /// Whether a change of the potential is decrease enough.
-    fn accepts(&self, change: f64) -> bool {
+    pub fn accepts(&self, change: f64) -> bool {
         // an energy that falls without end is no decrease
         change.is_finite()
             && (!self.resolved || change <= ARMIJO * self.fraction * self.slope + self.rounding)
@@ -67,7 +69,8 @@ impl LineSearch {
         let t = self.fraction;
         // the solved system has d.A d = -slope
         let predicted = self.slope * (t - 0.5 * t * t);
-        (!self.touched && predicted.abs() > self.rounding).then(|| (change / predicted - 1.0).abs())
+        let is_whole = !self.touched && self.by_pieces != Some(true);
+        (is_whole && predicted.abs() > self.rounding).then(|| (change / predicted - 1.0).abs())
     }
 }
 
@@ -173,16 +176,21 @@ impl<S: Scalar> Step<'_, S> {
             }
             scratch.keep_momentum(rows);
         }
-        // coefficients of the potential
+        for search in searches {
+            self.add_bend(search);
+        }
+    }
+
+    /// Coefficients that the bend adds to the potential.
+    fn add_bend(&mut self, search: &mut LineSearch) {
+        let Self { world, scratch, bodies, .. } = self;
         let mut damped = Vec::new();
         if !scratch.damping.diagonal.is_empty() {
             damped.resize(scratch.bend.len(), [S::ZERO; 4]);
             let ImplicitScratch { damping, product, bend, .. } = &mut **scratch;
             damping.multiply(world.resource(), world.resource(), product, bend, &mut damped);
         }
-        for search in searches {
-            search.bent = scratch.bent(&bodies[search.body], &damped);
-        }
+        search.bent = scratch.bent(&bodies[search.body], &damped);
     }
 
     /// Contact energy and slope at the iterate, with the limits that the direction was found with.
@@ -204,7 +212,7 @@ impl<S: Scalar> Step<'_, S> {
         search.resolved = body.mode != StepMode::Converge || -search.slope > search.least;
     }
 
-    /// Moves a body by the fraction tried, gives its step up, or halves the fraction.
+    /// Moves a body by the fraction tried, gives its step up, or makes it shorter.
     fn judge(&mut self, search: &mut LineSearch) {
         let energy = self.bodies[search.body].sum(&self.world.resource::<ElasticEnergy>().by_body);
         let contact = self.contact_energy(search.body, At::Trial, Limits::Keep) - search.contact;
@@ -221,10 +229,23 @@ impl<S: Scalar> Step<'_, S> {
         } else if body.mode == StepMode::Trial {
             search.accepted = true;
             body.reject(Rejected::Shortened);
-        } else {
+        } else if !(body.mode == StepMode::Safe && self.shorten_pieces(search)) {
             self.report.backtracks += 1;
             search.fraction *= 0.5;
         }
+    }
+
+    /// The search of a body along another direction, and the slope (J) that contact has there.
+    pub(super) fn search_again(&mut self, index: usize) -> (LineSearch, f64) {
+        self.scratch.multiply_damping_by_direction(self.world);
+        let mut search = self.scratch.line_search(index, &self.bodies[index]);
+        let own = search.slope;
+        self.add_contact(&mut search);
+        if !self.scratch.bend.is_empty() {
+            self.add_bend(&mut search);
+        }
+        let contact = search.slope - own;
+        (search, contact)
     }
 }
 
@@ -288,7 +309,7 @@ impl<S: Scalar> ImplicitScratch<S> {
     }
 
     /// Product of the damping matrix and the direction, zero without one.
-    fn multiply_damping_by_direction(&mut self, world: &World) {
+    pub(super) fn multiply_damping_by_direction(&mut self, world: &World) {
         let Self { damping, product, direction, damped_direction, .. } = self;
         damped_direction.clear();
         damped_direction.resize(direction.len(), [S::ZERO; 4]);
@@ -299,7 +320,7 @@ impl<S: Scalar> ImplicitScratch<S> {
     }
 
     /// Trial displacements of a body at a fraction of its Newton step.
-    fn set_trial(&mut self, body: &BodyStep, fraction: f64) {
+    pub(super) fn set_trial(&mut self, body: &BodyStep, fraction: f64) {
         let fraction = S::from_f64(fraction);
         for row in body.rows.clone() {
             for k in 0..3 {
@@ -358,6 +379,7 @@ impl<S: Scalar> ImplicitScratch<S> {
             resolved,
             fraction: 1.0,
             accepted: false,
+            by_pieces: None,
         }
     }
 }

@@ -42,6 +42,7 @@ mod linearised_bdf2;
 mod local_stiffness;
 mod midpoint;
 mod newton;
+mod pieces;
 mod start;
 mod step;
 mod touch;

@@ -255,6 +255,7 @@ impl<'w, S: Scalar> Step<'w, S> {
     /// When a recovery does not end.
     pub fn recall(&mut self) -> Result<(), StepError> {
         let scratch = &mut *self.scratch;
+        scratch.history.follow_cuts(self.world);
         let (unchanged, past) = scratch.history.compare(self.world, &scratch.node, self.dt);
         // the potential of a pressure changes with time
         self.energies_hold = unchanged && !self.world.contains_resource::<SweptVolumes>();
