@@ -10,9 +10,10 @@ use sinew_engine::row::VertexRow;
 use sinew_engine::topology::{BodyRows, Topology};
 use sinew_models::cutting::glue::{GlueReport, glue_report};
 use sinew_models::cutting::{
-    CutError, CutReport, MaterialSkin, check_cut, cut_body, is_cut, node_places, node_velocities,
-    update_skin,
+    CutError, CutReport, FineSurface, MaterialSkin, carries_surface, carry_surface, check_cut,
+    cut_body, is_cut, node_places, node_velocities, update_skin,
 };
+use std::sync::Arc;
 
 /// # Cuts
 impl Simulation {
@@ -96,6 +97,26 @@ impl Simulation {
         let mut skin = MaterialSkin::default();
         self.update_skin(body, &mut skin)?;
         Ok(skin)
+    }
+
+    /// Lets a body of linear tetrahedra that can be cut carry a finer surface along: points (m) in the frame of its mesh, and triangles of
+    /// them, outward. It takes the place of all of its [skin](Self::skin) that no cut laid open: points move as the tetrahedron in which
+    /// they lie, or the nearest, and triangles through which a wound goes are divided along it. What was removed carries nothing.
+    ///
+    /// # Errors
+    /// When the body is none such, or a triangle has a point that there is not; nothing is changed then.
+    pub fn carry_surface(
+        &mut self,
+        body: BodyHandle,
+        points: &[DVec3],
+        triangles: &[[u32; 3]],
+    ) -> Result<Arc<FineSurface>, CutError> {
+        carry_surface(self.world_mut(), body.0, points, triangles)
+    }
+
+    /// Whether a body carries a surface along, or was cut: what is drawn of it is its [skin](Self::skin) then.
+    pub fn has_skin(&self, body: BodyHandle) -> bool {
+        self.is_cut(body) || carries_surface(self.world(), body.0)
     }
 
     /// Makes a [`skin`](Self::skin) of this simulation that of the present shape. While nothing was cut or removed since it was

@@ -18,6 +18,7 @@ mod determinism;
 mod documents;
 mod elements;
 mod explicit;
+mod fine_surface;
 mod glue;
 mod haptics;
 mod host;

@@ -17,7 +17,7 @@ pub struct Incidence {
 
 impl Incidence {
     /// Of `count` items, from the items of every element.
-    fn new(count: usize, items: &PerElement) -> Self {
+    pub fn new(count: usize, items: &PerElement) -> Self {
         let start = starts(count, items.flat().iter().copied());
         let mut next = start.clone();
         let mut elements = vec![0; items.flat().len()];

@@ -124,9 +124,8 @@ pub struct Writer {
     smallest: f64,
     /// First cell of every kind of each body, among those of its kind.
     start: Vec<ByKind<usize>>,
-    /// The surfaces that bodies carry along, at rest, and the body of each triangle; empty where none does.
-    surface: Mesh,
-    surface_body: Vec<f64>,
+    /// Whether bodies carry surfaces along.
+    has_surface: bool,
 }
 
 /// Checkpoints in a folder with their steps, ascending.
@@ -250,14 +249,6 @@ impl Writer {
             triangles.extend(b.membrane_triangles().iter().map(|t| t.map(|v| v + first)));
             quads.extend(b.membrane_quads().iter().map(|q| q.map(|v| v + first)));
         }
-        let (mut surface, mut surface_body) = (Mesh::default(), Vec::new());
-        for (i, b) in built.bodies.iter().enumerate() {
-            let Some(carried) = &b.carried else { continue };
-            let first = surface.points.len() as u32;
-            surface.points.extend_from_slice(&carried.points);
-            surface.triangles.extend(carried.triangles.iter().map(|t| t.map(|v| v + first)));
-            surface_body.resize(surface.triangles.len(), i as f64);
-        }
         let smallest = built.bodies.iter().map(|b| b.report.statistics.smallest_altitude);
         let smallest = smallest.fold(f64::INFINITY, f64::min);
         Self {
@@ -271,8 +262,7 @@ impl Writer {
             mesh,
             smallest,
             start,
-            surface,
-            surface_body,
+            has_surface: built.bodies.iter().any(|body| body.carried.is_some()),
         }
     }
 
@@ -387,7 +377,7 @@ impl Writer {
             ..VtuData::of_mesh(&mesh)
         };
         self.appear(&name, |path| write_vtu(path, &data))?;
-        if !self.surface.points.is_empty() {
+        if self.has_surface {
             self.surface_frame(built, &surface_name(&name))?;
         }
         self.frames.push((time, name));
@@ -396,29 +386,46 @@ impl Writer {
         if often { self.index().map(|_| ()) } else { Ok(()) }
     }
 
-    /// Writes the surfaces that bodies carry.
+    /// Writes the surfaces that bodies carry; of those that can be cut the whole skin, whose points and triangles are others after cuts.
     fn surface_frame(&self, built: &mut BuiltScene, name: &str) -> Result<(), RunError> {
+        let (mut mesh, mut of_body, mut of_wound) = (Mesh::default(), Vec::new(), Vec::new());
         let (mut u, mut v) = (Vec::new(), Vec::new());
-        for body in &built.bodies {
+        let BuiltScene { simulation, bodies, .. } = built;
+        for (i, body) in bodies.iter().enumerate() {
             let Some(carried) = &body.carried else { continue };
-            let of = |vectors: Vec<DVec3>| carried.embedding.displacements(&vectors);
-            u.extend(of(built.simulation.displacements(body.handle)));
-            v.extend(of(built.simulation.velocities(body.handle)));
+            let first = mesh.points.len() as u32;
+            let skin = simulation.has_skin(body.handle).then(|| simulation.skin(body.handle));
+            if let Some(Ok(skin)) = skin {
+                let velocities = simulation.node_velocities(body.handle);
+                mesh.points.extend_from_slice(&skin.rest);
+                u.extend(skin.points.iter().zip(&skin.rest).map(|(x, rest)| *x - *rest));
+                v.extend(skin.mean(|node| velocities[node as usize]));
+                mesh.triangles.extend(skin.triangles.iter().map(|t| t.map(|v| v + first)));
+                of_wound.extend(skin.wound.iter().map(|wound| f64::from(*wound)));
+            } else {
+                let of = |vectors: Vec<DVec3>| carried.embedding.displacements(&vectors);
+                mesh.points.extend_from_slice(&carried.points);
+                u.extend(of(simulation.displacements(body.handle)));
+                v.extend(of(simulation.velocities(body.handle)));
+                mesh.triangles.extend(carried.triangles.iter().map(|t| t.map(|v| v + first)));
+                of_wound.resize(mesh.triangles.len(), 0.0);
+            }
+            of_body.resize(mesh.triangles.len(), i as f64);
         }
-        let points: Vec<DVec3> = self.surface.points.iter().zip(&u).map(|(x, u)| x + u).collect();
+        let points: Vec<DVec3> = mesh.points.iter().zip(&u).map(|(x, u)| x + u).collect();
         let data = VtuData {
             points: &points,
             point_vectors: &[("displacement", &u), ("velocity", &v)],
-            cell_scalars: &[("body", &self.surface_body)],
+            cell_scalars: &[("body", &of_body), ("wound", &of_wound)],
             single_precision: fit_in_f32(&points, self.smallest) && fit_in_f32(&v, f64::INFINITY),
-            ..VtuData::of_mesh(&self.surface)
+            ..VtuData::of_mesh(&mesh)
         };
         self.appear(name, |path| write_vtu(path, &data)).map(drop)
     }
 
     /// Writes the index of the frames, and that of the frames of surfaces.
     fn index(&self) -> Result<PathBuf, RunError> {
-        if !self.surface.points.is_empty() {
+        if self.has_surface {
             let frames: Vec<_> =
                 self.frames.iter().map(|(t, name)| (*t, surface_name(name))).collect();
             self.appear(&format!("{}-surface.pvd", self.stem), |path| write_pvd(path, &frames))?;
@@ -446,7 +453,7 @@ impl Writer {
         let index = self.index()?;
         let mut written =
             vec![format!("{} (open in ParaView; {} frames)", index.display(), self.frames.len())];
-        if !self.surface.points.is_empty() {
+        if self.has_surface {
             let index = index.with_file_name(format!("{}-surface.pvd", self.stem));
             written.push(format!("{} (the surfaces that bodies carry)", index.display()));
         }

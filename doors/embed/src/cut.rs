@@ -81,7 +81,7 @@ impl Embedding {
 
     fn find_skin(&mut self, body: Handle, index: usize, own: &mut SkinBuffer) -> Result<()> {
         let simulation = &mut self.built.simulation;
-        if simulation.is_cut(BodyHandle(index)) {
+        if simulation.has_skin(BodyHandle(index)) {
             let is_new = simulation.update_skin(BodyHandle(index), &mut own.skin)?;
             own.points.clear();
             own.points.extend(own.skin.points.iter().map(|x| x.to_array()));

@@ -41,6 +41,7 @@ mod axes;
 pub mod blade;
 mod columns;
 pub mod faces;
+mod fine;
 pub mod glue;
 pub mod held;
 mod hexahedra;
@@ -76,6 +77,7 @@ use std::time::Duration;
 
 use self::columns::{Changed, points_of};
 use self::faces::Sheet;
+pub use self::fine::{FineSurface, carries_surface, carry_surface};
 use self::material::{Element, Material, NONE, Order};
 pub use self::skin::{
     MaterialSkin, cut_material, is_cut, node_places, node_velocities, update_skin,

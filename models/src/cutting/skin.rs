@@ -9,8 +9,9 @@ use sinew_engine::topology::Topology;
 use sinew_engine::vertex::Velocity;
 use std::collections::BTreeMap;
 
-use super::material::{Element, Material, Order};
-use super::{CutError, material_of, places, prepared, rest_of, row_of};
+use super::fine::{FineSurface, FineSurfaces, Grip, vertices_at_rest};
+use super::material::{Element, Material, NONE, Order};
+use super::{CutError, material_of, places, prepared, row_of};
 use crate::body::present::Resection;
 
 /// The surface of the material of a body in its present shape.
@@ -19,7 +20,8 @@ use crate::body::present::Resection;
 /// came. Whatever is known at nodes is known at the points by the same weights.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct MaterialSkin {
-    /// Places (m): first of all vertices of the mesh, then of points that cuts made. Both sides of a wound have points of their
+    /// Places (m): first of all vertices of the mesh, then of all points of a [surface](super::carry_surface) that the body
+    /// carries, then of points that cuts made. Both sides of a wound have points of their
     /// own, and so has a wound beside the surface round it. Triangles round a point are one smooth surface but for two things:
     /// edges of the body, and the end of a cut, where both sides meet in the same points.
     pub points: Vec<DVec3>,
@@ -39,8 +41,8 @@ pub struct MaterialSkin {
     pub nodes: Vec<[u32; 4]>,
     /// Their weights, which add up to 1; those of no weight come last.
     pub weights: Vec<[f64; 4]>,
-    /// The body and the count of its changes that it is of.
-    of: Option<(usize, u64)>,
+    /// The body, the count of its changes, and that of the surfaces given, that it is of.
+    of: Option<(usize, u64, u64)>,
 }
 
 impl MaterialSkin {
@@ -55,7 +57,7 @@ impl MaterialSkin {
         })
     }
 
-    fn add(&mut self, nodes: [u32; 4], weights: [f64; 4]) -> u32 {
+    pub(super) fn add(&mut self, nodes: [u32; 4], weights: [f64; 4]) -> u32 {
         self.nodes.push(nodes);
         self.weights.push(weights);
         self.nodes.len() as u32 - 1
@@ -96,10 +98,12 @@ pub fn update_skin<S: Scalar>(
     body: usize,
     skin: &mut MaterialSkin,
 ) -> Result<bool, CutError> {
-    let of = world.resource::<Topology>().bodies.get(body).map(|rows| (body, rows.changes));
+    let surface = FineSurfaces::of(world, body);
+    let given = surface.as_ref().map_or(0, |(_, given)| *given);
+    let of = world.resource::<Topology>().bodies.get(body).map(|rows| (body, rows.changes, given));
     let is_new = of.is_none() || skin.of != of;
     if is_new {
-        build(world, body, skin)?;
+        build(world, body, skin, surface.as_ref().map(|(surface, _)| &**surface))?;
         skin.of = of;
     }
     let at = places::<S>(world, body);
@@ -111,7 +115,12 @@ pub fn update_skin<S: Scalar>(
     Ok(is_new)
 }
 
-fn build(world: &mut World, body: usize, skin: &mut MaterialSkin) -> Result<(), CutError> {
+fn build(
+    world: &mut World,
+    body: usize,
+    skin: &mut MaterialSkin,
+    surface: Option<&FineSurface>,
+) -> Result<(), CutError> {
     let resection = prepared(world, body)?;
     let own = resection.bodies[body].as_ref().expect("it was prepared");
     let material = material_of(world, body, own);
@@ -120,16 +129,17 @@ fn build(world: &mut World, body: usize, skin: &mut MaterialSkin) -> Result<(), 
         *skin = MaterialSkin::default();
         return Ok(());
     }
-    let rest = rest_of(world, body);
-    let rows = &world.resource::<Topology>().bodies[body];
-    let rest: Vec<DVec3> = (0..material.vertices).map(|v| rest[row_of(rows, v) as usize]).collect();
+    let rest = vertices_at_rest(world, body, material.vertices);
     *skin = MaterialSkin::default();
     for vertex in 0..material.vertices {
         skin.add([vertex; 4], [1.0, 0.0, 0.0, 0.0]);
     }
+    let grip = surface.map(|surface| (surface, Grip::new(&material, &rest)));
+    let holds = grip.as_ref().map(|(surface, grip)| surface.hang(grip, skin));
     let mut known = BTreeMap::new();
     // the vertices of the mesh behind each point
     let mut origins: Vec<(u32, bool)> = (0..material.vertices).map(|v| (v, false)).collect();
+    origins.resize(skin.nodes.len(), (NONE, false));
     let mut place = |skin: &mut MaterialSkin, element: u32, wound: bool, point: u32| {
         let (nodes, weights) = moved_by(&material, &material.elements[element as usize], point);
         if nodes == [point; 4] {
@@ -159,13 +169,21 @@ fn build(world: &mut World, body: usize, skin: &mut MaterialSkin) -> Result<(), 
         let used = point.vertices.iter().zip(point.weights).filter(|(_, w)| *w != 0.0);
         used.map(|(&v, w)| w * rest[v as usize]).sum::<DVec3>()
     };
-    skin.rest = origins.iter().map(|&(point, _)| at_rest(point)).collect();
+    let mut of_surface = surface.iter().flat_map(|surface| surface.points());
+    let place = |&(point, _): &(u32, bool)| match point {
+        NONE => of_surface.next().copied().unwrap_or_default(),
+        point => at_rest(point),
+    };
+    skin.rest = origins.iter().map(place).collect();
     skin.depth = vec![0.0; origins.len()];
     if skin.wound.contains(&true) {
         let surface = Surface::new(&material, &rest);
         for (i, _) in origins.iter().enumerate().filter(|(_, (_, wound))| *wound) {
             skin.depth[i] = surface.distance(skin.rest[i]);
         }
+    }
+    if let (Some((surface, grip)), Some(holds)) = (&grip, &holds) {
+        surface.weave(grip, (holds, material.vertices), skin);
     }
     Ok(())
 }
@@ -248,7 +266,7 @@ impl Surface {
 }
 
 /// Corners of the elements of the mesh.
-fn elements(material: &Material) -> impl Iterator<Item = [u32; 4]> {
+pub(super) fn elements(material: &Material) -> impl Iterator<Item = [u32; 4]> {
     let own = (0..).zip(&material.elements).filter(|(e, element)| element.source == *e);
     own.map(|(_, element): (u32, &Element)| element.vertices)
 }

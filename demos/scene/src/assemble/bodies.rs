@@ -142,6 +142,19 @@ pub(super) fn body(
     if let Some(entry) = body.tear {
         tear(&key.at("tear"), entry, handle, built)?;
     }
+    let can_part = built.simulation.topology().bodies[handle.0].spare > 0;
+    if let Some(carried) = carried.as_ref().filter(|_| can_part) {
+        let own = built.simulation.carry_surface(handle, &carried.points, &carried.triangles);
+        if let Err(error) = own {
+            built.warnings.push(Warning::new(
+                "scene.surface.cuts",
+                Level::Note,
+                format!("`{}`", key.path()),
+                format!("its surface is not drawn, and not followed through cuts: {error}"),
+                "leave `spare` out where the body is not to be cut",
+            ));
+        }
+    }
     let mass = built.simulation.masses(handle).iter().sum();
     Ok(BuiltBody {
         name: body.name.clone(),

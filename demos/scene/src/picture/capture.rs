@@ -272,7 +272,7 @@ impl Recorder {
             let world = built.simulation.world_mut();
             let measured = (needs_measures || has_fibres(body)).then(|| measured(world, i, body));
             let (first, faces, changes, wound) = (points.len(), Vec::new(), None, None);
-            // cuts open the body, of which the surface knows nothing
+            // a skin has the surface in it, through cuts
             let carries = body.carried.is_some() && !cutting;
             self.parts.push(BodyPart { first, carries, measured, faces, changes, wound });
             points.extend(body.mesh.points.iter().map(|p| p.as_vec3().to_array()));
@@ -295,7 +295,9 @@ impl Recorder {
         // only what can be seen, unless removals or a page open bodies
         let mut kept = vec![cutting; points.len()];
         for part in &self.parts {
-            for v in part.faces.iter().flat_map(|f| f.vertices) {
+            // points that cuts made are not among them
+            let most = part.wound.as_ref().map_or(u32::MAX, |wound| wound.vertices as u32);
+            for v in part.faces.iter().flat_map(|f| f.vertices).filter(|v| *v < most) {
                 kept[part.first + v as usize] = true;
             }
         }
@@ -339,7 +341,9 @@ impl Recorder {
             let of_point = 6 + self.recording.fields.len() + if cutting { 32 } else { 0 };
             // and points of wounds, about as many as vertices are kept for it
             let spare: usize = built.simulation.topology().bodies.iter().map(|b| b.spare).sum();
-            let points = self.kept.len() + spare;
+            let carried = built.bodies.iter().filter_map(|body| body.carried.as_ref());
+            let carried: usize = carried.map(|own| own.points.len()).sum();
+            let points = self.kept.len() + spare + if cutting { carried } else { 0 };
             let most = (PAGE.0 / (of_point * points).max(1)).clamp(2, PAGE.1);
             self.open.1 = most;
             let (every, last) = ((self.due - 1).div_ceil(most - 1).max(1), self.due - 1);
@@ -421,7 +425,7 @@ impl Recorder {
                 continue;
             }
             part.changes = changes;
-            if simulation.is_cut(body.handle)
+            if simulation.has_skin(body.handle)
                 && let Some(faces) = part.wound.get_or_insert_default().faces(simulation, body)
             {
                 (part.faces, changed) = (faces, true);

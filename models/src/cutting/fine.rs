@@ -1,0 +1,458 @@
+//! A surface that is finer than the mesh of a body and carried along by it, through cuts: it takes the place of all of the
+//! [skin](super::MaterialSkin) that is no wound.
+//!
+//! Every point hangs on the element in which it lies, or the nearest. Where a cut parted that one, it hangs on the copy that has the
+//! material nearest to it. Two points are apart when the elements that move them have vertices of the mesh in common and none
+//! that moves both. An edge between such points is cut where its one side ends, found by bisection, and its triangles with it; each
+//! side of the wound has points of its own there, which are at one place at rest. The edges of the wound are brought to these points.
+
+use bevy_ecs::prelude::*;
+use glam::{DMat3, DVec3};
+use sinew_engine::connectivity::{ElementKind, Incidence, PerElement};
+use sinew_engine::mesh::{EmbeddedPoints, Mesh};
+use sinew_engine::surface::closest_point;
+use sinew_engine::topology::Topology;
+use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::sync::Arc;
+
+use super::material::{Material, Order};
+use super::skin::{cut_material, elements};
+use super::{CutError, MaterialSkin, check_cut, in_mesh, order_of, rest_of, row_of};
+
+/// Halvings of an edge that look for the place where one side of a wound ends: to 1/4096 of its length.
+const HALVINGS: u32 = 12;
+/// Halvings of an edge whose ends have no vertex of the mesh in common.
+const STEPS: u32 = 6;
+/// Part of the size of an element by which a point may lie away from material that is left, beyond what it lies outside of the mesh.
+const SLACK: f64 = 1e-6;
+/// Edges of the mesh up to which an edge of a wound is brought to the surface.
+const NEAR: f64 = 2.0;
+
+/// Surfaces that bodies carry, by body.
+#[derive(Resource, Clone, Debug, Default)]
+pub struct FineSurfaces {
+    own: BTreeMap<usize, Arc<FineSurface>>,
+    /// Surfaces given so far.
+    count: u64,
+}
+
+impl FineSurfaces {
+    /// That of a body, with a number that is another after each change.
+    pub(super) fn of(world: &World, body: usize) -> Option<(Arc<FineSurface>, u64)> {
+        let all = world.get_resource::<Self>()?;
+        Some((all.own.get(&body)?.clone(), all.count))
+    }
+}
+
+/// A surface in a body that carries it.
+#[derive(Clone, Debug)]
+pub struct FineSurface {
+    points: Vec<DVec3>,
+    triangles: Vec<[u32; 3]>,
+    /// Tetrahedron of the mesh that each point hangs on.
+    tetrahedra: Vec<u32>,
+    /// Points that lie in none.
+    pub outside: usize,
+    /// Largest distance (m) of such a point from the tetrahedron that it hangs on.
+    pub farthest: f64,
+}
+
+/// Lets a body that can be cut carry a surface along: points (m) in the frame of its mesh, and triangles of them, outward. From then on
+/// it is the part of its skin that no cut laid open.
+///
+/// # Errors
+/// When the body cannot be cut or is not of linear tetrahedra, and when a triangle has a point that there is not; nothing is changed then.
+pub fn carry_surface(
+    world: &mut World,
+    body: usize,
+    points: &[DVec3],
+    triangles: &[[u32; 3]],
+) -> Result<Arc<FineSurface>, CutError> {
+    check_cut(world, body)?;
+    let rows = world.resource::<Topology>().bodies[body].clone();
+    let wrong = |problem: &str| {
+        let problem = problem.into();
+        CutError::Body { body: rows.name.clone(), problem }
+    };
+    if order_of(&rows) != Order::Linear {
+        return Err(wrong(
+            "only linear tetrahedra carry a surface through cuts; take such, or no surface",
+        ));
+    }
+    let known = triangles.iter().flatten().all(|&p| (p as usize) < points.len());
+    if !known || triangles.is_empty() || !points.iter().all(|p| p.is_finite()) {
+        return Err(wrong(
+            "the surface it is to carry has no triangles, points that are not finite, or triangles of points that there are not",
+        ));
+    }
+    let tetrahedra = match cut_material(world, body) {
+        None => in_mesh(&rows, ElementKind::Tetrahedron),
+        Some(material) => elements(material).collect(),
+    };
+    let rest = vertices_at_rest(world, body, rows.mesh_vertices() as u32);
+    let mesh = Mesh { points: rest, tetrahedra, ..Mesh::default() };
+    let embedding =
+        EmbeddedPoints::new(&mesh, points).ok_or_else(|| wrong("it has no elements"))?;
+    let surface = Arc::new(FineSurface {
+        points: points.to_vec(),
+        triangles: triangles.to_vec(),
+        tetrahedra: embedding.cells().map(|(_, cell)| cell).collect(),
+        outside: embedding.outside,
+        farthest: embedding.farthest,
+    });
+    let mut all = world.get_resource_or_init::<FineSurfaces>();
+    all.own.insert(body, surface.clone());
+    all.count += 1;
+    Ok(surface)
+}
+
+/// Whether a body carries a surface along.
+pub fn carries_surface(world: &World, body: usize) -> bool {
+    FineSurfaces::of(world, body).is_some()
+}
+
+/// Places (m) of the vertices of the mesh at rest.
+pub(super) fn vertices_at_rest(world: &mut World, body: usize, count: u32) -> Vec<DVec3> {
+    let rest = rest_of(world, body);
+    let rows = &world.resource::<Topology>().bodies[body];
+    (0..count).map(|v| rest[row_of(rows, v) as usize]).collect()
+}
+
+/// Element, of the mesh or a copy, that moves a point.
+pub(super) type Hold = u32;
+
+/// Material that points of a surface hang on.
+pub(super) struct Grip<'a> {
+    material: &'a Material,
+    rest: &'a [DVec3],
+    /// Places (m) at rest of the points of the material.
+    places: Vec<DVec3>,
+    /// Cells of every tetrahedron of the mesh that are left.
+    cells: Vec<Vec<u32>>,
+    /// Tetrahedra of the mesh round every vertex.
+    round: Incidence,
+}
+
+impl<'a> Grip<'a> {
+    pub fn new(material: &'a Material, rest: &'a [DVec3]) -> Self {
+        let place = |point: &super::material::Point| {
+            let used = point.vertices.iter().zip(point.weights).filter(|(_, w)| *w != 0.0);
+            used.map(|(&v, w)| w * rest[v as usize]).sum()
+        };
+        let whole: Vec<[u32; 4]> = elements(material).collect();
+        let mut cells = vec![Vec::new(); whole.len()];
+        for (number, cell) in (0..).zip(&material.cells) {
+            cells[material.elements[cell.element as usize].source as usize].push(number);
+        }
+        Self {
+            material,
+            rest,
+            places: material.points.iter().map(place).collect(),
+            cells,
+            round: Incidence::new(rest.len(), &PerElement::from(whole)),
+        }
+    }
+
+    fn vertices(&self, tetrahedron: u32) -> [u32; 4] {
+        self.material.elements[tetrahedron as usize].vertices
+    }
+
+    fn corners(&self, tetrahedron: u32) -> [DVec3; 4] {
+        self.vertices(tetrahedron).map(|v| self.rest[v as usize])
+    }
+
+    /// What moves a place near some tetrahedra of the mesh; `None` where the material there is gone.
+    fn at(&self, place: DVec3, among: impl Iterator<Item = u32>) -> Option<Hold> {
+        let mut best: Option<(f64, u32, u32)> = None;
+        let mut nearest = f64::INFINITY;
+        for tetrahedron in among {
+            let corners = self.corners(tetrahedron);
+            let away = distance(place, corners);
+            nearest = nearest.min(away);
+            let least = best.map_or(f64::INFINITY, |(least, ..)| least);
+            if away >= least {
+                continue;
+            }
+            for &cell in &self.cells[tetrahedron as usize] {
+                let own = &self.material.cells[cell as usize];
+                let away = distance(place, own.corners.map(|p| self.places[p as usize]));
+                if best.is_none_or(|(least, ..)| away < least) {
+                    best = Some((away, own.element, tetrahedron));
+                }
+            }
+        }
+        let (away, element, tetrahedron) = best?;
+        let corners = self.corners(tetrahedron);
+        let size = corners[0].distance(corners[1]);
+        (away <= nearest + SLACK * size).then_some(element)
+    }
+
+    /// The tetrahedra that have vertices in common with one of two.
+    fn round(&self, both: [u32; 2]) -> BTreeSet<u32> {
+        let of = |tetrahedron| self.vertices(tetrahedron).into_iter();
+        both.into_iter().flat_map(of).flat_map(|v| self.round.of(v).iter().copied()).collect()
+    }
+
+    /// Tetrahedron of the mesh behind a hold.
+    fn source(&self, hold: Hold) -> u32 {
+        self.material.elements[hold as usize].source
+    }
+
+    /// Whether nothing moves two points both; `None` where that is not plain: where nothing could, and where something does of what could.
+    fn are_apart(&self, a: Hold, b: Hold) -> Option<bool> {
+        let [a, b] = [a, b].map(|hold| &self.material.elements[hold as usize]);
+        let both = (0..4).flat_map(|i| (0..4).map(move |j| (i, j)));
+        let both = both.filter(|&(i, j)| a.vertices[i] == b.vertices[j]);
+        let (mut same, mut other) = (0, 0);
+        both.for_each(|(i, j)| *if a.nodes[i] == b.nodes[j] { &mut same } else { &mut other } += 1);
+        match (same, other) {
+            // parts of one element are apart, also where a vertex moves both
+            (4, 0) => Some(false),
+            _ if a.source == b.source => Some(true),
+            (0, 0) => None,
+            (_, 0) => Some(false),
+            (0, _) => Some(true),
+            _ => None,
+        }
+    }
+
+    fn have_common(&self, a: Hold, b: Hold) -> bool {
+        let [a, b] = [a, b].map(|hold| &self.material.elements[hold as usize]);
+        a.vertices.iter().any(|v| b.vertices.contains(v))
+    }
+
+    /// Whether a wound goes through an edge between two places.
+    fn is_cut(&self, [(p, a), (q, b)]: [(DVec3, Hold); 2], steps: u32) -> bool {
+        if let Some(apart) = self.are_apart(a, b) {
+            return apart;
+        }
+        let middle = 0.5 * (p + q);
+        let near = self.round([self.source(a), self.source(b)]);
+        let found = (steps > 0).then(|| self.at(middle, near.into_iter())).flatten();
+        // a wound ends between neighbours, or what is looked for is too small
+        let Some(hold) = found else { return self.have_common(a, b) };
+        self.is_cut([(p, a), (middle, hold)], steps - 1)
+            || self.is_cut([(middle, hold), (q, b)], steps - 1)
+    }
+
+    /// The place where a wound goes through an edge between two places.
+    fn crossing(&self, [(p, a), (q, b)]: [(DVec3, Hold); 2]) -> DVec3 {
+        let near = self.round([self.source(a), self.source(b)]);
+        let [mut low, mut high] = [0.0, 1.0];
+        for _ in 0..HALVINGS {
+            let middle = 0.5 * (low + high);
+            let place = p.lerp(q, middle);
+            let own = self.at(place, near.iter().copied());
+            match own.is_some_and(|own| self.is_cut([(p, a), (place, own)], 0)) {
+                true => high = middle,
+                false => low = middle,
+            }
+        }
+        p.lerp(q, 0.5 * (low + high))
+    }
+
+    /// A point of a skin at a place that an element moves.
+    fn nodes(&self, hold: Hold, place: DVec3) -> ([u32; 4], [f64; 4]) {
+        let element = &self.material.elements[hold as usize];
+        (element.nodes, shares(place, element.vertices.map(|v| self.rest[v as usize])))
+    }
+}
+
+/// Weights of the corners of a tetrahedron at a place, which may lie outside.
+fn shares(place: DVec3, [a, b, c, d]: [DVec3; 4]) -> [f64; 4] {
+    let part = DMat3::from_cols(b - a, c - a, d - a).inverse() * (place - a);
+    [1.0 - part.element_sum(), part.x, part.y, part.z]
+}
+
+/// Distance (m) of a place from a tetrahedron: 0 inside.
+fn distance(place: DVec3, corners: [DVec3; 4]) -> f64 {
+    // of a flat one that of its faces
+    if shares(place, corners).iter().all(|share| *share >= 0.0) {
+        return 0.0;
+    }
+    let faces = [[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]];
+    let of = |face: [usize; 3]| {
+        let corners = face.map(|i| corners[i]);
+        let near: DVec3 =
+            closest_point(place, corners).iter().zip(corners).map(|(share, x)| *share * x).sum();
+        place.distance(near)
+    };
+    faces.map(of).into_iter().fold(f64::INFINITY, f64::min)
+}
+
+/// A skin whose surface is replaced.
+struct Weave<'a> {
+    surface: &'a FineSurface,
+    grip: &'a Grip<'a>,
+    skin: &'a mut MaterialSkin,
+    /// What moves every point of the surface, and the number of the first of them in the skin.
+    holds: &'a [Option<Hold>],
+    first: u32,
+    /// Points in the skin where a wound goes through an edge, that of its lower end first.
+    crossings: HashMap<[u32; 2], Option<[u32; 2]>>,
+    /// Points of the skin at the edges of wounds, with what moves them.
+    lips: Vec<(u32, Hold)>,
+}
+
+impl Weave<'_> {
+    fn add(&mut self, hold: Hold, place: DVec3) -> u32 {
+        let (nodes, weights) = self.grip.nodes(hold, place);
+        self.skin.rest.push(place);
+        self.skin.depth.push(0.0);
+        self.skin.add(nodes, weights)
+    }
+
+    fn push(&mut self, triangle: [u32; 3], hold: Hold) {
+        self.skin.triangles.push(triangle);
+        self.skin.wound.push(false);
+        self.skin.tetrahedra.push(hold);
+    }
+
+    /// The point of an end of an edge and of its other end where a wound goes through; `None` where none does.
+    fn cut(&mut self, [a, b]: [u32; 2]) -> Option<[u32; 2]> {
+        let edge = [a.min(b), a.max(b)];
+        let found = self.crossings.get(&edge).copied().unwrap_or_else(|| {
+            let of = |this: &Self, p: u32| {
+                Some((this.surface.points[p as usize], this.holds[p as usize]?))
+            };
+            let ends = edge.map(|p| of(self, p));
+            let [Some((p, a)), Some((q, b))] = ends else { return None };
+            let ends = [(p, a), (q, b)];
+            let made = self.grip.is_cut(ends, STEPS).then(|| {
+                let place = self.grip.crossing(ends);
+                [a, b].map(|hold| {
+                    let point = self.add(hold, place);
+                    self.lips.push((point, hold));
+                    point
+                })
+            });
+            self.crossings.insert(edge, made);
+            made
+        });
+        found.map(|[low, high]| if a < b { [low, high] } else { [high, low] })
+    }
+
+    /// Adds what is left of a triangle.
+    fn triangle(&mut self, [a, b, c]: [u32; 3]) {
+        let holds = [a, b, c].map(|p| self.holds[p as usize]);
+        let [Some(of_a), Some(of_b), Some(of_c)] = holds else { return };
+        let own = [a, b, c].map(|p| self.first + p);
+        let cuts = [[a, b], [b, c], [c, a]].map(|edge| self.cut(edge));
+        let holds = [of_a, of_b, of_c];
+        let count = cuts.iter().flatten().count();
+        match count {
+            0 => self.push(own, of_a),
+            3 => {
+                let middle =
+                    [a, b, c].map(|p| self.surface.points[p as usize]).iter().sum::<DVec3>() / 3.0;
+                for i in 0..3 {
+                    let (Some([next, _]), Some([_, last])) = (cuts[i], cuts[(i + 2) % 3]) else {
+                        continue;
+                    };
+                    let centre = self.add(holds[i], middle);
+                    self.push([own[i], next, centre], holds[i]);
+                    self.push([own[i], centre, last], holds[i]);
+                }
+            }
+            _ => {
+                // the corner between the edges that are cut, or the first of the one that is
+                let first = match count {
+                    1 => cuts.iter().position(Option::is_some),
+                    _ => cuts.iter().position(Option::is_none).map(|whole| (whole + 2) % 3),
+                };
+                let Some(i) = first else { return };
+                let [j, k] = [(i + 1) % 3, (i + 2) % 3];
+                let Some([near, far]) = cuts[i] else { return };
+                match cuts[k] {
+                    // the wound ends in it
+                    None => {
+                        self.push([own[i], near, own[k]], holds[i]);
+                        self.push([far, own[j], own[k]], holds[j]);
+                    }
+                    Some([beyond, here]) => {
+                        self.push([own[i], near, here], holds[i]);
+                        self.push([far, own[j], own[k]], holds[j]);
+                        self.push([far, own[k], beyond], holds[j]);
+                    }
+                }
+            }
+        }
+    }
+
+    /// Brings the edges of wounds at the surface of the mesh to those of this one.
+    fn join_lips(&mut self) {
+        let wound = |(_, wound): &(&[u32; 3], &bool)| **wound;
+        let mut edges = BTreeSet::new();
+        for (t, _) in self.skin.triangles.iter().zip(&self.skin.wound).filter(wound) {
+            edges.extend([[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]]);
+        }
+        let open = edges.iter().filter(|[a, b]| !edges.contains(&[*b, *a]));
+        let mut rim = BTreeMap::<u32, u32>::new();
+        rim.extend(open.flatten().map(|&p| (p, p)));
+        // what moves a point of a wound
+        let mut behind = HashMap::<u32, Hold>::new();
+        let of = self.skin.triangles.iter().zip(&self.skin.tetrahedra);
+        behind.extend(of.flat_map(|(t, &e)| t.map(|p| (p, e))));
+        for (&p, to) in &mut rim {
+            let Some(&element) = behind.get(&p) else { continue };
+            let place = self.skin.rest[p as usize];
+            let corners = self.grip.corners(self.grip.source(element));
+            let most = NEAR * corners[0].distance(corners[1]);
+            let away = |point: u32| self.skin.rest[point as usize].distance(place);
+            let near = self.lips.iter().filter(|(point, _)| away(*point) < most);
+            let same = near.filter(|(_, hold)| self.grip.are_apart(element, *hold) == Some(false));
+            let nearest =
+                same.map(|(point, _)| *point).min_by(|a, b| away(*a).total_cmp(&away(*b)));
+            *to = nearest.unwrap_or(p);
+        }
+        let MaterialSkin { triangles, wound, .. } = &mut *self.skin;
+        for (triangle, _) in triangles.iter_mut().zip(wound).filter(|(_, wound)| **wound) {
+            *triangle = triangle.map(|p| rim.get(&p).copied().unwrap_or(p));
+        }
+    }
+}
+
+impl FineSurface {
+    /// Adds the points of a surface to a skin; what moves each, if anything is left there. They come before all that cuts made, so that
+    /// each has the same number for ever.
+    pub(super) fn hang(&self, grip: &Grip, skin: &mut MaterialSkin) -> Vec<Option<Hold>> {
+        let of = |(&place, &tetrahedron)| {
+            let hold = grip.at(place, std::iter::once(tetrahedron));
+            match hold {
+                Some(hold) => {
+                    let (nodes, weights) = grip.nodes(hold, place);
+                    skin.add(nodes, weights)
+                }
+                None => skin.add([0; 4], [1.0, 0.0, 0.0, 0.0]),
+            };
+            hold
+        };
+        self.points.iter().zip(&self.tetrahedra).map(of).collect()
+    }
+
+    /// Places (m) at rest.
+    pub(super) fn points(&self) -> &[DVec3] {
+        &self.points
+    }
+
+    /// Takes the place of all of a skin at rest that is no wound. `first` is the number of its first point.
+    pub(super) fn weave(
+        &self,
+        grip: &Grip,
+        (holds, first): (&[Option<Hold>], u32),
+        skin: &mut MaterialSkin,
+    ) {
+        let keep: Vec<bool> = skin.wound.clone();
+        fn retain<T>(list: &mut Vec<T>, keep: &[bool]) {
+            let mut at = keep.iter();
+            list.retain(|_| at.next().is_some_and(|keep| *keep));
+        }
+        retain(&mut skin.triangles, &keep);
+        retain(&mut skin.tetrahedra, &keep);
+        retain(&mut skin.wound, &keep);
+        let (crossings, lips) = (HashMap::new(), Vec::new());
+        let mut weave = Weave { surface: self, grip, skin, holds, first, crossings, lips };
+        self.triangles.iter().for_each(|triangle| weave.triangle(*triangle));
+        weave.join_lips();
+    }
+}
