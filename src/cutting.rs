@@ -111,12 +111,18 @@ impl Simulation {
         points: &[DVec3],
         triangles: &[[u32; 3]],
     ) -> Result<Arc<FineSurface>, CutError> {
+        self.check_cut(body)?;
         carry_surface(self.world_mut(), body.0, points, triangles)
     }
 
-    /// Whether a body carries a surface along, or was cut: what is drawn of it is its [skin](Self::skin) then.
+    /// Whether a body [carries a surface](Self::carry_surface) along.
+    pub fn carries_surface(&self, body: BodyHandle) -> bool {
+        carries_surface(self.world(), body.0)
+    }
+
+    /// Whether it does, or was cut: what is drawn of it is its [skin](Self::skin) then.
     pub fn has_skin(&self, body: BodyHandle) -> bool {
-        self.is_cut(body) || carries_surface(self.world(), body.0)
+        self.is_cut(body) || self.carries_surface(body)
     }
 
     /// Makes a [`skin`](Self::skin) of this simulation that of the present shape. While nothing was cut or removed since it was

@@ -157,7 +157,18 @@ fn what_is_removed_carries_nothing() {
     assert!(skin.triangles.len() + 20 < whole);
     let outside = skin.triangles.iter().zip(&skin.wound).filter(|(_, wound)| !**wound);
     let away = |v: &u32| skin.rest[*v as usize].distance(centre);
-    let away: Vec<f64> = outside.flat_map(|(t, _)| t).map(away).collect();
+    let of_surface = |v: &&u32| {
+        let at = skin.rest[**v as usize];
+        at.min(DVec3::splat(SIZE) - at).min_element() < 1e-6
+    };
+    let away: Vec<f64> = outside.flat_map(|(t, _)| t).filter(of_surface).map(away).collect();
+    // what was laid open is there, without a wound
+    let inside = |v: &u32| {
+        let at = skin.rest[*v as usize];
+        at.min(DVec3::splat(SIZE) - at).min_element() > 1e-3
+    };
+    let outside = skin.triangles.iter().zip(&skin.wound).filter(|(_, wound)| !**wound);
+    assert!(outside.filter(|(t, _)| t.iter().any(inside)).count() > 10);
     // elements have edges of 12 mm and are taken by their middles
     assert!(away.iter().all(|away| *away > 0.005) && away.iter().any(|away| *away < 0.025));
 }

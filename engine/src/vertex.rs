@@ -175,8 +175,8 @@ impl FixedAxes {
 #[repr(transparent)]
 pub struct BodyId(pub u32);
 
-/// Cuts since an integrator last looked, for who remembers how vertices moved. Integrators take them away, and so does whoever
-/// sets the motion anew.
+/// Cuts since an integrator last looked, for who remembers how vertices moved. Integrators and their memory take them away, and so does
+/// whoever takes edits back.
 #[derive(Resource, Clone, Debug, Default)]
 pub struct RecentCuts<S>(pub Vec<RecentCut<S>>);
 

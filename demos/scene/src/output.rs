@@ -13,6 +13,7 @@ use sinew::engine::mesh::io::{VtuData, write_pvd, write_vtu};
 use sinew::engine::mesh::{CellData, Mesh, MeshError};
 use sinew::models::axes::field::to_cell_data;
 use sinew::models::cutting::cut_material;
+use std::collections::BTreeSet;
 use std::io::{Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
@@ -332,14 +333,21 @@ impl Writer {
                 // it was cut, so it has one
                 let Ok(skin) = simulation.skin(body.handle) else { continue };
                 let before = built.bodies[..i].iter().map(|b| b.mesh.points.len());
+                // a surface that it carries has a file of its own
+                let surface = simulation.carries_surface(body.handle);
+                let surface = body.carried.as_ref().filter(|_| surface);
+                let surface = surface.map_or(0, |carried| carried.points.len());
                 let (vertices, first) = (body.mesh.points.len(), before.sum::<usize>());
-                let shift = self.mesh.points.len() + made.len() - vertices;
+                let own = vertices + surface;
+                let shift = self.mesh.points.len() + made.len();
                 let velocities = simulation.node_velocities(body.handle);
-                made.extend_from_slice(&skin.rest[vertices..]);
-                u.extend((vertices..skin.points.len()).map(|p| skin.points[p] - skin.rest[p]));
-                v.extend(skin.mean(|node| velocities[node as usize]).skip(vertices));
-                let place =
-                    |p: u32| p as usize + if (p as usize) < vertices { first } else { shift };
+                made.extend_from_slice(&skin.rest[own..]);
+                u.extend((own..skin.points.len()).map(|p| skin.points[p] - skin.rest[p]));
+                v.extend(skin.mean(|node| velocities[node as usize]).skip(own));
+                let place = |p: u32| match (p as usize).checked_sub(own) {
+                    Some(made) => shift + made,
+                    None => first + p as usize,
+                };
                 let material = cut_material(simulation.world(), body.handle.0);
                 let is_parted = |e: &u32| material.is_some_and(|own| own.is_parted(*e));
                 let film = skin.triangles.iter().zip(&skin.tetrahedra).filter(|_| is_film);
@@ -394,13 +402,21 @@ impl Writer {
         for (i, body) in bodies.iter().enumerate() {
             let Some(carried) = &body.carried else { continue };
             let first = mesh.points.len() as u32;
-            let skin = simulation.has_skin(body.handle).then(|| simulation.skin(body.handle));
+            let has_skin = simulation.carries_surface(body.handle);
+            let skin = has_skin.then(|| simulation.skin(body.handle));
             if let Some(Ok(skin)) = skin {
                 let velocities = simulation.node_velocities(body.handle);
-                mesh.points.extend_from_slice(&skin.rest);
-                u.extend(skin.points.iter().zip(&skin.rest).map(|(x, rest)| *x - *rest));
-                v.extend(skin.mean(|node| velocities[node as usize]));
-                mesh.triangles.extend(skin.triangles.iter().map(|t| t.map(|v| v + first)));
+                let all: Vec<DVec3> = skin.mean(|node| velocities[node as usize]).collect();
+                let used: BTreeSet<u32> = skin.triangles.iter().flatten().copied().collect();
+                let mut number = vec![0; skin.points.len()];
+                for (p, to) in used.into_iter().zip(first..) {
+                    let (from, rest) = (p as usize, skin.rest[p as usize]);
+                    number[from] = to;
+                    mesh.points.push(rest);
+                    u.push(skin.points[from] - rest);
+                    v.push(all[from]);
+                }
+                mesh.triangles.extend(skin.triangles.iter().map(|t| t.map(|p| number[p as usize])));
                 of_wound.extend(skin.wound.iter().map(|wound| f64::from(*wound)));
             } else {
                 let of = |vectors: Vec<DVec3>| carried.embedding.displacements(&vectors);

@@ -1,5 +1,7 @@
 //! Scenes to recordings and pictures (feature `render`).
 
+use sinew::engine::mesh::Mesh;
+use sinew::engine::mesh::generate::box_tets;
 use sinew::prelude::{Curve, DVec3, Model, Pull, Shape, Tool};
 use sinew::touch::field::DistanceField;
 use sinew::touch::tool::ToolMotion;
@@ -8,12 +10,14 @@ use sinew_render::camera::CameraRequest;
 use sinew_render::image::Image;
 use sinew_render::scene::Recording;
 use sinew_scene::assemble::{BuildOptions, BuiltScene};
+use sinew_scene::mesh_tool::write;
 use sinew_scene::picture::{
     CaptureOptions, GalleryEntry, Quantity, Recorder, RenderJob, Variant, render,
 };
 use sinew_scene::run::{Both, Observer, RunOptions, Silent, run};
 use sinew_scene::scene::LoadedScene;
 use sinew_scene::shipped_scene;
+use std::collections::BTreeSet;
 use std::io::Write;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -60,6 +64,64 @@ fn recording_changes_no_bit_of_a_run() {
         let (_, hash) = record(&scene, 16, Quantity::ALL.to_vec());
         assert_eq!(hash, plain.final_state_hash, "{name}");
     }
+}
+
+/// Two blocks with finer surfaces, which are cut one after the other: pictures and frames have the surfaces, both sides of the wounds
+/// and nothing of the meshes, and the surfaces at rest stay what they were.
+#[test]
+fn fine_surfaces_are_drawn_through_cuts() {
+    let folder = std::env::temp_dir().join(format!("sinew-fine-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    let shell = box_tets(DVec3::splat(0.06), [13; 3]).unwrap();
+    write(&folder.join("shell.vtu"), &shell).unwrap();
+    let of = |name: &str, time: f64| {
+        format!(
+            "[[body]]\nname = \"{name}\"\nsurface = \"shell.vtu\"\n\
+             generate.box = {{ size = [0.06, 0.06, 0.06], cells = [4, 4, 4], elements = \"irregular\" }}\n\
+             material = {{ young_modulus = 1e4, poisson_ratio = 0.3, density = 1e3 }}\n\
+             [[constraint]]\nname = \"wall of {name}\"\nbody = \"{name}\"\nselect = {{ group = \"x0\" }}\n\
+             [[cut]]\nname = \"blade of {name}\"\nbody = \"{name}\"\ntime = {time:?}\n\
+             strip = [[[0.031, -0.1, 0.1], [0.034, -0.1, -0.1]], [[0.031, 0.1, 0.1], [0.034, 0.1, -0.1]]]\n"
+        )
+    };
+    let text = format!(
+        "name = \"fine\"\ndt = 0.01\nduration = 0.16\n{}{}[output]\nframes_per_second = 50\n",
+        of("one", 0.04),
+        of("other", 0.08)
+    );
+    let scene = LoadedScene::parse(&text, &folder.join("fine.toml")).unwrap();
+    let (recording, hash) = record(&scene, 16, vec![Quantity::Displacement, Quantity::Strain]);
+    let (first, last) = (&recording.frames[0], recording.frames.last().unwrap());
+    let surface = shell.surface_triangles().len();
+    assert!(Arc::ptr_eq(&first.skin, &recording.rest_skin));
+    assert_eq!(first.skin.triangles.len(), 2 * surface);
+    assert!(last.skin.triangles.len() > 2 * surface + 400);
+    // the surface at rest has vertices of the fine grid alone, wherever cuts put their points
+    for &v in &recording.rest_skin.points {
+        let steps = recording.rest[v as usize].map(|x| x / 0.06 * 13.0);
+        assert!(steps.iter().all(|x| (x - x.round()).abs() < 1e-3), "{steps:?}");
+    }
+    // what is cut off falls by 6 cm and more; all that is drawn is here or there
+    let fallen = |v: u32| {
+        let v = last.skin.points[v as usize] as usize;
+        recording.rest[v][2] - last.points[v][2]
+    };
+    for t in &last.skin.triangles {
+        let [a, b, c] = t.map(fallen);
+        assert!((a - b).abs().max((b - c).abs()) < 0.02, "{a} {b} {c}");
+    }
+    let out = folder.join("out");
+    let own = RunOptions { out: Some(out.clone()), ..options(16) };
+    assert_eq!(run(&scene, &own, &mut Silent).unwrap().final_state_hash, hash);
+    let frame =
+        |n: usize| Mesh::read(&out.join(format!("frames/fine-surface_{n:05}.vtu"))).unwrap();
+    let (before, after) = (frame(0), frame(8));
+    let points = shell.surface_triangles().into_iter().flatten().collect::<BTreeSet<u32>>().len();
+    assert_eq!((before.triangles.len(), before.points.len()), (2 * surface, 2 * points));
+    let wound = &after.data("wound").unwrap().values.triangles;
+    assert!(wound.iter().filter(|wound| **wound == 1.0).count() > 100);
+    assert_eq!(wound.len(), last.skin.triangles.len());
+    std::fs::remove_dir_all(folder).unwrap();
 }
 
 #[test]

@@ -22,7 +22,7 @@ use sinew::engine::vertex::{Mass, Velocity};
 use sinew::models::body::change::set_material;
 use sinew::models::body::sheet::MembraneSettings;
 use sinew::models::body::{BodyError, Evaluation, Integration, MassRule, VolumeRule};
-use sinew::models::cutting::{MaterialSkin, is_cut, update_skin};
+use sinew::models::cutting::{MaterialSkin, carries_surface, is_cut, update_skin};
 use sinew::models::material::field::FieldError;
 use sinew::models::resection::{
     Region, Removal, RemovalError, RemovalLog, RemovalReport, RemovalRequest,
@@ -439,7 +439,7 @@ fn surface(world: &mut World, index: usize) -> SinewSurface {
     let changes = body.changes;
     let mut skin = MaterialSkin::default();
     let precision = *world.resource::<Precision>();
-    if !is_cut(world, index)
+    if !(is_cut(world, index) || carries_surface(world, index))
         || by_precision!(precision, update_skin(world, index, &mut skin)).is_err()
     {
         return SinewSurface { triangles, revision: 1, changes, ..SinewSurface::default() };

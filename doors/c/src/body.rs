@@ -343,7 +343,7 @@ pub unsafe extern "C" fn sinew_cut(
 }
 
 /// Reads numbers of the points to draw of a body, cut or not: `SINEW_SKIN_POINTS` and so on. They are those of all vertices of
-/// its mesh, then of points that cuts made. `needed` says how many numbers there are, `out` may be NULL with capacity 0 to ask.
+/// its mesh, then of all points of a surface that it carries, then of points that cuts made. `needed` says how many numbers there are, `out` may be NULL with capacity 0 to ask.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn sinew_skin_read(
     simulation: *mut sinew_simulation,

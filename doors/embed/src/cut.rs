@@ -30,14 +30,14 @@ impl SkinBuffer {
 /// What to draw of a body that may be cut: its outside and both sides of its wounds.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Skin<'a> {
-    /// Positions (m): of all vertices of the mesh, then of points that cuts made. A wound has points of its own, so that its
+    /// Positions (m): of all vertices of the mesh, then of all points of a surface that the body carries, then of points that cuts made. A wound has points of its own, so that its
     /// edge is sharp and its sides are smooth.
     pub points: &'a [[f64; 3]],
     /// The same at rest (m): coordinates of what is drawn inside of the body.
     pub rest: &'a [[f64; 3]],
     /// Depth (m, at rest) of the points of wounds below the surface of the mesh; 0 at all others.
     pub depth: &'a [f64],
-    /// Triangles of points, outward; of a body that was never cut as in [`Surface`](crate::Surface).
+    /// Triangles of points, outward; of a body that was never cut, and carries no surface, as in [`Surface`](crate::Surface).
     pub triangles: &'a [[u32; 3]],
     /// Whether each was laid open by a cut.
     pub wound: &'a [bool],

@@ -1,9 +1,9 @@
-//! A surface that is finer than the mesh of a body and carried along by it, through cuts: it takes the place of all of the
-//! [skin](super::MaterialSkin) that is no wound.
+//! A surface that is finer than the mesh of a body and carried along by it, through cuts: in its [skin](super::MaterialSkin) it takes
+//! the place of what is left of the outside of the mesh. Wounds and what removals laid open stay.
 //!
 //! Every point hangs on the element in which it lies, or the nearest. Where a cut parted that one, it hangs on the copy that has the
 //! material nearest to it. Two points are apart when the elements that move them have vertices of the mesh in common and none
-//! that moves both. An edge between such points is cut where its one side ends, found by bisection, and its triangles with it; each
+//! that moves both, or are parts of one element. An edge between such points is cut where its one side ends, found by bisection, and its triangles with it; each
 //! side of the wound has points of its own there, which are at one place at rest. The edges of the wound are brought to these points.
 
 use bevy_ecs::prelude::*;
@@ -51,6 +51,9 @@ pub struct FineSurface {
     triangles: Vec<[u32; 3]>,
     /// Tetrahedron of the mesh that each point hangs on.
     tetrahedra: Vec<u32>,
+    /// Edges between points that hang on tetrahedra without a common vertex: longer than the mesh is coarse, so that cuts through them may be
+    /// told from none only roughly.
+    pub long: usize,
     /// Points that lie in none.
     pub outside: usize,
     /// Largest distance (m) of such a point from the tetrahedron that it hangs on.
@@ -93,10 +96,16 @@ pub fn carry_surface(
     let mesh = Mesh { points: rest, tetrahedra, ..Mesh::default() };
     let embedding =
         EmbeddedPoints::new(&mesh, points).ok_or_else(|| wrong("it has no elements"))?;
+    let on: Vec<u32> = embedding.cells().map(|(_, cell)| cell).collect();
+    let vertices = |p: u32| mesh.tetrahedra[on[p as usize] as usize];
+    let is_long = |[a, b]: &[u32; 2]| !vertices(*a).iter().any(|v| vertices(*b).contains(v));
+    let edges = triangles.iter().flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]]);
+    let edges: BTreeSet<[u32; 2]> = edges.map(|[a, b]| [a.min(b), a.max(b)]).collect();
     let surface = Arc::new(FineSurface {
         points: points.to_vec(),
         triangles: triangles.to_vec(),
-        tetrahedra: embedding.cells().map(|(_, cell)| cell).collect(),
+        long: edges.iter().filter(|edge| is_long(edge)).count(),
+        tetrahedra: on,
         outside: embedding.outside,
         farthest: embedding.farthest,
     });
@@ -187,10 +196,14 @@ impl<'a> Grip<'a> {
         (away <= nearest + SLACK * size).then_some(element)
     }
 
-    /// The tetrahedra that have vertices in common with one of two.
+    /// The tetrahedra round two: those that have vertices in common with one of them, and further ones where these have none themselves.
     fn round(&self, both: [u32; 2]) -> BTreeSet<u32> {
         let of = |tetrahedron| self.vertices(tetrahedron).into_iter();
-        both.into_iter().flat_map(of).flat_map(|v| self.round.of(v).iter().copied()).collect()
+        let grown = |own: BTreeSet<u32>| -> BTreeSet<u32> {
+            own.into_iter().flat_map(of).flat_map(|v| self.round.of(v).iter().copied()).collect()
+        };
+        let near = grown(both.into());
+        if of(both[0]).any(|v| of(both[1]).any(|w| v == w)) { near } else { grown(near) }
     }
 
     /// Tetrahedron of the mesh behind a hold.
@@ -198,27 +211,27 @@ impl<'a> Grip<'a> {
         self.material.elements[hold as usize].source
     }
 
-    /// Whether nothing moves two points both; `None` where that is not plain: where nothing could, and where something does of what could.
-    fn are_apart(&self, a: Hold, b: Hold) -> Option<bool> {
+    /// Number of the vertices of the mesh that two elements have in common, whose node is the same and another one.
+    fn common(&self, a: Hold, b: Hold) -> (u32, u32) {
         let [a, b] = [a, b].map(|hold| &self.material.elements[hold as usize]);
         let both = (0..4).flat_map(|i| (0..4).map(move |j| (i, j)));
-        let both = both.filter(|&(i, j)| a.vertices[i] == b.vertices[j]);
         let (mut same, mut other) = (0, 0);
-        both.for_each(|(i, j)| *if a.nodes[i] == b.nodes[j] { &mut same } else { &mut other } += 1);
-        match (same, other) {
+        for (i, j) in both.filter(|&(i, j)| a.vertices[i] == b.vertices[j]) {
+            *if a.nodes[i] == b.nodes[j] { &mut same } else { &mut other } += 1;
+        }
+        (same, other)
+    }
+
+    /// Whether nothing moves two points both; `None` where that is not plain: where nothing could, and where something does of what could.
+    fn are_apart(&self, a: Hold, b: Hold) -> Option<bool> {
+        match self.common(a, b) {
             // parts of one element are apart, also where a vertex moves both
-            (4, 0) => Some(false),
-            _ if a.source == b.source => Some(true),
+            _ if self.source(a) == self.source(b) => Some(a != b),
             (0, 0) => None,
             (_, 0) => Some(false),
             (0, _) => Some(true),
             _ => None,
         }
-    }
-
-    fn have_common(&self, a: Hold, b: Hold) -> bool {
-        let [a, b] = [a, b].map(|hold| &self.material.elements[hold as usize]);
-        a.vertices.iter().any(|v| b.vertices.contains(v))
     }
 
     /// Whether a wound goes through an edge between two places.
@@ -230,7 +243,7 @@ impl<'a> Grip<'a> {
         let near = self.round([self.source(a), self.source(b)]);
         let found = (steps > 0).then(|| self.at(middle, near.into_iter())).flatten();
         // a wound ends between neighbours, or what is looked for is too small
-        let Some(hold) = found else { return self.have_common(a, b) };
+        let Some(hold) = found else { return self.common(a, b) != (0, 0) };
         self.is_cut([(p, a), (middle, hold)], steps - 1)
             || self.is_cut([(middle, hold), (q, b)], steps - 1)
     }
@@ -243,7 +256,7 @@ impl<'a> Grip<'a> {
             let middle = 0.5 * (low + high);
             let place = p.lerp(q, middle);
             let own = self.at(place, near.iter().copied());
-            match own.is_some_and(|own| self.is_cut([(p, a), (place, own)], 0)) {
+            match own.is_some_and(|own| self.is_cut([(p, a), (place, own)], STEPS)) {
                 true => high = middle,
                 false => low = middle,
             }
@@ -383,33 +396,55 @@ impl Weave<'_> {
     fn join_lips(&mut self) {
         let wound = |(_, wound): &(&[u32; 3], &bool)| **wound;
         let mut edges = BTreeSet::new();
-        for (t, _) in self.skin.triangles.iter().zip(&self.skin.wound).filter(wound) {
+        // what moves the points of wounds; where both sides meet it is not the same
+        let mut behind = BTreeMap::<u32, BTreeSet<Hold>>::new();
+        let MaterialSkin { triangles, tetrahedra, wound: is_wound, .. } = &*self.skin;
+        let all = triangles.iter().zip(is_wound).zip(tetrahedra);
+        for ((t, _), &element) in all.filter(|(own, _)| wound(own)) {
             edges.extend([[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]]);
+            t.iter().for_each(|&p| _ = behind.entry(p).or_default().insert(element));
         }
-        let open = edges.iter().filter(|[a, b]| !edges.contains(&[*b, *a]));
-        let mut rim = BTreeMap::<u32, u32>::new();
-        rim.extend(open.flatten().map(|&p| (p, p)));
-        // what moves a point of a wound
-        let mut behind = HashMap::<u32, Hold>::new();
-        let of = self.skin.triangles.iter().zip(&self.skin.tetrahedra);
-        behind.extend(of.flat_map(|(t, &e)| t.map(|p| (p, e))));
-        for (&p, to) in &mut rim {
-            let Some(&element) = behind.get(&p) else { continue };
+        let open = edges.iter().filter(|[a, b]| !edges.contains(&[*b, *a])).flatten();
+        let rim: BTreeSet<u32> = open.copied().collect();
+        let (mut to, mut copies) = (BTreeMap::<u32, u32>::new(), BTreeMap::<u32, u32>::new());
+        for p in rim {
+            let own: Vec<Hold> = behind.get(&p).into_iter().flatten().copied().collect();
+            let apart = |a: &Hold| own.iter().any(|b| self.grip.are_apart(*a, *b) == Some(true));
+            let Some(&element) = own.first().filter(|_| !own.iter().any(apart)) else { continue };
             let place = self.skin.rest[p as usize];
             let corners = self.grip.corners(self.grip.source(element));
             let most = NEAR * corners[0].distance(corners[1]);
             let away = |point: u32| self.skin.rest[point as usize].distance(place);
+            let common = |hold: Hold| std::cmp::Reverse(self.grip.common(element, hold).0);
             let near = self.lips.iter().filter(|(point, _)| away(*point) < most);
-            let same = near.filter(|(_, hold)| self.grip.are_apart(element, *hold) == Some(false));
-            let nearest =
-                same.map(|(point, _)| *point).min_by(|a, b| away(*a).total_cmp(&away(*b)));
-            *to = nearest.unwrap_or(p);
+            let same = near.filter(|(_, hold)| self.grip.common(element, *hold).0 > 0);
+            // both sides of the surface are at one place
+            let nearest = same.min_by(|(a, of_a), (b, of_b)| {
+                away(*a).total_cmp(&away(*b)).then(common(*of_a).cmp(&common(*of_b)))
+            });
+            let Some(&(lip, hold)) = nearest else { continue };
+            // wounds share no points with what is round them
+            let made = copies.get(&lip).copied();
+            let made = made.unwrap_or_else(|| self.add(hold, self.skin.rest[lip as usize]));
+            copies.insert(lip, made);
+            to.insert(p, made);
         }
-        let MaterialSkin { triangles, wound, .. } = &mut *self.skin;
-        for (triangle, _) in triangles.iter_mut().zip(wound).filter(|(_, wound)| **wound) {
-            *triangle = triangle.map(|p| rim.get(&p).copied().unwrap_or(p));
+        let MaterialSkin { triangles, wound, tetrahedra, .. } = &mut *self.skin;
+        for (triangle, _) in triangles.iter_mut().zip(&*wound).filter(|(_, wound)| **wound) {
+            *triangle = triangle.map(|p| to.get(&p).copied().unwrap_or(p));
         }
+        // of narrow ones nothing is left
+        let keep = triangles.iter().map(|[a, b, c]| a != b && b != c && c != a);
+        let keep: Vec<bool> = keep.collect();
+        retain(triangles, &keep);
+        retain(wound, &keep);
+        retain(tetrahedra, &keep);
     }
+}
+
+fn retain<T>(list: &mut Vec<T>, keep: &[bool]) {
+    let mut at = keep.iter();
+    list.retain(|_| at.next().is_some_and(|keep| *keep));
 }
 
 impl FineSurface {
@@ -435,21 +470,13 @@ impl FineSurface {
         &self.points
     }
 
-    /// Takes the place of all of a skin at rest that is no wound. `first` is the number of its first point.
+    /// Adds the triangles of a surface to what a skin at rest has beside it. `first` is the number of its first point.
     pub(super) fn weave(
         &self,
         grip: &Grip,
         (holds, first): (&[Option<Hold>], u32),
         skin: &mut MaterialSkin,
     ) {
-        let keep: Vec<bool> = skin.wound.clone();
-        fn retain<T>(list: &mut Vec<T>, keep: &[bool]) {
-            let mut at = keep.iter();
-            list.retain(|_| at.next().is_some_and(|keep| *keep));
-        }
-        retain(&mut skin.triangles, &keep);
-        retain(&mut skin.tetrahedra, &keep);
-        retain(&mut skin.wound, &keep);
         let (crossings, lips) = (HashMap::new(), Vec::new());
         let mut weave = Weave { surface: self, grip, skin, holds, first, crossings, lips };
         self.triangles.iter().for_each(|triangle| weave.triangle(*triangle));

@@ -7,7 +7,7 @@ use sinew_engine::scalar::Scalar;
 use sinew_engine::surface::closest_point;
 use sinew_engine::topology::Topology;
 use sinew_engine::vertex::Velocity;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use super::fine::{FineSurface, FineSurfaces, Grip, vertices_at_rest};
 use super::material::{Element, Material, NONE, Order};
@@ -39,7 +39,8 @@ pub struct MaterialSkin {
     pub cells: Vec<([u32; 4], u32)>,
     /// Nodes of every point; none where elements are no linear tetrahedra, whose `depth` and `cells` are empty, too.
     pub nodes: Vec<[u32; 4]>,
-    /// Their weights, which add up to 1; those of no weight come last.
+    /// Their weights, which add up to 1; those of no weight come last, but for points of a surface, which also have some below 0 where they
+    /// lie outside of the mesh.
     pub weights: Vec<[f64; 4]>,
     /// The body, the count of its changes, and that of the surfaces given, that it is of.
     of: Option<(usize, u64, u64)>,
@@ -150,8 +151,12 @@ fn build(
             skin.add(nodes, weights)
         })
     };
+    let outside = surface.map(|_| outer_faces(&material).collect::<BTreeSet<[u32; 3]>>());
     for (face, cell, wound) in material.skin() {
         let element = material.cells[cell as usize].element;
+        if !wound && outside.as_ref().is_some_and(|outside| lies_on(&material, face, outside)) {
+            continue;
+        }
         let triangle = face.map(|point| place(skin, element, wound, point));
         skin.triangles.push(triangle);
         skin.wound.push(wound);
@@ -233,17 +238,8 @@ struct Surface(Vec<([DVec3; 3], DVec3, f64)>);
 
 impl Surface {
     fn new(material: &Material, rest: &[DVec3]) -> Self {
-        let mut faces: Vec<[u32; 3]> = elements(material)
-            .flat_map(|[a, b, c, d]| [[b, c, d], [a, d, c], [a, b, d], [a, c, b]])
-            .map(|mut face| {
-                face.sort_unstable();
-                face
-            })
-            .collect();
-        faces.sort_unstable();
-        let outside = faces.chunk_by(|a, b| a == b).filter(|same| same.len() == 1);
-        let triangles = outside.map(|same| {
-            let corners = same[0].map(|v| rest[v as usize]);
+        let triangles = outer_faces(material).map(|face| {
+            let corners = face.map(|v| rest[v as usize]);
             let centre = (corners[0] + corners[1] + corners[2]) / 3.0;
             let radius = corners.iter().map(|x| x.distance(centre)).fold(0.0, f64::max);
             (corners, centre, radius)
@@ -263,6 +259,30 @@ impl Surface {
         }
         least
     }
+}
+
+/// Faces of the whole mesh that only one element has, by their vertices, ascending.
+fn outer_faces(material: &Material) -> impl Iterator<Item = [u32; 3]> {
+    let mut faces: Vec<[u32; 3]> = elements(material)
+        .flat_map(|[a, b, c, d]| [[b, c, d], [a, d, c], [a, b, d], [a, c, b]])
+        .map(|mut face| {
+            face.sort_unstable();
+            face
+        })
+        .collect();
+    faces.sort_unstable();
+    let once = faces.chunk_by(|a, b| a == b).filter(|same| same.len() == 1);
+    once.map(|same| same[0]).collect::<Vec<_>>().into_iter()
+}
+
+/// Whether a face of the material lies on one of these.
+fn lies_on(material: &Material, face: [u32; 3], faces: &BTreeSet<[u32; 3]>) -> bool {
+    let points = face.map(|p| &material.points[p as usize]);
+    let used = points.iter().flat_map(|own| own.vertices.iter().zip(own.weights));
+    let mut vertices: Vec<u32> = used.filter(|(_, w)| *w != 0.0).map(|(v, _)| *v).collect();
+    vertices.sort_unstable();
+    vertices.dedup();
+    <[u32; 3]>::try_from(vertices).is_ok_and(|own| faces.contains(&own))
 }
 
 /// Corners of the elements of the mesh.

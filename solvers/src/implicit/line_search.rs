@@ -20,7 +20,7 @@ const BENDS: u32 = 3;
 /// Energy of the volume error over the slope of the step, below which no further correction is made.
 const BENT_ENOUGH: f64 = 0.01;
 /// Most halvings of the line search.
-pub(super) const MAX_HALVINGS: u32 = 30;
+const MAX_HALVINGS: u32 = 30;
 
 /// The potential of a body along its Newton step, as differences to the current iterate: `linear t +
 /// quadratic t^2 / 2` from inertia, damping and loads, and the elastic energy.
@@ -31,7 +31,7 @@ pub(super) struct LineSearch {
     quadratic: f64,
     /// Coefficients of `t^2`, `t^3` and `t^4` that the bend adds to the potential.
     bent: [f64; 3],
-    slope: f64,
+    pub slope: f64,
     rounding: f64,
     /// Predicted decrease (J) below which Newton does not test.
     least: f64,

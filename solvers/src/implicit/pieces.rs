@@ -1,7 +1,8 @@
 //! Steps of bodies in pieces. A body has one line search and one energy cap; where either has to shorten or slow something, it does so
-//! to the pieces that are the cause: what is cut off falls as it must, although what is held overshoots.
+//! to the pieces that are the cause: what is cut off falls as it must, although what is held overshoots. Bodies that share a solve share
+//! both, too; where none of them is in pieces, all is done to all of them.
 
-use super::line_search::{LineSearch, MAX_HALVINGS};
+use super::line_search::LineSearch;
 use super::step::{ImplicitScratch, Step};
 use super::touch::At;
 use crate::state::evaluate;
@@ -15,15 +16,21 @@ use std::ops::Range;
 
 /// Most step lengths of a body in pieces.
 const OWN_STEPS: usize = 8;
+/// Most halvings of one of them.
+const PIECE_HALVINGS: u32 = 12;
 
 impl<S: Scalar> Step<'_, S> {
     /// Shortens a step that is too long by those pieces whose own step is, each by itself, contact taken as linear. Whether one
     /// was; the direction is then that of all, and to be tried. Newton, which goes on until all pieces are where they belong, has
     /// no need of it.
     pub(super) fn shorten_pieces(&mut self, search: &mut LineSearch) -> bool {
+        if search.by_pieces.is_some() {
+            return false;
+        }
+        search.by_pieces = Some(false);
         let (index, rows) = (search.body, self.bodies[search.body].rows.clone());
         let (piece, count) = pieces(self.world.resource(), &self.bodies[index].bodies);
-        if search.by_pieces.is_some() || count < 2 {
+        if count < 2 {
             return false;
         }
         let ImplicitScratch { direction, bend, .. } = &*self.scratch;
@@ -32,36 +39,49 @@ impl<S: Scalar> Step<'_, S> {
         let set = |scratch: &mut ImplicitScratch<S>, fractions: &[f64]| {
             for (at, row) in rows.clone().enumerate() {
                 let t = S::from_f64(fractions[piece[at]]);
-                scratch.direction[row] = straight[at].map(|d| t * d);
+                // what is not finite stays where it is
+                let part = |d: S, t: S| if t == S::ZERO { t } else { t * d };
+                scratch.direction[row] = straight[at].map(|d| part(d, t));
                 if let Some(bend) = bend.get(at) {
-                    scratch.bend[row] = bend.map(|d| t * t * d);
+                    scratch.bend[row] = bend.map(|d| part(d, t * t));
                 }
             }
         };
-        let mut fractions = Vec::new();
+        let (mut fractions, mut failed) = (Vec::new(), false);
         for own in 0..count {
             let alone: Vec<f64> = (0..count).map(|p| if p == own { 1.0 } else { 0.0 }).collect();
             set(self.scratch, &alone);
             let (mut search, contact) = self.search_again(index);
-            let accepted = (0..MAX_HALVINGS).any(|_| {
-                self.scratch.set_trial(&self.bodies[index], search.fraction);
-                evaluate(self.world, &self.scratch.trial, true, false, None);
-                self.report.evaluations += 1;
-                let elastic = self.elastic_change(index);
-                let accepted = search.accepts(search.change(elastic + contact * search.fraction));
-                if !accepted {
-                    self.report.backtracks += 1;
-                    search.fraction *= 0.5;
-                }
-                accepted
-            });
+            // noise of a solve in a piece at rest leads nowhere
+            let falls = search.slope < 0.0;
+            let accepted = falls
+                && (0..PIECE_HALVINGS).any(|_| {
+                    self.scratch.set_trial(&self.bodies[index], search.fraction);
+                    evaluate(self.world, &self.scratch.trial, true, false, None);
+                    self.report.evaluations += 1;
+                    let elastic = self.elastic_change(index);
+                    let accepted =
+                        search.accepts(search.change(elastic + contact * search.fraction));
+                    if !accepted {
+                        self.report.backtracks += 1;
+                        search.fraction *= 0.5;
+                    }
+                    accepted
+                });
             fractions.push(if accepted { search.fraction } else { 0.0 });
-            self.report.line_search_failures += u32::from(!accepted);
+            failed |= falls && !accepted;
         }
         set(self.scratch, &fractions);
-        *search = self.search_again(index).0;
-        // else they are too fast for each other
-        let is_shorter = fractions.iter().any(|fraction| *fraction < 1.0);
+        let mut of_all = self.search_again(index).0;
+        // where none is too fast for itself, they are too fast for each other
+        let is_shorter = fractions.iter().any(|t| *t < 1.0) && of_all.slope < 0.0;
+        if is_shorter {
+            self.report.line_search_failures += u32::from(failed);
+        } else {
+            set(self.scratch, &vec![1.0; count]);
+            of_all = self.search_again(index).0;
+        }
+        *search = of_all;
         search.by_pieces = Some(is_shorter);
         is_shorter
     }
@@ -107,22 +127,24 @@ impl<S: Scalar> Step<'_, S> {
     }
 }
 
-/// Number of the piece of every row of some bodies that share a solve, and how many there are; small pieces share one, and so do
-/// rows without elements.
+/// Number of the piece of every row of some bodies that share a solve, and how many there are: one where no body is in pieces. The
+/// smallest pieces, and rows without elements, go with the last.
 fn pieces(topology: &Topology, bodies: &Range<usize>) -> (Vec<usize>, usize) {
-    let mut sizes = BTreeMap::<(usize, u32), usize>::new();
     let of_rows = bodies
         .clone()
         .flat_map(|body| topology.bodies[body].piece.iter().map(move |&piece| (body, piece)));
+    if bodies.clone().all(|body| topology.bodies[body].piece_count() < 2) {
+        return (vec![0; of_rows.count()], 1);
+    }
+    let mut sizes = BTreeMap::<(usize, u32), usize>::new();
     of_rows.clone().for_each(|own| *sizes.entry(own).or_default() += 1);
     let mut largest: Vec<_> =
         sizes.into_iter().filter(|((_, piece), _)| *piece != UNUSED).collect();
     // a stable sort: the first of equals first
     largest.sort_by_key(|(_, size)| std::cmp::Reverse(*size));
     largest.truncate(OWN_STEPS);
-    let number = |own| {
-        largest.iter().position(|(of, _)| *of == own).unwrap_or(largest.len().saturating_sub(1))
-    };
     let count = largest.len();
+    let last = count.saturating_sub(1);
+    let number = |own| largest.iter().position(|(of, _)| *of == own).unwrap_or(last);
     (of_rows.map(number).collect(), count)
 }

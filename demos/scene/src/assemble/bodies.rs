@@ -20,7 +20,7 @@ use sinew::models::body::sheet::{
 use sinew::models::body::{BodyDescription, BodyError, Model, VolumeRule};
 use sinew::models::cutting::tear::Tear;
 use sinew::models::material::YoungPoisson;
-use sinew::simulation::BodyHandle;
+use sinew::simulation::{BodyHandle, Simulation};
 use std::sync::Arc;
 
 /// How many cuts a scene makes through a body.
@@ -142,19 +142,8 @@ pub(super) fn body(
     if let Some(entry) = body.tear {
         tear(&key.at("tear"), entry, handle, built)?;
     }
-    let can_part = built.simulation.topology().bodies[handle.0].spare > 0;
-    if let Some(carried) = carried.as_ref().filter(|_| can_part) {
-        let own = built.simulation.carry_surface(handle, &carried.points, &carried.triangles);
-        if let Err(error) = own {
-            built.warnings.push(Warning::new(
-                "scene.surface.cuts",
-                Level::Note,
-                format!("`{}`", key.path()),
-                format!("its surface is not drawn, and not followed through cuts: {error}"),
-                "leave `spare` out where the body is not to be cut",
-            ));
-        }
-    }
+    let told = carried.as_ref().map(|own| carry(key, own, handle, &mut built.simulation));
+    built.warnings.extend(told.flatten());
     let mass = built.simulation.masses(handle).iter().sum();
     Ok(BuiltBody {
         name: body.name.clone(),
@@ -192,6 +181,35 @@ fn tear(
     let tear = Tear { body: body.0, strength, toughness, radius, max_speed };
     built.simulation.set_tear(tear).map_err(|error| key.error(error))?;
     Ok(())
+}
+
+/// Lets a body that can be cut carry a surface through cuts; what is to be told of it.
+fn carry(
+    key: &Key,
+    carried: &CarriedSurface,
+    body: BodyHandle,
+    simulation: &mut Simulation,
+) -> Option<Warning> {
+    if simulation.topology().bodies[body.0].spare == 0 {
+        return None;
+    }
+    let (found, remedy) = match simulation.carry_surface(body, &carried.points, &carried.triangles)
+    {
+        Ok(own) if own.long > 0 => (
+            format!(
+                "{} edges of its surface are longer than its tetrahedra: cuts through them are drawn roughly",
+                own.long
+            ),
+            "take a finer surface",
+        ),
+        Ok(_) => return None,
+        Err(error) => (
+            format!("its surface is not drawn, as it does not go through cuts: {error}"),
+            "leave `spare` out where the body is not to be cut",
+        ),
+    };
+    let subject = format!("`{}`", key.path());
+    Some(Warning::new("scene.surface.cuts", Level::Note, subject, found, remedy))
 }
 
 /// A surface in a body that carries it.

@@ -272,8 +272,9 @@ impl Recorder {
             let world = built.simulation.world_mut();
             let measured = (needs_measures || has_fibres(body)).then(|| measured(world, i, body));
             let (first, faces, changes, wound) = (points.len(), Vec::new(), None, None);
-            // a skin has the surface in it, through cuts
-            let carries = body.carried.is_some() && !cutting;
+            // cuts open the body, and only a skin knows of them
+            let follows = !cutting || built.simulation.carries_surface(body.handle);
+            let carries = body.carried.is_some() && follows;
             self.parts.push(BodyPart { first, carries, measured, faces, changes, wound });
             points.extend(body.mesh.points.iter().map(|p| p.as_vec3().to_array()));
             if let Some(carried) = body.carried.as_ref().filter(|_| carries) {
@@ -296,7 +297,7 @@ impl Recorder {
         let mut kept = vec![cutting; points.len()];
         for part in &self.parts {
             // points that cuts made are not among them
-            let most = part.wound.as_ref().map_or(u32::MAX, |wound| wound.vertices as u32);
+            let most = part.wound.as_ref().map_or(u32::MAX, |wound| wound.fixed as u32);
             for v in part.faces.iter().flat_map(|f| f.vertices).filter(|v| *v < most) {
                 kept[part.first + v as usize] = true;
             }
@@ -341,9 +342,7 @@ impl Recorder {
             let of_point = 6 + self.recording.fields.len() + if cutting { 32 } else { 0 };
             // and points of wounds, about as many as vertices are kept for it
             let spare: usize = built.simulation.topology().bodies.iter().map(|b| b.spare).sum();
-            let carried = built.bodies.iter().filter_map(|body| body.carried.as_ref());
-            let carried: usize = carried.map(|own| own.points.len()).sum();
-            let points = self.kept.len() + spare + if cutting { carried } else { 0 };
+            let points = self.kept.len() + spare;
             let most = (PAGE.0 / (of_point * points).max(1)).clamp(2, PAGE.1);
             self.open.1 = most;
             let (every, last) = ((self.due - 1).div_ceil(most - 1).max(1), self.due - 1);
@@ -400,7 +399,8 @@ impl Recorder {
         if self.elements.is_empty() {
             return;
         }
-        for (i, part) in self.parts.iter().enumerate() {
+        // what is inside of a surface that a body carries is not shown
+        for (i, part) in self.parts.iter().enumerate().filter(|(_, part)| !part.carries) {
             for (corners, _) in part.wound.iter().flat_map(|wound| &wound.skin.cells) {
                 let points = corners.map(|v| self.slot(part, v));
                 let (body, born, gone) = (i as u16, now, u32::MAX);
@@ -534,17 +534,33 @@ impl Recorder {
                 }
             }
             if let Some(carried) = body.carried.as_ref().filter(|_| part.carries) {
-                let moved = carried.embedding.displacements(&u);
-                let moved = carried.points.iter().zip(moved).map(|(x, u)| *x + u);
-                points.extend(moved.map(|x| x.as_vec3().to_array()));
+                let moved: Vec<DVec3> = match &part.wound {
+                    Some(wound) => wound.skin.points[wound.of_surface()].to_vec(),
+                    None => {
+                        let moved = carried.embedding.displacements(&u);
+                        carried.points.iter().zip(moved).map(|(x, u)| *x + u).collect()
+                    }
+                };
+                points.extend(moved.iter().map(|x| x.as_vec3().to_array()));
                 for (values, &quantity) in fields.iter_mut().zip(&quantities) {
-                    let of_points = carried.embedding.mean(|v| value(v as usize, quantity));
-                    values.extend(of_points.into_iter().map(|x: f64| x as f32));
+                    let is_way = quantity.index().is_none() && quantity != Quantity::Pressure;
+                    let of_points: Vec<f64> = match &part.wound {
+                        Some(_) if is_way => {
+                            moved.iter().zip(&carried.points).map(|(x, y)| x.distance(*y)).collect()
+                        }
+                        Some(wound) => {
+                            let of_all = wound.skin.mean(|node| value(node as usize, quantity));
+                            let own = wound.of_surface();
+                            of_all.skip(own.start).take(own.len()).collect()
+                        }
+                        None => carried.embedding.mean(|v| value(v as usize, quantity)),
+                    };
+                    values.extend(of_points.into_iter().map(|x| x as f32));
                 }
             }
             if let Some(wound) = &part.wound {
                 let skin = &wound.skin;
-                made.extend(skin.points[wound.vertices..].iter().map(|x| x.as_vec3().to_array()));
+                made.extend(skin.points[wound.fixed..].iter().map(|x| x.as_vec3().to_array()));
                 for (values, &quantity) in values_made.iter_mut().zip(&quantities) {
                     let all: Vec<f64> = match quantity.index() {
                         None if quantity != Quantity::Pressure => skin
@@ -555,7 +571,7 @@ impl Recorder {
                             .collect(),
                         _ => skin.mean(|node| value(node as usize, quantity)).collect(),
                     };
-                    values.extend(all[wound.vertices..].iter().map(|x| *x as f32));
+                    values.extend(all[wound.fixed..].iter().map(|x| *x as f32));
                 }
             }
             let dark = self.recording.fields.first().is_none_or(|f| f.map != ColourMap::Viridis);

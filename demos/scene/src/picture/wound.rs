@@ -1,4 +1,5 @@
-//! Points of a recording that cuts made: they come after all others, and there are more of them after every cut.
+//! The skins of bodies that can be cut, in a recording. Points that cuts made come after all others, and there are more of them after
+//! every cut; points of a surface that a body carries have places of their own for ever.
 
 use super::boundary::Face;
 use super::measure::Parted;
@@ -9,20 +10,24 @@ use sinew::models::cutting::{MaterialSkin, cut_material};
 use sinew::simulation::Simulation;
 use std::collections::BTreeSet;
 
-/// The surface of a body since it was cut.
+/// The skin of a body since it was cut, or from the start where it carries a surface.
 #[derive(Default)]
 pub(super) struct Wound {
     pub skin: MaterialSkin,
-    /// Vertices of the mesh, which are the first points of the surface.
-    pub vertices: usize,
+    /// Vertices of the mesh, which are the first points of the skin.
+    vertices: usize,
+    /// Points of it that have their places among those recorded for ever: these, and those of a surface that the body carries.
+    pub fixed: usize,
     /// Where its other points begin among those recorded.
     pub first: usize,
 }
 
 impl Wound {
-    /// The surface as it is now; whether there is one.
+    /// The skin as it is now; whether there is one.
     pub fn faces(&mut self, simulation: &mut Simulation, body: &BuiltBody) -> Option<Vec<Face>> {
         self.vertices = body.mesh.points.len();
+        let carried = body.carried.as_ref().filter(|_| simulation.carries_surface(body.handle));
+        self.fixed = self.vertices + carried.map_or(0, |carried| carried.points.len());
         simulation.update_skin(body.handle, &mut self.skin).ok()?;
         let face = |(&vertices, &e): (&[u32; 3], &u32)| Face {
             vertices,
@@ -34,7 +39,7 @@ impl Wound {
 
     /// Where a point is among those recorded, if a cut made it.
     pub fn place(&self, point: u32) -> Option<u32> {
-        let made = (point as usize).checked_sub(self.vertices)?;
+        let made = (point as usize).checked_sub(self.fixed)?;
         Some((self.first + made) as u32)
     }
 
@@ -46,7 +51,12 @@ impl Wound {
             triangle.iter().for_each(|&v| depth[v as usize] = skin.depth[v as usize] as f32);
         }
         let rest = skin.rest.iter().map(|x| x.as_vec3().to_array());
-        rest.zip(depth).skip(self.vertices)
+        rest.zip(depth).skip(self.fixed)
+    }
+
+    /// Numbers of the points of a surface that the body carries.
+    pub fn of_surface(&self) -> std::ops::Range<usize> {
+        self.vertices..self.fixed
     }
 
     /// Moves the points, adds the displacements of the vertices that cuts made, and tells the pieces that they move.
