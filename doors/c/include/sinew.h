@@ -1051,7 +1051,7 @@ sinew_status sinew_cut(struct sinew_simulation *simulation,
                        struct sinew_cut_report *report);
 
 // Reads numbers of the points to draw of a body, cut or not: `SINEW_SKIN_POINTS` and so on. They are those of all vertices of
-// its mesh, then of points that cuts made. `needed` says how many numbers there are, `out` may be NULL with capacity 0 to ask.
+// its mesh, then of all points of a surface that it carries, then of points that cuts made. `needed` says how many numbers there are, `out` may be NULL with capacity 0 to ask.
 sinew_status sinew_skin_read(struct sinew_simulation *simulation,
                              sinew_handle body,
                              uint32_t quantity,
