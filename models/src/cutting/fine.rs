@@ -21,7 +21,7 @@ use super::{CutError, MaterialSkin, check_cut, in_mesh, order_of, rest_of, row_o
 
 /// Halvings of an edge that look for the place where one side of a wound ends: to 1/4096 of its length.
 const HALVINGS: u32 = 12;
-/// Halvings of an edge whose ends have no vertex of the mesh in common.
+/// Halvings of an edge of whose ends it is not plain whether they are apart.
 const STEPS: u32 = 6;
 /// Part of the size of an element by which a point may lie away from material that is left, beyond what it lies outside of the mesh.
 const SLACK: f64 = 1e-6;
@@ -51,8 +51,8 @@ pub struct FineSurface {
     triangles: Vec<[u32; 3]>,
     /// Tetrahedron of the mesh that each point hangs on.
     tetrahedra: Vec<u32>,
-    /// Edges between points that hang on tetrahedra without a common vertex: longer than the mesh is coarse, so that cuts through them may be
-    /// told from none only roughly.
+    /// Edges whose ends hang on tetrahedra without a common vertex. They are longer than tetrahedra, and where a cut goes through them is found
+    /// roughly.
     pub long: usize,
     /// Points that lie in none.
     pub outside: usize,
@@ -61,7 +61,7 @@ pub struct FineSurface {
 }
 
 /// Lets a body that can be cut carry a surface along: points (m) in the frame of its mesh, and triangles of them, outward. From then on
-/// it is the part of its skin that no cut laid open.
+/// it takes the place of the outside of the mesh in its skin; a second one takes the place of the first.
 ///
 /// # Errors
 /// When the body cannot be cut or is not of linear tetrahedra, and when a triangle has a point that there is not; nothing is changed then.
@@ -117,7 +117,7 @@ pub fn carry_surface(
 
 /// Whether a body carries a surface along.
 pub fn carries_surface(world: &World, body: usize) -> bool {
-    FineSurfaces::of(world, body).is_some()
+    world.get_resource::<FineSurfaces>().is_some_and(|all| all.own.contains_key(&body))
 }
 
 /// Places (m) of the vertices of the mesh at rest.
