@@ -3,6 +3,7 @@
 use crate::simulation::{BodyHandle, Simulation, SimulationError};
 use bevy_ecs::prelude::World;
 use sinew_engine::by_precision;
+use sinew_engine::resource::ensure;
 use sinew_engine::scalar::Scalar;
 use sinew_models::axes::description::AxesError;
 use sinew_models::axes::muscle::{ActivationError, ActivationWork, Muscles};
@@ -22,7 +23,7 @@ impl Simulation {
         family: &str,
         activation: f64,
     ) -> Result<(), ActivationError> {
-        let mut muscles = self.world_mut().get_resource_or_init::<Muscles>();
+        let mut muscles = ensure::<Muscles>(self.world_mut());
         muscles.set_activation(body.0, family, activation)
     }
 

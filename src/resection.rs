@@ -8,6 +8,7 @@ use sinew_contact::pull::Pull;
 use sinew_engine::by_precision;
 use sinew_engine::connectivity::ElementKind;
 use sinew_engine::load::{Constraint, Load, Pressure};
+use sinew_engine::resource::ensure;
 use sinew_engine::row::{LocalRow, VertexRow};
 use sinew_models::body::BodyError;
 use sinew_models::body::present::Resection;
@@ -51,7 +52,7 @@ impl Simulation {
         let precision = self.precision();
         let world = self.world_mut();
         let report = by_precision!(precision, remove_elements(world, body.0, removal))?;
-        world.get_resource_or_init::<RunTotals>().add_removal(&report);
+        ensure::<RunTotals>(world).add_removal(&report);
         Ok(report)
     }
 

@@ -27,6 +27,7 @@ use sinew_engine::load::{Constraint, Load, LoadTime, LoadedFaces, Pressure, Swep
 use sinew_engine::order::{LastOrder, Order};
 use sinew_engine::precision::Precision;
 use sinew_engine::report::{AreaReport, StepReport, VolumeReport};
+use sinew_engine::resource::ensure;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::schedule::ActiveLaws;
 use sinew_engine::step::{Gravity, StepClock, write_positions};
@@ -557,7 +558,7 @@ impl<S: Scalar> WorldState<S> {
         world.flush();
         if self.contact.is_some() || world.contains_resource::<ContactSet>() {
             let memory = self.contact.clone().unwrap_or_default();
-            world.get_resource_or_init::<ContactSet>().recall(&memory);
+            ensure::<ContactSet>(world).recall(&memory);
         }
         world.run_system_cached(write_positions::<S>).expect("engine resources");
         let misfit = SnapshotError::Damaged { what: "its preconditioners belong to another scene" };
@@ -586,7 +587,7 @@ impl<S: Scalar> WorldState<S> {
                     let entity = world.spawn(wanted.order).id();
                     wanted.give(world, entity);
                     restored.spawned.push((wanted.order, entity));
-                    let mut before = world.get_resource_or_init::<Before>();
+                    let mut before = ensure::<Before>(world);
                     let old = self.entities.get(at).copied();
                     before.0.extend(old.into_iter().chain([entity]).map(|own| (own, wanted.order)));
                 }

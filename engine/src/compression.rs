@@ -11,6 +11,7 @@ use crate::isoparametric::{
 use crate::lanes::{Batch, Batches, Lanes, MAX_LANES};
 use crate::law::SleepingBodies;
 use crate::ratios::{DerivativesAt, point_gradients};
+use crate::resource::ensure;
 use crate::scalar::{Real, Scalar};
 use crate::schedule::{StepSchedule, StepSystems};
 use crate::step::{ColumnsBehind, StepFailure};
@@ -79,7 +80,7 @@ pub fn report_compression_by<S: Scalar, M>(
 
 fn prepare<S: Scalar>(world: &mut World) {
     if !world.contains_resource::<CompressionReport>() {
-        world.init_resource::<CompressionReport>();
+        ensure::<CompressionReport>(world);
         let mut schedules = world.resource_mut::<Schedules>();
         schedules.entry(StepSchedule).add_systems(
             measure_compression::<S>

@@ -23,6 +23,7 @@ pub mod precision;
 pub mod ratios;
 pub mod read;
 pub mod report;
+pub mod resource;
 pub mod row;
 pub mod scalar;
 pub mod schedule;

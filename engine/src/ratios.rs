@@ -15,6 +15,7 @@ use crate::isoparametric::{
 use crate::lanes::{Batch, Batches, Kernel, Lanes, MAX_LANES, padded};
 use crate::law::SleepingBodies;
 use crate::report::{AreaReport, SystemTimes, VolumeReport};
+use crate::resource::ensure;
 use crate::scalar::{Real, Scalar, xyz};
 use crate::schedule::{StepSchedule, StepSystems};
 use crate::step::StepFailure;
@@ -205,7 +206,7 @@ fn volume_ratios<L: Lanes>(shapes: &TetrahedronShapes<L::Scalar>, first: usize) 
 /// Puts [`AreaReport`] and the system that fills it into a world, once; bodies with a membrane call it.
 pub fn report_areas<S: Scalar>(world: &mut World) {
     if !world.contains_resource::<AreaReport>() {
-        world.init_resource::<AreaReport>();
+        ensure::<AreaReport>(world);
         let mut schedules = world.resource_mut::<Schedules>();
         schedules
             .entry(StepSchedule)

@@ -10,6 +10,7 @@ use crate::law::{
 use crate::matrix::{PredictedValues, Tangent};
 use crate::precision::Precision;
 use crate::report::SystemTimes;
+use crate::resource::ensure;
 use crate::scalar::Scalar;
 use crate::stopwatch::Stopwatch;
 use crate::topology::Topology;
@@ -107,19 +108,19 @@ impl Executor {
 
 /// Adds both schedules, empty but for the gather frame, to `world`, with ambiguity as an error.
 pub fn install<S: Scalar>(world: &mut World, executor: Executor) {
-    world.init_resource::<Topology>();
-    world.init_resource::<EvaluationRequest>();
-    world.init_resource::<RecoveringBodies>();
-    world.init_resource::<SleepingBodies>();
-    world.init_resource::<OwnPoints>();
-    world.init_resource::<BodiesWithoutRecovery>();
-    world.init_resource::<DisabledLaws>();
-    world.init_resource::<ElasticEnergy>();
-    world.init_resource::<LawBuffers<S>>();
-    world.init_resource::<Tangent<S>>();
-    world.init_resource::<PredictedValues>();
-    world.init_resource::<Workers>();
-    world.init_resource::<SystemTimes>();
+    ensure::<Topology>(world);
+    ensure::<EvaluationRequest>(world);
+    ensure::<RecoveringBodies>(world);
+    ensure::<SleepingBodies>(world);
+    ensure::<OwnPoints>(world);
+    ensure::<BodiesWithoutRecovery>(world);
+    ensure::<DisabledLaws>(world);
+    ensure::<ElasticEnergy>(world);
+    ensure::<LawBuffers<S>>(world);
+    ensure::<Tangent<S>>(world);
+    ensure::<PredictedValues>(world);
+    ensure::<Workers>(world);
+    ensure::<SystemTimes>(world);
     world.insert_resource(executor);
     world.insert_resource(Precision::of::<S>());
 
@@ -219,7 +220,7 @@ where
     D: ReadOnlyQueryData + ContiguousQueryData + 'static,
 {
     let ElementLaw { info, place, mark, partition, evaluate } = law;
-    let mut buffers = world.get_resource_or_init::<LawBuffers<S>>();
+    let mut buffers = ensure::<LawBuffers<S>>(world);
     let Some(id) = buffers.insert(info, place, is_damper, mark, partition) else { return };
     let query = QueryBuilder::<D>::new(world);
     let reads = query.access().access().reads().as_finite_set();
@@ -283,7 +284,7 @@ pub fn activate_law_of_systems<S: Scalar>(
     (mark, partition): (Option<ComponentId>, Partition<S>),
     add: impl FnOnce(&mut Schedule, LawId),
 ) {
-    let mut buffers = world.get_resource_or_init::<LawBuffers<S>>();
+    let mut buffers = ensure::<LawBuffers<S>>(world);
     if let Some(id) = buffers.insert(info, place, false, mark, partition) {
         activate_systems(world, info.name, |schedule| add(schedule, id));
     }
@@ -296,7 +297,7 @@ pub fn activate_systems(
     name: &'static str,
     add: impl FnOnce(&mut Schedule),
 ) -> bool {
-    let mut active = world.get_resource_or_init::<ActiveLaws>();
+    let mut active = ensure::<ActiveLaws>(world);
     if active.0.contains(&name) {
         return false;
     }
@@ -410,7 +411,7 @@ struct LawInputs(Vec<(&'static str, Vec<Input>)>);
 /// but displacements, the order of rows and these, so that its force at unchanged displacements may be used
 /// again. Systems put into [`ForceSchedule`] in any other way are not seen.
 pub fn declare_inputs(world: &mut World, name: &'static str, inputs: &[Input]) {
-    let mut known = world.get_resource_or_init::<LawInputs>();
+    let mut known = ensure::<LawInputs>(world);
     if known.0.iter().all(|(other, _)| *other != name) {
         known.0.push((name, inputs.to_vec()));
     }

@@ -7,6 +7,7 @@ use crate::order::LastOrder;
 use crate::precision::Precision;
 use crate::ratios::measure_volume_ratios;
 use crate::report::{StepReport, VolumeReport};
+use crate::resource::ensure;
 use crate::row::MeshVertex;
 use crate::scalar::Scalar;
 use crate::schedule::{Executor, StepSchedule, StepSystems, install};
@@ -157,13 +158,13 @@ pub fn install_engine<S: Scalar>(world: &mut World, executor: Executor) {
 
 fn install_all<S: Scalar>(world: &mut World, executor: Executor) {
     install::<S>(world, executor);
-    world.init_resource::<LastOrder>();
-    world.init_resource::<StepClock>();
-    world.init_resource::<Gravity>();
-    world.init_resource::<LoadTime>();
-    world.init_resource::<StepFailure>();
-    world.init_resource::<StepReport>();
-    world.init_resource::<VolumeReport>();
+    ensure::<LastOrder>(world);
+    ensure::<StepClock>(world);
+    ensure::<Gravity>(world);
+    ensure::<LoadTime>(world);
+    ensure::<StepFailure>(world);
+    ensure::<StepReport>(world);
+    ensure::<VolumeReport>(world);
     let mut schedules = world.resource_mut::<Schedules>();
     schedules.entry(StepSchedule).add_systems((
         (apply_constraints::<S>, apply_loads::<S>).in_set(StepSystems::Prepare),

@@ -15,6 +15,7 @@ use sinew_contact::thread::{Clip, Thread};
 use sinew_contact::tool::Tool;
 use sinew_engine::law::BodiesWithoutRecovery;
 use sinew_engine::report::{StepReport, SystemTimes, VolumeReport};
+use sinew_engine::resource::ensure;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::schedule::{ActiveLaws, StepSchedule, StepSystems, changed_laws, has_dampers};
 use sinew_engine::step::{
@@ -146,9 +147,9 @@ impl GpuBackend {
 
 /// Installs the integrator of the device, in place of `sinew_solvers::install_solver`.
 pub fn install_gpu<S: Scalar>(world: &mut World, backend: GpuBackend) {
-    world.init_resource::<SolverSettings>();
-    world.init_resource::<IntegratorInstalled>();
-    world.init_resource::<GpuReport>();
+    ensure::<SolverSettings>(world);
+    ensure::<IntegratorInstalled>(world);
+    ensure::<GpuReport>(world);
     world.insert_resource(backend);
     world
         .resource_mut::<Schedules>()

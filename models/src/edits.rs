@@ -4,6 +4,7 @@
 use bevy_ecs::prelude::*;
 use sinew_engine::connectivity::ElementKind;
 use sinew_engine::law::partition_laws;
+use sinew_engine::resource::ensure;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::topology::{ElementTables, Topology};
 use sinew_engine::vertex::RecentCuts;
@@ -74,7 +75,7 @@ impl EditState {
 
     /// That of a world as it is now; all such states share one image, which is made when the next edit comes.
     pub fn of(world: &mut World) -> Self {
-        let mut log = world.get_resource_or_init::<EditLog>();
+        let mut log = ensure::<EditLog>(world);
         let image = log.image.upgrade().unwrap_or_else(|| {
             let image = Arc::default();
             log.image = Arc::downgrade(&image);
@@ -90,7 +91,7 @@ impl EditState {
     /// When the world has had others and does not know what it was before; nothing is changed then. When one cannot be
     /// done to its bodies; those before it are then done.
     pub fn restore<S: Scalar>(&self, world: &mut World) -> Result<bool, EditError> {
-        let log = world.get_resource_or_init::<EditLog>();
+        let log = ensure::<EditLog>(world);
         if log.edits == self.edits {
             return Ok(false);
         }

@@ -16,6 +16,7 @@ use sinew_engine::load::{Curve, Pressure};
 use sinew_engine::matrix::{ProductSpans, Tangent};
 use sinew_engine::mesh::Mesh;
 use sinew_engine::mesh::generate::box_tets;
+use sinew_engine::resource::ensure;
 use sinew_engine::row::VertexRow;
 use sinew_engine::scalar::{Real, Scalar};
 use sinew_engine::schedule::{self, ActiveLaws, DampingSchedule, ForceSchedule, changed_laws};
@@ -269,7 +270,7 @@ fn rows_take_the_place_of_shipped_ones() {
     let linear =
         BodyDescription { model: Model::Linear, ..BodyDescription::new("b", &mesh, MATERIAL) };
     let mut world = empty::<f64>();
-    world.get_resource_or_init::<LawTable>().replace(&INSTEAD).unwrap();
+    ensure::<LawTable>(&mut world).replace(&INSTEAD).unwrap();
     spawn_body(&mut world, &linear).unwrap();
     disturb::<f64>(&mut world);
     let replaced = energy_of(&mut world);
@@ -353,7 +354,7 @@ fn a_law_of_axes_of_another_crate_is_a_row() {
     });
     let own: Vec<_> = own.collect();
     world.spawn_batch(own.clone());
-    world.get_resource_or_init::<LawTable>().add(&TIES).unwrap();
+    ensure::<LawTable>(&mut world).add(&TIES).unwrap();
     activate::<f64>(&mut world, &TIES);
     partition_laws::<f64>(&mut world);
     let others = LAWS.iter().map(|row| row.info.name);

@@ -29,6 +29,7 @@ use settings::SolverSettings;
 use sinew_contact::set::ContactSet;
 use sinew_engine::compiled_here;
 use sinew_engine::report::{StepReport, SystemTimes};
+use sinew_engine::resource::ensure;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::schedule::{StepSchedule, StepSystems};
 use sinew_engine::step::{IntegratorInstalled, StepDivider, StepFailure};
@@ -43,8 +44,8 @@ pub fn install_solver<S: Scalar>(world: &mut World) {
 }
 
 fn install<S: Scalar>(world: &mut World) {
-    world.init_resource::<SolverSettings>();
-    world.init_resource::<IntegratorInstalled>();
+    ensure::<SolverSettings>(world);
+    ensure::<IntegratorInstalled>(world);
     world.insert_resource(StepDivider(divide::<S>));
     sinew_contact::install(world);
     world

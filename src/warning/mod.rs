@@ -13,6 +13,7 @@ use bevy_ecs::prelude::*;
 use rules::Run;
 use serde::{Deserialize, Serialize};
 use sinew_engine::mesh::{CheckOptions, CheckReport, Finding, Mesh, Severity, check};
+use sinew_engine::resource::ensure;
 use sinew_engine::topology::Topology;
 use sinew_models::axes::description::AxisFamily;
 use sinew_models::body::sheet::PlaneState;
@@ -151,7 +152,7 @@ pub(crate) fn keep_findings(
     });
     let (findings, volume) = (report.findings.clone(), report.statistics.total_volume);
     let built = BuiltBody { entity, findings, volume, area, fibres };
-    world.get_resource_or_init::<BuiltBodies>().0.push(built);
+    ensure::<BuiltBodies>(world).0.push(built);
 }
 
 /// What was found in the meshes and materials of the bodies of a world, such as that of a Bevy app.

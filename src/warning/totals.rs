@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 use sinew_contact::set::ContactSet;
 use sinew_engine::compression::CompressionReport;
 use sinew_engine::report::{ContactFigures, StepReport, StepTotals, VolumeReport};
+use sinew_engine::resource::ensure;
 use sinew_engine::step::{StepClock, StepError, run_step};
 use sinew_models::axes::muscle::ActivationWork;
 use sinew_models::resection::{RemovalLog, RemovalReport};
@@ -33,7 +34,7 @@ pub struct RunTotals {
 /// One step, and its figures added to [`RunTotals`].
 pub(crate) fn step(world: &mut World) -> Result<(), StepError> {
     run_step(world)?;
-    let mut totals = std::mem::take(&mut *world.get_resource_or_init::<RunTotals>());
+    let mut totals = std::mem::take(&mut *ensure::<RunTotals>(world));
     totals.add_step(world);
     world.insert_resource(totals);
     Ok(())

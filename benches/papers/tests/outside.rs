@@ -4,6 +4,7 @@ use glam::DVec2;
 use sinew::engine::element::MembraneVertices;
 use sinew::engine::law::{TangentKind, partition_laws};
 use sinew::engine::mesh::generate::{box_hexahedra, box_tets, jitter_interior, triangle_grid};
+use sinew::engine::resource::ensure;
 use sinew::engine::scalar::Real;
 use sinew::models::axes::description::AxesDescription;
 use sinew::models::body::sheet::MembraneDescription;
@@ -213,7 +214,7 @@ fn a_law_of_membranes_can_be_added() {
         let (mut simulation, body) = alone(&sheet("sheet", &mesh, membrane));
         if again {
             let world = simulation.world_mut();
-            world.get_resource_or_init::<LawTable>().add(&AGAIN).unwrap();
+            ensure::<LawTable>(world).add(&AGAIN).unwrap();
             activate::<f64>(world, &AGAIN);
             partition_laws::<f64>(world);
         }

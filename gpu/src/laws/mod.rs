@@ -14,6 +14,7 @@ use bevy_ecs::prelude::*;
 use bevy_ecs::query::{QueryBuilder, ReadOnlyQueryData};
 use sinew_engine::isoparametric::HexahedronRest;
 use sinew_engine::law::TangentKind;
+use sinew_engine::resource::ensure;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::vertex::BodyId;
 use sinew_models::frame::row::{InRecovery, LawRow, LawTable, precision};
@@ -253,7 +254,7 @@ pub fn columns<S: Scalar>(
     if wanted(&pressure::LAW) {
         found.extend(pressure::columns(world, body, first_row));
     }
-    let table = world.get_resource_or_init::<LawTable>();
+    let table = ensure::<LawTable>(world);
     found.sort_by_key(|(law, _)| table.find(law.name()).map(|(place, _)| place));
     found
 }

@@ -20,6 +20,7 @@ use sinew_engine::isoparametric::{
 };
 use sinew_engine::law::{EvaluationRequest, LawBuffers};
 use sinew_engine::load::Curve;
+use sinew_engine::resource::ensure;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::schedule::{Evaluation, StepSchedule, StepSystems};
 use sinew_engine::step::StepClock;
@@ -231,8 +232,8 @@ pub(crate) fn install<S: Scalar>(world: &mut World) {
     if world.contains_resource::<Muscles>() {
         return;
     }
-    world.init_resource::<Muscles>();
-    world.init_resource::<ActivationWork>();
+    ensure::<Muscles>(world);
+    ensure::<ActivationWork>(world);
     if let Some(mut schedules) = world.get_resource_mut::<Schedules>() {
         // alone between the two stages, so that it is ordered against whatever Prepare holds
         schedules.entry(StepSchedule).add_systems(

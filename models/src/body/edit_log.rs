@@ -8,6 +8,7 @@ use sinew_engine::connectivity::{ByKind, ElementKind};
 use sinew_engine::fnv::Fnv64;
 use sinew_engine::isoparametric::OwnPoints;
 use sinew_engine::layout::UNUSED;
+use sinew_engine::resource::ensure;
 use sinew_engine::row::LocalRow;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::topology::Topology;
@@ -129,7 +130,7 @@ pub(crate) fn before_edit<S: Scalar>(world: &mut World) {
 
 /// Notes an edit that was done.
 pub(crate) fn log_edit(world: &mut World, edit: Edit) {
-    let mut log = world.get_resource_or_init::<EditLog>();
+    let mut log = ensure::<EditLog>(world);
     // who wants the tables as they are now has to say so again
     log.image = Weak::new();
     if log.edits.last().is_some_and(|last| edit.replaces(last)) {
@@ -140,7 +141,7 @@ pub(crate) fn log_edit(world: &mut World, edit: Edit) {
 
 /// A number that two worlds share if their bodies were spawned alike, whatever was done to them since.
 pub fn scene_hash<S: Scalar>(world: &mut World) -> u64 {
-    let known = world.get_resource_or_init::<EditLog>().hashes.len();
+    let known = ensure::<EditLog>(world).hashes.len();
     let count = world.resource::<Topology>().bodies.len();
     if known < count {
         let mut soft = world.query::<&SoftBody>();

@@ -15,6 +15,7 @@ use sinew_engine::law::{BodiesWithoutRecovery, partition_laws};
 use sinew_engine::layout::{BodyElements, BodyLayout, spread};
 use sinew_engine::memory;
 use sinew_engine::precision::Precision;
+use sinew_engine::resource::ensure;
 use sinew_engine::row::LocalRow;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::surface::{PointReader, SurfaceReader};
@@ -225,7 +226,7 @@ fn check<'a>(
     body: &BodyDescription<'a>,
 ) -> Result<(Option<MembraneDescription<'a>>, Vec<LameParameters>), BodyError> {
     let name = || body.name.to_string();
-    if world.get_resource_or_init::<Topology>().body(body.name).is_some() {
+    if ensure::<Topology>(world).body(body.name).is_some() {
         return Err(BodyError::Duplicate { body: name() });
     }
     if let Some(spawned) = world.get_resource::<ElementTables>()
@@ -256,7 +257,7 @@ fn check<'a>(
         if !matches!(law.elements, Elements::Tetrahedra | Elements::AxesInTetrahedra) {
             return Err(of_law(LawError::NotOfTetrahedra(law.info.name)));
         }
-        world.get_resource_or_init::<LawTable>().add(law).map_err(of_law)?;
+        ensure::<LawTable>(world).add(law).map_err(of_law)?;
     }
     if !body.hexahedra.is_empty() && !body.model.serves_hexahedra() {
         return Err(BodyError::HexahedronModel { body: name(), model: body.model });

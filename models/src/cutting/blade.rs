@@ -4,6 +4,7 @@ use bevy_ecs::prelude::*;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use sinew_engine::columns::single_table;
+use sinew_engine::resource::ensure;
 use sinew_engine::row::VertexRow;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::topology::Topology;
@@ -108,7 +109,7 @@ fn version(world: &World, body: usize) -> Option<(u64, bool)> {
 
 /// Keeps a view for the next look.
 pub fn keep_view(world: &mut World, body: usize, view: BladeView) {
-    world.get_resource_or_init::<BladeViews>().blades.insert(body, view);
+    ensure::<BladeViews>(world).blades.insert(body, view);
 }
 
 /// Forgets what strokes through a body have decided: no blade is near.

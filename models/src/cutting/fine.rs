@@ -10,6 +10,7 @@ use bevy_ecs::prelude::*;
 use glam::{DMat3, DVec3};
 use sinew_engine::connectivity::{ElementKind, Incidence, PerElement};
 use sinew_engine::mesh::{EmbeddedPoints, Mesh};
+use sinew_engine::resource::ensure;
 use sinew_engine::surface::closest_point;
 use sinew_engine::topology::Topology;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
@@ -109,7 +110,7 @@ pub fn carry_surface(
         outside: embedding.outside,
         farthest: embedding.farthest,
     });
-    let mut all = world.get_resource_or_init::<FineSurfaces>();
+    let mut all = ensure::<FineSurfaces>(world);
     all.own.insert(body, surface.clone());
     all.count += 1;
     Ok(surface)

@@ -31,6 +31,7 @@ use sinew_engine::connectivity::Connectivity;
 use sinew_engine::law::{
     DisabledLaws, EvaluationRequest, LawBuffer, LawBuffers, LawInfo, Span, TangentKind,
 };
+use sinew_engine::resource::ensure;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::schedule::{ForceSystems, Input, activate_law_of_systems, declare_inputs};
 use sinew_engine::sets::DisjointSets;
@@ -425,7 +426,7 @@ pub(super) fn release<S: Scalar>(world: &mut World, body: usize, bonds: &[usize]
         let own = own.filter(|spring| bonds.binary_search(&spring.bond).is_ok());
         released = own.map(|spring| spring.energy(Displacement::peel_slice(u))).sum();
     }
-    let mut memory = world.get_resource_or_init::<GlueMemory>();
+    let mut memory = ensure::<GlueMemory>(world);
     let own = memory.bodies.entry(body).or_default();
     let last = bonds.iter().max().map_or(0, |last| last + 1);
     own.swept.resize(own.swept.len().max(last), false);
@@ -475,7 +476,7 @@ pub fn recall<S: Scalar>(world: &mut World, memory: Option<&GlueMemory>) {
 pub(crate) fn sweep_alike(from: &World, body: usize, to: &mut World) {
     if let Some(own) = from.get_resource::<GlueMemory>().and_then(|memory| memory.bodies.get(&body))
     {
-        to.get_resource_or_init::<GlueMemory>().bodies.insert(0, own.clone());
+        ensure::<GlueMemory>(to).bodies.insert(0, own.clone());
     }
 }
 

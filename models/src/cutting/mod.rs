@@ -62,6 +62,7 @@ use sinew_engine::isoparametric::MIDDLES;
 use sinew_engine::law::partition_laws;
 use sinew_engine::layout::{Lumps, WHOLE_TRIANGLE, lowest_first, starts};
 use sinew_engine::load::Pressure;
+use sinew_engine::resource::ensure;
 use sinew_engine::row::{LocalRow, MeshVertex, VertexRow};
 use sinew_engine::scalar::Scalar;
 use sinew_engine::stopwatch::Stopwatch;
@@ -596,7 +597,7 @@ fn divide<S: Scalar>(
         sum_masses::<S>(world, (body, soft), (&old, &was), (&new, &own.connectivity), &rows)
     });
     let cut = RecentCut { body, copies, masses: masses.unwrap_or_default() };
-    world.get_resource_or_init::<RecentCuts<S>>().0.push(cut);
+    ensure::<RecentCuts<S>>(world).0.push(cut);
     own.element_of[kind] = element_of;
     own.element_of[ElementKind::Triangle] = of_sheets;
     let pieces = glue::pieces(world, (body, &new), own, &material);

@@ -40,6 +40,7 @@ use sinew_engine::compiled_here;
 use sinew_engine::connectivity::ElementKind;
 use sinew_engine::element::{displacement_gradient, volume_change};
 use sinew_engine::order::Order as Created;
+use sinew_engine::resource::ensure;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::topology::Topology;
 use std::sync::Arc;
@@ -268,7 +269,7 @@ fn advance<S: Scalar>(
         report.pieces = cut.pieces as u32;
         report.way -= if max_speed.is_some() { layer } else { 0.0 };
     }
-    world.get_resource_or_init::<BladeViews>().tears.insert(body, view);
+    ensure::<BladeViews>(world).tears.insert(body, view);
     Ok(())
 }
 

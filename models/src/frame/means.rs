@@ -24,6 +24,7 @@ use sinew_engine::law::{
 use sinew_engine::matrix::{LowRank, LowRankPattern, PredictedValues};
 use sinew_engine::ratios::measure_volume_ratios;
 use sinew_engine::report::VolumeReport;
+use sinew_engine::resource::ensure;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::schedule::{
     ForceSchedule, ForceSystems, StepSchedule, StepSystems, activate_systems, declare_inputs,
@@ -98,7 +99,7 @@ pub(crate) fn activate<L: MeanLaw<S, V>, S: Scalar, const V: usize>(
             .add_systems(measure::<L, S, V>.in_set(ForceSystems::Measure).in_set(InPlace(place)));
     });
     if new {
-        let mut places = world.get_resource_or_init::<MeasuredPlaces>();
+        let mut places = ensure::<MeasuredPlaces>(world);
         let others = places.0.clone();
         places.0.push(place);
         let schedules = world.resource_mut::<Schedules>().into_inner();

@@ -18,6 +18,7 @@ use sinew_engine::isoparametric::{
     Tetrahedron10Vertices,
 };
 use sinew_engine::law::{LawBuffer, LawInfo, Partition, TangentKind};
+use sinew_engine::resource::ensure;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::schedule::{ElementLaw, Evaluate, activate_law};
 use sinew_engine::topology::Topology;
@@ -349,7 +350,7 @@ impl LawTable {
 /// The row that stands in a world's table in the place of `row`, and that place. A row of another crate has its place
 /// in the sum from [`LawTable::add`].
 pub fn in_table(world: &mut World, row: &'static LawRow) -> PlacedLaw {
-    let table = world.get_resource_or_init::<LawTable>();
+    let table = ensure::<LawTable>(world);
     // rows of this crate are in every table: it can only grow, and names are kept
     let (place, row) = table.find(row.info.name).unwrap_or((table.rows().len(), row));
     PlacedLaw { row, place }

@@ -48,6 +48,7 @@ use sinew_engine::law::{
 };
 use sinew_engine::load::{LoadTime, Pressure, PressureReach, SweptVolumes};
 use sinew_engine::order::Order;
+use sinew_engine::resource::ensure;
 use sinew_engine::row::VertexRow;
 use sinew_engine::scalar::{Real, Scalar, Single, add, cross, scale, sub};
 use sinew_engine::schedule::{
@@ -244,9 +245,9 @@ pub fn activate<S: Scalar>(world: &mut World) {
 fn activate_law_of_pressure<S: Scalar>(world: &mut World) {
     if !world.contains_resource::<PressureFaces<S>>() {
         world.insert_resource(PressureFaces::<S>::default());
-        world.init_resource::<SweptVolumes>();
-        world.init_resource::<PressureReach>();
-        world.init_resource::<LoadTime>();
+        ensure::<SweptVolumes>(world);
+        ensure::<PressureReach>(world);
+        ensure::<LoadTime>(world);
         // alone between the two stages, so that it is ordered against whatever Prepare holds
         let mut schedules = world.resource_mut::<Schedules>();
         schedules.entry(StepSchedule).add_systems(

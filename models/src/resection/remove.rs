@@ -7,6 +7,7 @@ use sinew_engine::connectivity::{ByKind, Connectivity, ElementKind, Touched};
 use sinew_engine::element::{MembraneBlocks, MembraneVertices};
 use sinew_engine::isoparametric::{QuadBlocks, QuadVertices};
 use sinew_engine::layout::UNUSED;
+use sinew_engine::resource::ensure;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::stopwatch::Stopwatch;
 use sinew_engine::topology::{ElementTables, Topology};
@@ -220,7 +221,7 @@ impl BodyResection {
     /// Makes the rows of elements dead.
     fn clear<S: Scalar>(&self, world: &mut World, chosen: &Chosen) {
         let mut columns = columns::Clear::new::<S>();
-        let table = world.get_resource_or_init::<LawTable>();
+        let table = ensure::<LawTable>(world);
         let of_others: Vec<_> = table.rows().iter().filter_map(|row| row.removal).collect();
         let rows = &self.rows.elements;
         for kind in ElementKind::ALL {

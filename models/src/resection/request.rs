@@ -3,6 +3,7 @@
 use bevy_ecs::prelude::*;
 use serde::{Deserialize, Serialize};
 use sinew_engine::order::Order;
+use sinew_engine::resource::ensure;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::schedule::{StepSchedule, StepSystems};
 
@@ -38,7 +39,7 @@ pub(crate) fn install<S: Scalar>(world: &mut World) {
     if world.contains_resource::<RemovalLog>() {
         return;
     }
-    world.init_resource::<RemovalLog>();
+    ensure::<RemovalLog>(world);
     if let Some(mut schedules) = world.get_resource_mut::<Schedules>() {
         let requests = apply_removal_requests::<S>.in_set(StepSystems::Edit).in_set(Requests);
         schedules.entry(StepSchedule).add_systems(requests);

@@ -33,6 +33,7 @@ use sinew::engine::isoparametric::{
 };
 use sinew::engine::law::partition_laws;
 use sinew::engine::precision::Precision;
+use sinew::engine::resource::ensure;
 use sinew::engine::scalar::Scalar;
 use sinew::engine::topology::ElementTables;
 use sinew::engine::vertex::{BodyId, RestPosition};
@@ -168,7 +169,7 @@ impl PrintedDescription<'_> {
         let world = simulation.world_mut();
         let places = Places::of(world, body.0);
         self.check(&places)?;
-        world.get_resource_or_init::<LawTable>().add(&law::IN_TETRAHEDRA)?;
+        ensure::<LawTable>(world).add(&law::IN_TETRAHEDRA)?;
         let precision = *world.resource::<Precision>();
         by_precision!(precision, spawn(world, self, &places));
         Ok(())
