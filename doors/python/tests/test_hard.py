@@ -386,14 +386,15 @@ def test_memory_stays():
 
 def test_import_is_quick_and_starts_no_thread():
     code = (
-        "import threading, time, os, numpy as np\n"
+        "import time, os, sys; a = time.thread_time(); import numpy as np; b = time.thread_time()\n"
         "tasks = lambda: len(os.listdir('/proc/self/task')) if os.path.exists('/proc/self/task') else 1\n"
-        "n = tasks(); a = time.thread_time(); import sinew; b = time.thread_time()\n"
-        "print(b - a, tasks() - n)"
+        "n = tasks(); c = time.thread_time(); import sinew; d = time.thread_time()\n"
+        "print(b - a, d - c, tasks() - n)"
     )
-    runs = [subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True) for _ in range(7)]
-    times = sorted(float(run.stdout.split()[0]) for run in runs)
     # of this thread: other programs do not count, nor do threads of numpy that wait for work
-    print(f"import sinew after numpy: {1e3 * times[0]:.0f} ms (median {1e3 * times[3]:.0f})")
-    assert all(run.stdout.split()[1] == "0" for run in runs)
-    assert times[0] <= 0.060
+    runs = [subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True) for _ in range(7)]
+    needed, own, threads = (sorted(float(value) for value in values) for values in zip(*(run.stdout.split() for run in runs)))
+    print(f"import sinew after numpy: {1e3 * own[0]:.0f} ms (median {1e3 * own[3]:.0f}), numpy itself: {1e3 * needed[0]:.0f} ms")
+    assert threads[-1] == 0
+    # it depends on numpy; a time in milliseconds would depend on the machine
+    assert own[0] <= needed[0]
