@@ -11,7 +11,7 @@ use sinew_engine::topology::{BodyRows, Topology};
 use sinew_models::cutting::glue::{GlueReport, glue_report};
 use sinew_models::cutting::{
     CutError, CutReport, FineSurface, MaterialSkin, carries_surface, carry_surface, check_cut,
-    cut_body, is_cut, node_places, node_velocities, update_skin,
+    cut_body, drop_surface, is_cut, node_places, node_velocities, update_skin,
 };
 use std::sync::Arc;
 
@@ -113,6 +113,11 @@ impl Simulation {
     ) -> Result<Arc<FineSurface>, CutError> {
         self.check_cut(body)?;
         carry_surface(self.world_mut(), body.0, points, triangles)
+    }
+
+    /// Lets a body [carry no surface](Self::carry_surface) any more: its skin is that of its mesh again.
+    pub fn drop_surface(&mut self, body: BodyHandle) {
+        drop_surface(self.world_mut(), body.0);
     }
 
     /// Whether a body [carries a surface](Self::carry_surface) along.

@@ -132,16 +132,30 @@ pub(crate) struct RestFrame(pub DAffine3);
 pub struct SinewSurface {
     /// Outside triangles of the solid, outward, then triangles of membranes.
     pub triangles: Vec<[u32; 3]>,
-    /// Whether each was laid open by a cut; empty while nothing was cut.
+    /// Whether each was laid open by a cut; empty while nothing was cut and no mesh that cuts divide is carried.
     pub wound: Vec<bool>,
-    /// Depth (m, at rest) of points of wounds below the surface of the mesh, 0 of all others; empty while nothing was cut.
+    /// Depth (m, at rest) of points of wounds below the surface of the mesh, 0 of all others; empty where `wound` is.
     pub depth: Vec<f64>,
-    /// Rows of the body, relative to its first, and weights by which each point that cuts made moves.
+    /// Rows of the body, relative to its first, and weights by which each point that is no vertex moves: first those of a mesh that is
+    /// [carried](crate::SinewCarriedMesh) through cuts, then those that cuts made.
     pub made: Vec<([u32; 4], [f64; 4])>,
     /// Counts up when the triangles change; there may be more points then.
     pub revision: u64,
+    /// Where a surface is carried, by points: places (m) at rest, and what of that surface each lies between.
+    pub(crate) rest: Vec<DVec3>,
+    pub(crate) carried: Vec<([u32; 3], [f64; 3])>,
+    /// Faces of the mesh outside, where others are drawn in their place: what rays meet.
+    pub(crate) tissue: Vec<[u32; 3]>,
     /// [`BodyRows::changes`](sinew::engine::topology::BodyRows::changes) that it was read at.
     changes: u64,
+}
+
+impl SinewSurface {
+    /// Lets it be read anew, after the next step; what is carried is not known until then.
+    pub(crate) fn forget(&mut self) {
+        self.changes = u64::MAX;
+        self.carried.clear();
+    }
 }
 
 /// A body that was not built. Correct [`SinewBody`], its `Transform` or its asset, and it is tried again; after a
@@ -435,7 +449,7 @@ fn surface(world: &mut World, index: usize) -> SinewSurface {
     let user = |triangle: &[u32; 3]| triangle.map(|v| body.vertex_of(LocalRow(v)).0);
     let of_vertices = |t: &&[u32; 3]| t.iter().all(|v| (*v as usize) < body.row_count());
     let triangles = found.triangles.iter().chain(&found.sheets).filter(of_vertices).map(user);
-    let triangles = triangles.collect();
+    let triangles: Vec<[u32; 3]> = triangles.collect();
     let changes = body.changes;
     let mut skin = MaterialSkin::default();
     let precision = *world.resource::<Precision>();
@@ -451,8 +465,9 @@ fn surface(world: &mut World, index: usize) -> SinewSurface {
     };
     let rows = skin.nodes.iter().map(|nodes| nodes.map(row));
     let made = rows.zip(skin.weights).skip(body.mesh_vertices()).collect();
-    let MaterialSkin { triangles, wound, depth, .. } = skin;
-    SinewSurface { triangles, wound, depth, made, revision: 1, changes }
+    let tissue = if skin.carried.is_empty() { Vec::new() } else { triangles };
+    let MaterialSkin { triangles, wound, depth, rest, carried, .. } = skin;
+    SinewSurface { triangles, wound, depth, made, revision: 1, rest, carried, tissue, changes }
 }
 
 /// Changed materials.
@@ -612,7 +627,8 @@ fn read_surfaces(
     for (entity, index) in old {
         let new = surface(world, index);
         let Some(mut own) = world.get_mut::<SinewSurface>(entity) else { continue };
-        let is_new = own.triangles != new.triangles || own.made != new.made;
+        let is_new =
+            own.triangles != new.triangles || own.made != new.made || own.carried != new.carried;
         let revision = own.revision + u64::from(is_new);
         *own = SinewSurface { revision, ..new };
     }

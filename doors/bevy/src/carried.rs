@@ -1,14 +1,16 @@
 //! Fine meshes that bodies carry along, such as those of an artist.
 
+mod through_cuts;
+
 use crate::body::{RestFrame, affine};
-use crate::draw::{between, drawn_at};
+use crate::draw::{WOUND, between, drawn_at};
 use crate::input::label;
 use crate::{
     InputError, InputFailed, SinewBody, SinewBodyIndex, SinewBodyState, SinewInputError,
-    SinewInterpolation, SoftMesh,
+    SinewInterpolation, SinewSurface, SoftMesh,
 };
 use bevy_app::App;
-use bevy_asset::{AssetId, Assets};
+use bevy_asset::{AssetId, Assets, Handle};
 use bevy_ecs::prelude::*;
 use bevy_math::{DAffine3, DVec3, Quat, Vec3, Vec3A};
 use bevy_mesh::{Indices, Mesh, Mesh3d, PrimitiveTopology, VertexAttributeValues};
@@ -31,24 +33,44 @@ use std::collections::{HashMap, HashSet};
 /// triangles round them and are the artist's own at rest. The entity gets a copy of the mesh, as others may draw it
 /// too; another `Mesh3d` is taken hold of anew. Triangles at elements that were removed are no longer drawn.
 ///
-/// What cannot be carried gets [`SinewInputError`], and [`InputFailed`] is sent: also in bodies that can be cut
-/// ([`SinewBody::spare`]), since both sides of a wound would be drawn as one.
-#[derive(Component, Clone, Copy, Debug, Default)]
+/// In a body that can be cut ([`SinewBody::spare`]) it is cut as well, and is drawn from the first step on: triangles are divided along wounds,
+/// attributes of `f32` are known at their new vertices, and wounds are part of the mesh. Such a body is of linear tetrahedra, carries
+/// one mesh, and needs no [`SinewMeshSync`](crate::SinewMeshSync), which would draw the same surface.
+///
+/// What cannot be carried gets [`SinewInputError`], and [`InputFailed`] is sent.
+#[derive(Component, Clone, Copy, Debug, PartialEq)]
 #[require(Transform)]
-pub struct SinewCarriedMesh;
+pub struct SinewCarriedMesh {
+    /// Colour (linear red, green, blue, alpha) of what cuts laid open, as the attribute `COLOR`, which is white elsewhere where the mesh has
+    /// none. Without, that attribute is yours.
+    pub wound: Option<[f32; 4]>,
+}
+
+impl Default for SinewCarriedMesh {
+    fn default() -> Self {
+        Self { wound: Some(WOUND) }
+    }
+}
 
 /// How a mesh is carried.
 #[derive(Component)]
 pub(crate) struct Carried {
     mesh: AssetId<Mesh>,
     body: Entity,
-    embedding: EmbeddedPoints,
+    by: By,
     shape: Shape,
-    /// Where its vertices rest (m), and where they are drawn in the frame of the entity.
-    rest: Vec<DVec3>,
+    /// Where its vertices are drawn in the frame of the entity.
     positions: Vec<[f32; 3]>,
     /// What it was drawn for: changes of the body, and the part of a step.
     drawn: Option<(u64, f64)>,
+}
+
+/// What moves the vertices of a mesh.
+enum By {
+    /// Elements; where the vertices rest (m).
+    Elements { embedding: EmbeddedPoints, rest: Vec<DVec3> },
+    /// The surface of a body that can be cut.
+    Surface(Box<through_cuts::Cut>),
 }
 
 /// A mesh as it was loaded.
@@ -70,6 +92,12 @@ pub(crate) fn build(app: &mut App) {
     app.add_observer(|gone: On<Remove<SinewCarriedMesh>>, mut commands: Commands| {
         if let Ok(mut entity) = commands.get_entity(gone.entity) {
             entity.try_remove::<(Carried, SinewInputError)>();
+        }
+    });
+    app.add_observer(|gone: On<Remove<Carried>>, all: Query<&Carried>, mut commands: Commands| {
+        if let Ok(Carried { body, by: By::Surface(_), .. }) = all.get(gone.entity) {
+            let body = *body;
+            commands.queue(move |world: &mut World| through_cuts::let_go(world, body));
         }
     });
 }
@@ -108,8 +136,8 @@ pub(crate) fn begin(
             Ok(Some((mut made, copy))) => {
                 let copy = meshes.add(copy);
                 made.mesh = copy.id();
-                let mut entity = commands.entity(entity);
-                entity.try_remove::<SinewInputError>().try_insert((made, Mesh3d(copy)));
+                commands
+                    .queue(move |world: &mut World| take_hold(world, name, entity, (made, copy)));
             }
             Err(error) => {
                 log::error!("{error}");
@@ -117,6 +145,29 @@ pub(crate) fn begin(
                 commands.entity(entity).try_remove::<Carried>().try_insert(own);
                 failed.write(InputFailed { entity, error });
             }
+        }
+    }
+}
+
+/// Lets a body carry a mesh, in the world: what cuts divide is a surface of the engine's.
+fn take_hold(
+    world: &mut World,
+    name: String,
+    entity: Entity,
+    (made, copy): (Carried, Handle<Mesh>),
+) {
+    let result = match &made.by {
+        By::Surface(cut) => cut.hang(world, entity, made.body),
+        By::Elements { .. } => Ok(()),
+    };
+    let Ok(mut own) = world.get_entity_mut(entity) else { return };
+    match result {
+        Ok(()) => _ = own.remove::<SinewInputError>().insert((made, Mesh3d(copy))),
+        Err(problem) => {
+            let error = InputError::Invalid { name, problem };
+            log::error!("{error}");
+            own.remove::<Carried>().insert(SinewInputError(error.clone()));
+            world.write_message(InputFailed { entity, error });
         }
     }
 }
@@ -142,11 +193,6 @@ impl Hierarchy<'_, '_> {
             }
             to_body = own(body) * to_body;
         };
-        if of.spare > 0 {
-            let problem = "its body can be cut (`spare`), and meshes that are carried are not: draw the body by \
-                           `SinewMeshSync`, or take its `spare` away";
-            return Err(invalid(problem.into()));
-        }
         let mesh = mesh.ok_or_else(|| invalid("its entity has no `Mesh3d`: give it one".into()))?;
         let (Some(frame), Some(soft)) = (frame, self.soft.get(&of.mesh)) else { return Ok(None) };
         let Some(mesh) = meshes.get(&mesh.0) else { return Ok(None) };
@@ -154,7 +200,15 @@ impl Hierarchy<'_, '_> {
         if !(to_body.is_finite() && to_body.matrix3.determinant() != 0.0) {
             return Err(invalid(format!("its `Transform` {to_body:?} flattens it")));
         }
-        let (shape, positions) = Shape::of(mesh).map_err(invalid)?;
+        let (shape, positions) = Shape::of(mesh, |_| [0; 4]).map_err(invalid)?;
+        let can_be_cut = of.spare > 0;
+        if can_be_cut && to_body.matrix3.determinant() < 0.0 {
+            let problem = "its `Transform` mirrors it, and its body can be cut (`spare`): mirror the mesh itself";
+            return Err(invalid(problem.into()));
+        }
+        if can_be_cut && mesh.attributes().any(|(_, values)| values.len() != positions.len()) {
+            return Err(invalid("its attributes are not of one length".into()));
+        }
         let wide = |p: &[f32; 3]| to_body.transform_point3(Vec3::from(*p).as_dvec3());
         let points: Vec<DVec3> = positions.iter().map(wide).collect();
         let tissue = soft.mesh();
@@ -170,16 +224,22 @@ impl Hierarchy<'_, '_> {
             );
             return Err(invalid(problem));
         }
-        let rest = points.iter().map(|&p| frame.0.transform_point3(p)).collect();
         let (mesh, mut copy) = (AssetId::default(), mesh.clone());
         // found by area where it has none
         copy.insert_attribute(Mesh::ATTRIBUTE_NORMAL, shape.normals.clone());
-        Ok(Some((Carried { mesh, body, embedding, shape, rest, positions, drawn: None }, copy)))
+        let by = if can_be_cut {
+            By::Surface(Box::new(through_cuts::Cut::new(&copy, frame.0 * to_body)))
+        } else {
+            let rest = points.iter().map(|&p| frame.0.transform_point3(p)).collect();
+            By::Elements { embedding, rest }
+        };
+        Ok(Some((Carried { mesh, body, by, shape, positions, drawn: None }, copy)))
     }
 }
 
 /// A body that carries meshes.
-type Body<'a> = (&'a SinewBodyIndex, Ref<'a, SinewBodyState>, Option<&'a SinewInterpolation>);
+type Body<'a> =
+    (&'a SinewBodyIndex, Ref<'a, SinewBodyState>, &'a SinewSurface, Option<&'a SinewInterpolation>);
 
 /// Writes meshes that bodies carry, where these moved.
 pub(crate) fn sync(
@@ -189,16 +249,21 @@ pub(crate) fn sync(
     rows: Query<(&Position, &RestPosition)>,
     mut meshes: ResMut<Assets<Mesh>>,
     bodies: Query<Body>,
-    mut carried: Query<(&mut Carried, Ref<GlobalTransform>)>,
+    mut carried: Query<(&mut Carried, &SinewCarriedMesh, Ref<GlobalTransform>)>,
 ) {
     let Some((positions, rest)) = single_table(rows.contiguous_iter()) else { return };
-    for (mut own, transform) in &mut carried {
+    for (mut own, style, transform) in &mut carried {
         let own = own.bypass_change_detection();
-        let Ok((index, state, interpolation)) = bodies.get(own.body) else { continue };
+        let Ok((index, state, surface, interpolation)) = bodies.get(own.body) else { continue };
         let body = &topology.bodies[index.0];
         let (before, fraction) = between(interpolation, fixed.as_deref());
         let now = Some((body.changes, fraction));
-        if !(state.is_changed() || transform.is_changed() || own.drawn != now) {
+        let is_new = match &own.by {
+            By::Elements { .. } => false,
+            By::Surface(cut) if !cut.knows(surface) => continue,
+            By::Surface(cut) => !cut.is_of(surface, style),
+        };
+        if !(state.is_changed() || transform.is_changed() || own.drawn != now || is_new) {
             continue;
         }
         let Some(mut mesh) = meshes.get_mut(own.mesh) else { continue };
@@ -206,51 +271,57 @@ pub(crate) fn sync(
         own.drawn = now;
         let table = body.vertices.start as usize..body.vertices.end as usize;
         let (positions, rest) = (&positions[table.clone()], &rest[table]);
-        let mut way = vec![DVec3::ZERO; body.mesh_vertices()];
-        for (local, vertex) in body.vertex_order.iter().enumerate() {
-            way[vertex.index()] = drawn_at(local, positions, (before, fraction)) - rest[local].0;
-        }
-        mesh.final_aabb = Some(own.place(&way, affine(&transform).inverse()));
-        if cut {
-            let left = resection.as_deref().and_then(|own| own.connectivity(index.0));
-            own.leave_out(body, left, &mut mesh);
-        }
+        let at = |local: usize| drawn_at(local, positions, (before, fraction));
+        let to_frame = affine(&transform).inverse();
+        let bounds = match &mut own.by {
+            By::Elements { embedding, rest: own_rest } => {
+                let mut way = vec![DVec3::ZERO; body.mesh_vertices()];
+                for (local, vertex) in body.vertex_order.iter().enumerate() {
+                    way[vertex.index()] = at(local) - rest[local].0;
+                }
+                let moved = own_rest.iter().zip(embedding.displacements(&way));
+                let bounds =
+                    place(&mut own.positions, moved.map(|(rest, way)| *rest + way), to_frame);
+                if cut {
+                    let left = resection.as_deref().and_then(|own| own.connectivity(index.0));
+                    own.shape.leave_out(embedding, body, left, &mut mesh);
+                }
+                bounds
+            }
+            By::Surface(cut) => {
+                if is_new && let Some((whole, shape)) = cut.follow(body, surface, style) {
+                    (*mesh, own.shape) = (whole, shape);
+                }
+                own.positions.resize(cut.made.len(), [0.0; 3]);
+                let mean = |(rows, weights): &([u32; 4], [f64; 4])| {
+                    rows.iter().zip(weights).map(|(&row, w)| *w * at(row as usize)).sum()
+                };
+                place(&mut own.positions, cut.made.iter().map(mean), to_frame)
+            }
+        };
+        mesh.final_aabb = Some(bounds);
         own.shape.write(&own.positions, &mut mesh);
     }
 }
 
-impl Carried {
-    /// Positions in the frame of the entity, and their bounds.
-    fn place(&mut self, way: &[DVec3], to_frame: DAffine3) -> Aabb3d {
-        let (mut min, mut max) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
-        let moved = self.rest.iter().zip(self.embedding.displacements(way));
-        for (to, (rest, way)) in self.positions.iter_mut().zip(moved) {
-            let there = to_frame.transform_point3(*rest + way).as_vec3();
-            (min, max) = (min.min(there), max.max(there));
-            *to = there.to_array();
-        }
-        Aabb3d { min: Vec3A::from(min), max: Vec3A::from(max) }
+/// Brings vertices to places (m) in the frame of the entity; their bounds.
+fn place(
+    positions: &mut [[f32; 3]],
+    places: impl Iterator<Item = DVec3>,
+    to_frame: DAffine3,
+) -> Aabb3d {
+    let (mut min, mut max) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+    for (to, place) in positions.iter_mut().zip(places) {
+        let there = to_frame.transform_point3(place).as_vec3();
+        (min, max) = (min.min(there), max.max(there));
+        *to = there.to_array();
     }
-
-    /// Leaves out triangles at elements that are gone; all are there where none is, as after a way back.
-    fn leave_out(&self, body: &BodyRows, left: Option<&Connectivity>, mesh: &mut Mesh) {
-        let kinds: HashSet<ElementKind> = self.embedding.cells().map(|(kind, _)| kind).collect();
-        let mut gone = HashSet::new();
-        for kind in kinds {
-            let all = (0..).zip(&body.order[kind]);
-            let own = all.filter(|(e, _)| left.is_some_and(|left| !left.is_present(kind, *e)));
-            gone.extend(own.map(|(_, &index)| (kind, index)));
-        }
-        let is_gone: Vec<bool> = self.embedding.cells().map(|cell| gone.contains(&cell)).collect();
-        let is_left = |t: &&[u32; 3]| t.iter().all(|&v| !is_gone[v as usize]);
-        let triangles = self.shape.triangles.iter().filter(is_left);
-        mesh.insert_indices(Indices::U32(triangles.flatten().copied().collect()));
-    }
+    Aabb3d { min: Vec3A::from(min), max: Vec3A::from(max) }
 }
 
 impl Shape {
-    /// Of a mesh, with its positions; or what of it cannot be carried.
-    fn of(mesh: &Mesh) -> Result<(Self, Vec<[f32; 3]>), String> {
+    /// Of a mesh, with its positions; or what of it cannot be carried. `side` tells vertices at one place apart that do not move alike.
+    fn of(mesh: &Mesh, side: impl Fn(usize) -> [u32; 4]) -> Result<(Self, Vec<[f32; 3]>), String> {
         if mesh.primitive_topology() != PrimitiveTopology::TriangleList {
             return Err(format!(
                 "its mesh is a {:?}: triangles are carried, as a `TriangleList`",
@@ -290,7 +361,7 @@ impl Shape {
         let group = (0..positions.len()).map(|v| {
             let bits = |x: &[f32; 3]| x.map(f32::to_bits);
             let next = groups.len() as u32;
-            *groups.entry((bits(&positions[v]), normals.get(v).map(bits))).or_insert(next)
+            *groups.entry((bits(&positions[v]), normals.get(v).map(bits), side(v))).or_insert(next)
         });
         let group = group.collect();
         let at_rest = vec![Vec3::ZERO; groups.len()];
@@ -304,11 +375,34 @@ impl Shape {
         };
         shape.find_areas(positions);
         shape.at_rest.clone_from(&shape.now);
-        if shape.normals.is_empty() {
-            let of = |&group: &u32| shape.at_rest[group as usize].normalize_or(Vec3::Z).to_array();
-            shape.normals = shape.group.iter().map(of).collect();
+        shape.normals.resize(positions.len(), [0.0; 3]);
+        for (normal, group) in shape.normals.iter_mut().zip(&shape.group) {
+            if *normal == [0.0; 3] {
+                *normal = shape.at_rest[*group as usize].normalize_or(Vec3::Z).to_array();
+            }
         }
         Ok((shape, positions.clone()))
+    }
+
+    /// Leaves out triangles at elements that are gone; all are there where none is, as after a way back.
+    fn leave_out(
+        &self,
+        embedding: &EmbeddedPoints,
+        body: &BodyRows,
+        left: Option<&Connectivity>,
+        mesh: &mut Mesh,
+    ) {
+        let kinds: HashSet<ElementKind> = embedding.cells().map(|(kind, _)| kind).collect();
+        let mut gone = HashSet::new();
+        for kind in kinds {
+            let all = (0..).zip(&body.order[kind]);
+            let own = all.filter(|(e, _)| left.is_some_and(|left| !left.is_present(kind, *e)));
+            gone.extend(own.map(|(_, &index)| (kind, index)));
+        }
+        let is_gone: Vec<bool> = embedding.cells().map(|cell| gone.contains(&cell)).collect();
+        let is_left = |t: &&[u32; 3]| t.iter().all(|&v| !is_gone[v as usize]);
+        let triangles = self.triangles.iter().filter(is_left);
+        mesh.insert_indices(Indices::U32(triangles.flatten().copied().collect()));
     }
 
     fn find_areas(&mut self, positions: &[[f32; 3]]) {

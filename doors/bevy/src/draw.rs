@@ -35,9 +35,12 @@ pub struct SinewMeshSync {
     pub wound: Option<[f32; 4]>,
 }
 
+/// Colour of wounds.
+pub(crate) const WOUND: [f32; 4] = [0.4, 0.03, 0.03, 1.0];
+
 impl Default for SinewMeshSync {
     fn default() -> Self {
-        Self { smooth_normals: true, wound: Some([0.4, 0.03, 0.03, 1.0]) }
+        Self { smooth_normals: true, wound: Some(WOUND) }
     }
 }
 
@@ -275,7 +278,7 @@ impl Drawn {
                 mesh.insert_attribute(attribute, vec![[0.0_f32; 3]; count]);
             }
         }
-        let Some(colour) = sync.wound.filter(|_| !surface.wound.is_empty()) else { return };
+        let Some(colour) = sync.wound.filter(|_| surface.wound.contains(&true)) else { return };
         let mut colours = vec![[1.0_f32; 4]; count];
         let wound = surface.triangles.iter().enumerate().filter(|(t, _)| surface.wound[*t]);
         for (t, triangle) in wound {

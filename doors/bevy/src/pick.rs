@@ -47,7 +47,8 @@ impl SinewHit {
     }
 }
 
-/// Casts rays on the surfaces that bodies have now, before [`SinewInterpolation`](crate::SinewInterpolation).
+/// Casts rays on the surfaces that bodies have now, before [`SinewInterpolation`](crate::SinewInterpolation): on faces of their meshes, not on
+/// wounds, nor on a finer mesh that is carried.
 #[derive(SystemParam)]
 pub struct SinewRayCast<'w, 's> {
     topology: Res<'w, Topology>,
@@ -63,7 +64,11 @@ impl SinewRayCast<'_, '_> {
         let mut found: Option<SinewHit> = None;
         for (entity, index, surface) in &self.bodies {
             let body = &self.topology.bodies[index.0];
-            for &vertices in &surface.triangles {
+            let triangles = match surface.tissue[..] {
+                [] => &surface.triangles,
+                _ => &surface.tissue,
+            };
+            for &vertices in triangles {
                 let Some(rows) = body.rows(&vertices) else { continue };
                 let corners = [rows[0], rows[1], rows[2]].map(|row| positions[row.index()].0);
                 let Some((distance, weights)) = hit(origin, way, corners) else { continue };

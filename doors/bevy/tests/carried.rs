@@ -4,14 +4,18 @@ use crate::common::*;
 use bevy_app::App;
 use bevy_asset::{Assets, Handle, RenderAssetUsages};
 use bevy_ecs::prelude::*;
-use bevy_math::{DQuat, Quat, Vec3};
+use bevy_ecs::system::SystemState;
+use bevy_math::{DQuat, Dir3, Quat, Vec3};
 use bevy_mesh::{Indices, Mesh, Mesh3d, PrimitiveTopology, VertexAttributeValues};
+use bevy_shape::Ray3d;
 use bevy_time::{Time, Virtual};
 use bevy_transform::components::{GlobalTransform, Transform};
 use sinew::engine::mesh::EmbeddedPoints;
+use sinew::engine::mesh::generate::box_tets;
 use sinew::engine::step::Gravity;
 use sinew::engine::topology::Topology;
 use sinew::engine::vertex::{Position, RestPosition};
+use sinew::models::cutting::cut_body;
 use sinew::models::resection::{Region, Removal, RemovalRequest};
 use sinew::prelude::DVec3;
 use sinew::snapshot::{restore_snapshot, take_snapshot};
@@ -77,7 +81,7 @@ fn drawn(app: &App, entity: Entity) -> Mesh {
 fn carried(app: &mut App, body: Entity, mesh: &Handle<Mesh>) -> Entity {
     // as scenes of other programs are: below a node of their own
     let node = app.world_mut().spawn((place(), ChildOf(body))).id();
-    app.world_mut().spawn((SinewCarriedMesh, Mesh3d(mesh.clone()), ChildOf(node))).id()
+    app.world_mut().spawn((SinewCarriedMesh::default(), Mesh3d(mesh.clone()), ChildOf(node))).id()
 }
 
 fn added(app: &mut App, mesh: Mesh) -> Handle<Mesh> {
@@ -234,6 +238,136 @@ fn triangles_at_removed_elements_are_no_longer_drawn() {
     assert_eq!(corners(&app), all);
 }
 
+/// The outside of a unit box with texture coordinates that are its first two axes.
+fn shell(cells: [usize; 3]) -> Mesh {
+    let solid = box_tets(DVec3::ONE, cells).unwrap();
+    let points: Vec<[f32; 3]> = solid.points.iter().map(|p| p.as_vec3().to_array()).collect();
+    let texture: Vec<[f32; 2]> = points.iter().map(|&[x, y, _]| [x, y]).collect();
+    let corners = solid.surface_triangles().concat();
+    // points inside of it are in no triangle
+    Mesh::new(PrimitiveTopology::TriangleList, RenderAssetUsages::default())
+        .with_inserted_attribute(Mesh::ATTRIBUTE_POSITION, points)
+        .with_inserted_attribute(Mesh::ATTRIBUTE_UV_0, texture)
+        .with_inserted_indices(Indices::U32(corners))
+}
+
+fn corners(mesh: &Mesh) -> Vec<[usize; 3]> {
+    let all: Vec<usize> = mesh.indices().unwrap().iter().collect();
+    all.as_chunks().0.to_vec()
+}
+
+fn volume(mesh: &Mesh) -> f64 {
+    let at = three(mesh, Mesh::ATTRIBUTE_POSITION);
+    let of = |t: [usize; 3]| t.map(|v| at[v].as_dvec3());
+    corners(mesh).into_iter().map(of).map(|[a, b, c]| a.dot(b.cross(c)) / 6.0).sum()
+}
+
+/// A mesh is cut with its body: closed at rest, with texture coordinates where a blade made vertices, and what is cut off falls with all
+/// that is drawn of it.
+#[test]
+fn a_carried_mesh_is_cut_with_its_body() {
+    let mut app = weightless();
+    // finer than the tissue
+    let shell = shell([13, 11, 7]);
+    let (mesh, soft) = (added(&mut app, shell.clone()), asset(&mut app));
+    let body = SinewBody { spare: 200, ..SinewBody::new(soft, material()) };
+    let turned = Transform::from_xyz(0.3, -0.2, 0.1).with_rotation(Quat::from_rotation_y(0.7));
+    let body = app.world_mut().spawn((body, turned)).id();
+    app.world_mut().spawn((SinewHold::new("x0"), ChildOf(body)));
+    let size = Transform::from_scale(Vec3::new(0.1, 0.08, 0.04));
+    let own = (SinewCarriedMesh::default(), Mesh3d(mesh), size, ChildOf(body));
+    let entity = app.world_mut().spawn(own).id();
+    (0..4).for_each(|_| app.update());
+    let off = |a: &Mesh, b: &Mesh| {
+        let [a, b] = [a, b].map(|mesh| three(mesh, Mesh::ATTRIBUTE_POSITION));
+        a.into_iter().zip(b).map(|(a, b)| a.distance(b)).fold(0.0, f32::max)
+    };
+    assert!(off(&drawn(&app, entity), &shell) < 2e-5);
+    // rays meet the tissue
+    let above = turned.transform_point(Vec3::new(0.07, 0.03, 1.0));
+    let ray = Ray3d::new(above, Dir3::new(turned.rotation * Vec3::NEG_Z).unwrap());
+    let hit = SystemState::<SinewRayCast>::new(app.world_mut())
+        .get(app.world())
+        .unwrap()
+        .cast(ray)
+        .unwrap();
+    assert!((hit.distance - 0.96).abs() < 1e-5 && hit.entity == body, "{hit:?}");
+    let place = |p: DVec3| turned.transform_point(p.as_vec3()).as_dvec3();
+    let edge = |y: f64| [place(DVec3::new(0.045, y, 1.0)), place(DVec3::new(0.055, y, -1.0))];
+    let report = cut_body::<f64>(app.world_mut(), 0, &[edge(-1.0), edge(1.0)]).unwrap();
+    assert_eq!(report.pieces, 2);
+    (0..2).for_each(|_| app.update());
+    let cut = drawn(&app, entity);
+    let (whole, count) = (shell.count_vertices(), cut.count_vertices());
+    assert!(off(&cut, &shell) < 2e-5 && count > whole + 50);
+    assert!((volume(&cut) - 1.0).abs() < 2e-3, "{}", volume(&cut));
+    let [at, normals] =
+        [Mesh::ATTRIBUTE_POSITION, Mesh::ATTRIBUTE_NORMAL].map(|which| three(&cut, which));
+    let (
+        Some(VertexAttributeValues::Float32x2(texture)),
+        Some(VertexAttributeValues::Float32x4(colours)),
+    ) = (cut.attribute(Mesh::ATTRIBUTE_UV_0), cut.attribute(Mesh::ATTRIBUTE_COLOR))
+    else {
+        panic!("no texture or colours")
+    };
+    let wound = app.world().get::<SinewSurface>(body).unwrap().wound.clone();
+    let colour = SinewMeshSync::default().wound.unwrap();
+    let (mut open, mut made) = (0, 0);
+    for (t, is_wound) in corners(&cut).into_iter().zip(wound) {
+        for v in t {
+            assert_eq!(colours[v], if is_wound { colour } else { [1.0; 4] });
+            assert!((normals[v].length() - 1.0).abs() < 1e-3, "{}", normals[v]);
+            if !is_wound {
+                made += usize::from(v >= whole);
+                let [x, y] = texture[v];
+                assert!((at[v].x - x).abs().max((at[v].y - y).abs()) < 2e-5);
+            }
+        }
+        open += usize::from(is_wound);
+    }
+    assert!(open > 20 && made > 50, "{open} {made}");
+    app.insert_resource(Gravity::default());
+    (0..20).for_each(|_| app.update());
+    let fallen = drawn(&app, entity);
+    let frame = *app.world().get::<GlobalTransform>(entity).unwrap();
+    let now = three(&fallen, Mesh::ATTRIBUTE_POSITION);
+    let way = |v: usize| (frame.transform_point(at[v]) - frame.transform_point(now[v])).z;
+    let ways: Vec<[f32; 3]> = corners(&fallen).into_iter().map(|t| t.map(way)).collect();
+    // g t^2 / 2
+    let fell = ways.iter().filter(|t| t.iter().all(|way| *way > 0.15)).count();
+    let stayed = ways.iter().filter(|t| t.iter().all(|way| *way < 0.1)).count();
+    assert!(fell > 400 && stayed > 400 && fell + stayed == ways.len(), "{fell} {stayed}");
+    // a coarser mesh, with colours, takes its place, and elements are removed
+    let tissue = crate::common::mesh();
+    let is_right = |t: &[u32; 4]| t.iter().all(|&v| tissue.points[v as usize].x > 0.06);
+    let right = (0..).zip(&tissue.tetrahedra).filter(|(_, t)| is_right(t)).map(|(t, _)| t);
+    let removal = Removal::new(Region::Tetrahedra(right.collect()));
+    app.world_mut().spawn(RemovalRequest::new(0, removal));
+    let other = self::shell([3, 3, 2]);
+    let white = vec![[0.5_f32; 4]; other.count_vertices()];
+    let other = added(&mut app, other.with_inserted_attribute(Mesh::ATTRIBUTE_COLOR, white));
+    app.world_mut().entity_mut(entity).insert(Mesh3d(other));
+    (0..3).for_each(|_| app.update());
+    let coarse = drawn(&app, entity);
+    let Some(VertexAttributeValues::Float32x4(colours)) = coarse.attribute(Mesh::ATTRIBUTE_COLOR)
+    else {
+        panic!("no colours")
+    };
+    let used: Vec<[f32; 4]> = corners(&coarse).into_iter().flatten().map(|v| colours[v]).collect();
+    for colour in [[0.5; 4], [1.0; 4], SinewMeshSync::default().wound.unwrap()] {
+        assert!(used.contains(&colour), "{colour:?}");
+    }
+    assert!(coarse.count_vertices() < count && used.iter().all(|colour| colour[3] > 0.4));
+    // and is let go of
+    app.world_mut().despawn(entity);
+    (0..3).for_each(|_| app.update());
+    let surface = app.world().get::<SinewSurface>(body).unwrap();
+    let at_vertices =
+        surface.triangles.iter().flatten().any(|v| (*v as usize) < tissue.points.len());
+    assert!(at_vertices && surface.wound.contains(&true));
+    assert!(app.world().resource::<StepOutcome>().0.is_none());
+}
+
 #[test]
 fn meshes_that_cannot_be_carried_are_told_once_and_tried_again() {
     let mut app = app();
@@ -244,15 +378,27 @@ fn meshes_that_cannot_be_carried_are_told_once_and_tried_again() {
     let soft = asset(&mut app);
     let cuttable = SinewBody { spare: 100, ..SinewBody::new(soft, material()) };
     let cuttable = app.world_mut().spawn(cuttable).id();
+    let first = carried(&mut app, cuttable, &mesh);
     let cases = [
         (Some(mesh.clone()), None, place(), "is a child of no `SinewBody`"),
-        (Some(mesh.clone()), Some(cuttable), place(), "its body can be cut (`spare`)"),
+        (
+            Some(mesh.clone()),
+            Some(cuttable),
+            place(),
+            "its body can be cut (`spare`) and carries another mesh",
+        ),
+        (
+            Some(mesh.clone()),
+            Some(cuttable),
+            place().with_scale(Vec3::new(-0.08, 0.06, 0.01)),
+            "its `Transform` mirrors it",
+        ),
         (None, Some(body), place(), "its entity has no `Mesh3d`"),
         (Some(lines), Some(body), place(), "its mesh is a LineList"),
         (Some(mesh.clone()), Some(body), Transform::default(), "lies 1.3"),
     ];
     let entities = cases.each_ref().map(|(mesh, body, place, _)| {
-        let mut entity = app.world_mut().spawn((SinewCarriedMesh, *place));
+        let mut entity = app.world_mut().spawn((SinewCarriedMesh::default(), *place));
         if let Some(mesh) = mesh {
             entity.insert(Mesh3d(mesh.clone()));
         }
@@ -272,20 +418,21 @@ fn meshes_that_cannot_be_carried_are_told_once_and_tried_again() {
         assert!(error.contains(text), "{error}");
         assert!(told.iter().any(|own| own.entity == *entity && own.error.to_string() == error));
     }
+    assert!(app.world().get::<SinewInputError>(first).is_none());
     // a mesh comes, and a parent: they are carried
-    app.world_mut().entity_mut(entities[2]).insert(Mesh3d(mesh.clone()));
+    app.world_mut().entity_mut(entities[3]).insert(Mesh3d(mesh.clone()));
     app.world_mut().entity_mut(entities[0]).insert(ChildOf(body));
     app.update();
-    for entity in [entities[0], entities[2]] {
+    for entity in [entities[0], entities[3]] {
         assert!(app.world().get::<SinewInputError>(entity).is_none());
     }
-    let handle = |app: &App| app.world().get::<Mesh3d>(entities[2]).unwrap().0.clone();
+    let handle = |app: &App| app.world().get::<Mesh3d>(entities[3]).unwrap().0.clone();
     assert_ne!(handle(&app), mesh);
     // and let go of
     let last = handle(&app);
-    app.world_mut().entity_mut(entities[2]).remove::<SinewCarriedMesh>();
-    let before = drawn(&app, entities[2]);
+    app.world_mut().entity_mut(entities[3]).remove::<SinewCarriedMesh>();
+    let before = drawn(&app, entities[3]);
     (0..5).for_each(|_| app.update());
     assert_eq!(handle(&app), last);
-    assert!(drawn(&app, entities[2]) == before);
+    assert!(drawn(&app, entities[3]) == before);
 }

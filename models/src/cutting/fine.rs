@@ -9,6 +9,7 @@
 use bevy_ecs::prelude::*;
 use glam::{DMat3, DVec3};
 use sinew_engine::connectivity::{ElementKind, Incidence, PerElement};
+use sinew_engine::element::TETRAHEDRON_EDGES;
 use sinew_engine::mesh::{EmbeddedPoints, Mesh};
 use sinew_engine::resource::ensure;
 use sinew_engine::surface::closest_point;
@@ -52,8 +53,8 @@ pub struct FineSurface {
     triangles: Vec<[u32; 3]>,
     /// Tetrahedron of the mesh that each point hangs on.
     tetrahedra: Vec<u32>,
-    /// Edges whose ends hang on tetrahedra without a common vertex. They are longer than tetrahedra, and where a cut goes through them is found
-    /// roughly.
+    /// Edges that are longer than the smaller of the tetrahedra that their ends hang on, which have no vertex in common: where a cut goes through
+    /// them is found roughly.
     pub long: usize,
     /// Points that lie in none.
     pub outside: usize,
@@ -99,7 +100,15 @@ pub fn carry_surface(
         EmbeddedPoints::new(&mesh, points).ok_or_else(|| wrong("it has no elements"))?;
     let on: Vec<u32> = embedding.cells().map(|(_, cell)| cell).collect();
     let vertices = |p: u32| mesh.tetrahedra[on[p as usize] as usize];
-    let is_long = |[a, b]: &[u32; 2]| !vertices(*a).iter().any(|v| vertices(*b).contains(v));
+    let size = |p: u32| {
+        let corners = vertices(p).map(|v| mesh.points[v as usize]);
+        let ways = TETRAHEDRON_EDGES.map(|[i, j]| corners[i].distance(corners[j]));
+        ways.into_iter().fold(0.0, f64::max)
+    };
+    let is_long = |&[a, b]: &[u32; 2]| {
+        let way = points[a as usize].distance(points[b as usize]);
+        way > size(a).min(size(b)) && !vertices(a).iter().any(|v| vertices(b).contains(v))
+    };
     let edges = triangles.iter().flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]]);
     let edges: BTreeSet<[u32; 2]> = edges.map(|[a, b]| [a.min(b), a.max(b)]).collect();
     let surface = Arc::new(FineSurface {
@@ -114,6 +123,13 @@ pub fn carry_surface(
     all.own.insert(body, surface.clone());
     all.count += 1;
     Ok(surface)
+}
+
+/// Lets a body carry no surface any more: its skin is that of its mesh again.
+pub fn drop_surface(world: &mut World, body: usize) {
+    if let Some(mut all) = world.get_resource_mut::<FineSurfaces>() {
+        all.own.remove(&body);
+    }
 }
 
 /// Whether a body carries a surface along.
@@ -249,8 +265,8 @@ impl<'a> Grip<'a> {
             || self.is_cut([(middle, hold), (q, b)], steps - 1)
     }
 
-    /// The place where a wound goes through an edge between two places.
-    fn crossing(&self, [(p, a), (q, b)]: [(DVec3, Hold); 2]) -> DVec3 {
+    /// Share of the way from the first of two places to the other at which a wound goes through the edge between them.
+    fn crossing(&self, [(p, a), (q, b)]: [(DVec3, Hold); 2]) -> f64 {
         let near = self.round([self.source(a), self.source(b)]);
         let [mut low, mut high] = [0.0, 1.0];
         for _ in 0..HALVINGS {
@@ -262,7 +278,7 @@ impl<'a> Grip<'a> {
                 false => low = middle,
             }
         }
-        p.lerp(q, 0.5 * (low + high))
+        0.5 * (low + high)
     }
 
     /// A point of a skin at a place that an element moves.
@@ -308,11 +324,15 @@ struct Weave<'a> {
     lips: Vec<(u32, Hold)>,
 }
 
+/// Points of a surface, and their shares.
+type Between = ([u32; 3], [f64; 3]);
+
 impl Weave<'_> {
-    fn add(&mut self, hold: Hold, place: DVec3) -> u32 {
+    fn add(&mut self, hold: Hold, place: DVec3, between: Between) -> u32 {
         let (nodes, weights) = self.grip.nodes(hold, place);
         self.skin.rest.push(place);
         self.skin.depth.push(0.0);
+        self.skin.carried.push(between);
         self.skin.add(nodes, weights)
     }
 
@@ -331,11 +351,18 @@ impl Weave<'_> {
             };
             let ends = edge.map(|p| of(self, p));
             let [Some((p, a)), Some((q, b))] = ends else { return None };
-            let ends = [(p, a), (q, b)];
-            let made = self.grip.is_cut(ends, STEPS).then(|| {
-                let place = self.grip.crossing(ends);
+            let made = self.grip.is_cut([(p, a), (q, b)], STEPS).then(|| {
+                // where points of two edges are at the same places, as on a seam of textures, their crossings are
+                let turned = p.to_array() > q.to_array();
+                let (ends, [low, high]) = match turned {
+                    true => ([(q, b), (p, a)], [edge[1], edge[0]]),
+                    false => ([(p, a), (q, b)], edge),
+                };
+                let share = self.grip.crossing(ends);
+                let place = ends[0].0.lerp(ends[1].0, share);
+                let between = ([low, high, high], [1.0 - share, share, 0.0]);
                 [a, b].map(|hold| {
-                    let point = self.add(hold, place);
+                    let point = self.add(hold, place, between);
                     self.lips.push((point, hold));
                     point
                 })
@@ -363,7 +390,7 @@ impl Weave<'_> {
                     let (Some([next, _]), Some([_, last])) = (cuts[i], cuts[(i + 2) % 3]) else {
                         continue;
                     };
-                    let centre = self.add(holds[i], middle);
+                    let centre = self.add(holds[i], middle, ([a, b, c], [1.0 / 3.0; 3]));
                     self.push([own[i], next, centre], holds[i]);
                     self.push([own[i], centre, last], holds[i]);
                 }
@@ -426,7 +453,9 @@ impl Weave<'_> {
             let Some(&(lip, hold)) = nearest else { continue };
             // wounds share no points with what is round them
             let made = copies.get(&lip).copied();
-            let made = made.unwrap_or_else(|| self.add(hold, self.skin.rest[lip as usize]));
+            let made = made.unwrap_or_else(|| {
+                self.add(hold, self.skin.rest[lip as usize], Between::default())
+            });
             copies.insert(lip, made);
             to.insert(p, made);
         }
@@ -479,6 +508,10 @@ impl FineSurface {
         skin: &mut MaterialSkin,
     ) {
         let (crossings, lips) = (HashMap::new(), Vec::new());
+        skin.carried = vec![Between::default(); skin.nodes.len()];
+        for (point, own) in (0..self.points.len() as u32).zip(&mut skin.carried[first as usize..]) {
+            *own = ([point; 3], [1.0, 0.0, 0.0]);
+        }
         let mut weave = Weave { surface: self, grip, skin, holds, first, crossings, lips };
         self.triangles.iter().for_each(|triangle| weave.triangle(*triangle));
         weave.join_lips();

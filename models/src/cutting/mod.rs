@@ -78,7 +78,7 @@ use std::time::Duration;
 
 use self::columns::{Changed, points_of};
 use self::faces::Sheet;
-pub use self::fine::{FineSurface, carries_surface, carry_surface};
+pub use self::fine::{FineSurface, carries_surface, carry_surface, drop_surface};
 use self::material::{Element, Material, NONE, Order};
 pub use self::skin::{
     MaterialSkin, cut_material, is_cut, node_places, node_velocities, update_skin,

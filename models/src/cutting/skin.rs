@@ -42,6 +42,9 @@ pub struct MaterialSkin {
     /// Their weights, which add up to 1; those of no weight come last, but for points of a surface, which also have some below 0 where they
     /// lie outside of the mesh.
     pub weights: Vec<[f64; 4]>,
+    /// Where a surface is carried, by points: points of that surface between which each lies at rest, and their shares; shares of 0 for all that is
+    /// not on it. What an artist gave its points, such as texture coordinates, is known by them at those that cuts made.
+    pub carried: Vec<([u32; 3], [f64; 3])>,
     /// The body, the count of its changes, and that of the surfaces given, that it is of.
     of: Option<(usize, u64, u64)>,
 }
