@@ -3,8 +3,9 @@
 use crate::common::says;
 use glam::DVec3;
 use sinew::engine::load::{Load, LoadedFaces};
+use sinew::engine::mesh::generate::box_tets;
 use sinew_scene::assemble::{BuildOptions, BuiltScene, build, generate};
-use sinew_scene::mesh_tool::MeshInfo;
+use sinew_scene::mesh_tool::{MeshInfo, write};
 use sinew_scene::scene::{Generate, LoadedScene, SHAPES};
 use std::path::Path;
 
@@ -277,4 +278,36 @@ fn shapes_come_from_words_as_from_tables() {
     says(&told("disc", "radius", "wide"), &["disc", "radius"]);
     says(&told("disc", "width", "1"), &["disc", "width", "radius"]);
     says(&told("sphere", "shells", "3"), &["sphere", "radius"]);
+}
+
+/// Surfaces that cuts divide roughly, or not at all, are noted.
+#[test]
+fn what_surfaces_cannot_do_through_cuts_is_noted() {
+    let folder = std::env::temp_dir().join(format!("sinew-surfaces-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    let notes = |cells: usize, elements: &str, spare: usize| -> Vec<String> {
+        write(&folder.join("shell.vtu"), &box_tets(DVec3::splat(0.06), [cells; 3]).unwrap())
+            .unwrap();
+        let text = format!(
+            "name = \"acts\"\ndt = 0.01\nduration = 0.1\n[[body]]\nname = \"block\"\nsurface = \"shell.vtu\"\nspare = {spare}\n\
+             generate.box = {{ size = [0.06, 0.06, 0.06], cells = [4, 4, 4], elements = \"{elements}\" }}\n\
+             material = {{ young_modulus = 1e4, poisson_ratio = 0.3, density = 1e3 }}\n\
+             [[constraint]]\nname = \"wall\"\nselect = {{ group = \"x0\" }}\n"
+        );
+        let scene = LoadedScene::parse(&text, &folder.join("acts.toml")).unwrap();
+        let options = BuildOptions { threads: Some(1), ..BuildOptions::default() };
+        let all = build(&scene, &options).unwrap().warnings;
+        all.into_iter().filter(|w| w.code == "scene.surface.cuts").map(|w| w.to_string()).collect()
+    };
+    // the edges of a cube and the diagonals of its faces
+    let rough = notes(1, "irregular", 100);
+    assert!(
+        rough.len() == 1 && rough[0].contains("18 edges of its surface are longer"),
+        "{rough:?}"
+    );
+    let not = notes(8, "hexahedra", 100);
+    assert!(not.len() == 1 && not[0].contains("does not go through cuts"), "{not:?}");
+    assert_eq!(notes(8, "irregular", 100), Vec::<String>::new());
+    assert_eq!(notes(1, "irregular", 0), Vec::<String>::new());
+    std::fs::remove_dir_all(folder).unwrap();
 }
