@@ -465,7 +465,11 @@ fn surface(world: &mut World, index: usize) -> SinewSurface {
     };
     let rows = skin.nodes.iter().map(|nodes| nodes.map(row));
     let made = rows.zip(skin.weights).skip(body.mesh_vertices()).collect();
-    let tissue = if skin.carried.is_empty() { Vec::new() } else { triangles };
+    // a ghost stands for a vertex on the other side of a wound
+    let whole = |t: &&[u32; 3]| t.iter().all(|v| (*v as usize) < body.vertex_order.len());
+    let faces = found.triangles[found.wounds..].iter().chain(&found.sheets).filter(whole);
+    let user = |triangle: &[u32; 3]| triangle.map(|v| body.vertex_of(LocalRow(v)).0);
+    let tissue = faces.filter(|_| !skin.carried.is_empty()).map(user).collect();
     let MaterialSkin { triangles, wound, depth, rest, carried, .. } = skin;
     SinewSurface { triangles, wound, depth, made, revision: 1, rest, carried, tissue, changes }
 }

@@ -10,7 +10,7 @@ use crate::{
     SinewInterpolation, SinewSurface, SoftMesh,
 };
 use bevy_app::App;
-use bevy_asset::{AssetId, Assets, Handle};
+use bevy_asset::{AssetId, Assets, Handle, RenderAssetUsages};
 use bevy_ecs::prelude::*;
 use bevy_math::{DAffine3, DVec3, Quat, Vec3, Vec3A};
 use bevy_mesh::{Indices, Mesh, Mesh3d, PrimitiveTopology, VertexAttributeValues};
@@ -132,7 +132,8 @@ pub(crate) fn begin(
         }
         let name = label("carried mesh", entity, name);
         match hierarchy.carry(&name, entity, mesh, &meshes) {
-            Ok(None) => {}
+            // tried again in the next frame
+            Ok(None) => _ = commands.entity(entity).try_remove::<(Carried, SinewInputError)>(),
             Ok(Some((mut made, copy))) => {
                 let copy = meshes.add(copy);
                 made.mesh = copy.id();
@@ -156,8 +157,13 @@ fn take_hold(
     entity: Entity,
     (made, copy): (Carried, Handle<Mesh>),
 ) {
+    if world.get::<SinewCarriedMesh>(entity).is_none() {
+        return;
+    }
+    // another body may have carried it
+    world.entity_mut(entity).remove::<Carried>();
     let result = match &made.by {
-        By::Surface(cut) => cut.hang(world, entity, made.body),
+        By::Surface(cut) => cut.hang(world, made.body),
         By::Elements { .. } => Ok(()),
     };
     let Ok(mut own) = world.get_entity_mut(entity) else { return };
@@ -166,7 +172,7 @@ fn take_hold(
         Err(problem) => {
             let error = InputError::Invalid { name, problem };
             log::error!("{error}");
-            own.remove::<Carried>().insert(SinewInputError(error.clone()));
+            own.insert(SinewInputError(error.clone()));
             world.write_message(InputFailed { entity, error });
         }
     }
@@ -227,6 +233,8 @@ impl Hierarchy<'_, '_> {
         let (mesh, mut copy) = (AssetId::default(), mesh.clone());
         // found by area where it has none
         copy.insert_attribute(Mesh::ATTRIBUTE_NORMAL, shape.normals.clone());
+        // it is written again and again
+        copy.asset_usage |= RenderAssetUsages::MAIN_WORLD;
         let by = if can_be_cut {
             By::Surface(Box::new(through_cuts::Cut::new(&copy, frame.0 * to_body)))
         } else {

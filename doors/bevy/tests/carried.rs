@@ -284,13 +284,12 @@ fn a_carried_mesh_is_cut_with_its_body() {
     };
     assert!(off(&drawn(&app, entity), &shell) < 2e-5);
     // rays meet the tissue
-    let above = turned.transform_point(Vec3::new(0.07, 0.03, 1.0));
-    let ray = Ray3d::new(above, Dir3::new(turned.rotation * Vec3::NEG_Z).unwrap());
-    let hit = SystemState::<SinewRayCast>::new(app.world_mut())
-        .get(app.world())
-        .unwrap()
-        .cast(ray)
-        .unwrap();
+    let cast = |app: &mut App, x: f32, y: f32| {
+        let from = turned.transform_point(Vec3::new(x, y, 1.0));
+        let ray = Ray3d::new(from, Dir3::new(turned.rotation * Vec3::NEG_Z).unwrap());
+        SystemState::<SinewRayCast>::new(app.world_mut()).get(app.world()).unwrap().cast(ray)
+    };
+    let hit = cast(&mut app, 0.07, 0.03).unwrap();
     assert!((hit.distance - 0.96).abs() < 1e-5 && hit.entity == body, "{hit:?}");
     let place = |p: DVec3| turned.transform_point(p.as_vec3()).as_dvec3();
     let edge = |y: f64| [place(DVec3::new(0.045, y, 1.0)), place(DVec3::new(0.055, y, -1.0))];
@@ -337,8 +336,20 @@ fn a_carried_mesh_is_cut_with_its_body() {
     let fell = ways.iter().filter(|t| t.iter().all(|way| *way > 0.15)).count();
     let stayed = ways.iter().filter(|t| t.iter().all(|way| *way < 0.1)).count();
     assert!(fell > 400 && stayed > 400 && fell + stayed == ways.len(), "{fell} {stayed}");
-    // a coarser mesh, with colours, takes its place, and elements are removed
     let tissue = crate::common::mesh();
+    // also what fell, and nothing between the two
+    let mut hits = [0, 0];
+    for i in 0..50 {
+        let Some(hit) = cast(&mut app, 0.01 * i as f32 - 0.2, 0.037) else { continue };
+        let rows = app.world().resource::<Topology>().bodies[0].rows(&hit.vertices).unwrap();
+        let mut query = app.world_mut().query::<&Position>();
+        let all: Vec<DVec3> = query.iter(app.world()).map(|x| x.0).collect();
+        let [a, b, c] = [0, 1, 2].map(|k| all[rows[k].index()]);
+        assert!(a.distance(b).max(b.distance(c)).max(c.distance(a)) < 0.06, "{hit:?}");
+        hits[usize::from(tissue.points[hit.vertices[0] as usize].x > 0.05)] += 1;
+    }
+    assert!(hits[0] > 2 && hits[1] > 2, "{hits:?}");
+    // a coarser mesh, with colours, takes its place, and elements are removed
     let is_right = |t: &[u32; 4]| t.iter().all(|&v| tissue.points[v as usize].x > 0.06);
     let right = (0..).zip(&tissue.tetrahedra).filter(|(_, t)| is_right(t)).map(|(t, _)| t);
     let removal = Removal::new(Region::Tetrahedra(right.collect()));

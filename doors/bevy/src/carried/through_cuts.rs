@@ -26,16 +26,12 @@ impl Cut {
         Self { whole: whole.clone(), to_rest, of: Default::default(), made: Vec::new() }
     }
 
-    /// Lets a body carry it as the mesh of an entity; else what is in the way.
-    pub fn hang(&self, world: &mut World, entity: Entity, body: Entity) -> Result<(), String> {
+    /// Lets a body carry it; else what is in the way.
+    pub fn hang(&self, world: &mut World, body: Entity) -> Result<(), String> {
         let Some(index) = world.get::<SinewBodyIndex>(body).map(|index| index.0) else {
             return Err("its body is gone".into());
         };
-        let mut all = world.query::<(Entity, &Carried)>();
-        let is_other = |(own, carried): (Entity, &Carried)| {
-            own != entity && carried.body == body && matches!(carried.by, By::Surface(_))
-        };
-        if all.iter(world).any(is_other) {
+        if carries(world, body) {
             let problem =
                 "its body can be cut (`spare`) and carries another mesh: make one of both";
             return Err(problem.into());
@@ -142,15 +138,19 @@ impl Cut {
 /// Ends that a body carries a mesh through cuts, unless there is another one already.
 pub(super) fn let_go(world: &mut World, body: Entity) {
     let Some(index) = world.get::<SinewBodyIndex>(body).map(|index| index.0) else { return };
-    let mut all = world.query::<&Carried>();
-    let is_of_it = |own: &Carried| own.body == body && matches!(own.by, By::Surface(_));
-    if all.iter(world).any(is_of_it) {
+    if carries(world, body) {
         return;
     }
     drop_surface(world, index);
     if let Some(mut surface) = world.get_mut::<SinewSurface>(body) {
         surface.forget();
     }
+}
+
+/// Whether a body carries a mesh through cuts.
+fn carries(world: &mut World, body: Entity) -> bool {
+    let mut all = world.query::<&Carried>();
+    all.iter(world).any(|own| own.body == body && matches!(own.by, By::Surface(_)))
 }
 
 fn positions(mesh: &Mesh) -> &[[f32; 3]] {
