@@ -215,6 +215,14 @@ impl Hierarchy<'_, '_> {
         if can_be_cut && mesh.attributes().any(|(_, values)| values.len() != positions.len()) {
             return Err(invalid("its attributes are not of one length".into()));
         }
+        for (attribute, values) in mesh.attributes().filter(|_| can_be_cut) {
+            if !through_cuts::is_divided(values) {
+                let own = attribute.name;
+                log::warn!(
+                    "`{name}`: attribute {own} is not of `f32`, so it is left out once its body is cut"
+                );
+            }
+        }
         let wide = |p: &[f32; 3]| to_body.transform_point3(Vec3::from(*p).as_dvec3());
         let points: Vec<DVec3> = positions.iter().map(wide).collect();
         let tissue = soft.mesh();

@@ -160,7 +160,13 @@ fn positions(mesh: &Mesh) -> &[[f32; 3]] {
     }
 }
 
-/// Values of an attribute, and those between them; `None` of formats that are not of `f32`, unless there are none between.
+/// Whether values of an attribute are known between vertices: those of `f32` are.
+pub(super) fn is_divided(values: &VertexAttributeValues) -> bool {
+    use VertexAttributeValues::{Float32, Float32x2, Float32x3, Float32x4};
+    matches!(values, Float32(_) | Float32x2(_) | Float32x3(_) | Float32x4(_))
+}
+
+/// Values of an attribute, and those between them; `None` of formats that are not [divided](is_divided), unless there are none between.
 fn longer(
     values: &VertexAttributeValues,
     between: &[([u32; 3], [f64; 3])],
