@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Builds the engine as WebAssembly and puts it into one page, that opens from disk. Argument: the page (default
-# target/web/sinew.html). Says "skipped", and leaves with 3, where Rust cannot build for WebAssembly.
+# target/web/sinew.html). Says "skipped", and leaves with 3, where Rust cannot build for WebAssembly or there is no xz.
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 page=$(realpath -m "${1:-${CARGO_TARGET_DIR:-target}/web/sinew.html}")
@@ -11,13 +11,17 @@ if [ ! -d "$(rustc --print sysroot)/lib/rustlib/$target" ]; then
         exit 3
     }
 fi
-cargo build --profile web --target $target -p sinew-web --locked
-engine=$(realpath "${CARGO_TARGET_DIR:-target}")/$target/web/sinew_web.wasm
+command -v xz >/dev/null || { echo "skipped: no xz here, which packs the engine"; exit 3; }
+cargo build --profile web --target $target -p sinew-web -p sinew-unpack --locked
+built=$(realpath "${CARGO_TARGET_DIR:-target}")/$target/web
+engine=$built/sinew_web.wasm unpacker=$built/sinew_unpack.wasm
 mkdir -p "${page%/*}"
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
-gzip -9 -n -c "$engine" >"$work/engine.gz"
-base64 <"$work/engine.gz" >"$work/wasm"
+# what repeats is found at any distance within 16 MiB, which is more than the engine has
+xz --format=lzma --lzma1=preset=9e,dict=16MiB -c "$engine" >"$work/engine.lzma"
+base64 <"$work/engine.lzma" >"$work/packed"
+base64 <"$unpacker" >"$work/unpacker"
 # files in place of the lines that name them; what is read may name others
 fill() {
     awk -v list="$*" '
@@ -29,6 +33,6 @@ fill() {
 web=doors/web player=demos/render/player mesh=liver_medium.msh
 fill VIEW=$player/view.js <$web/page.js >"$work/script"
 fill STYLE=$player/base.css MESH=demos/meshes/$mesh SCENE=$web/liver.toml ENGINE=$web/engine.js WORKER=$web/worker.js \
-    WASM="$work/wasm" SCRIPT="$work/script" <$web/page.html | sed "s/@MESH_NAME@/$mesh/" >"$page"
+    UNPACKER="$work/unpacker" PACKED="$work/packed" SCRIPT="$work/script" <$web/page.html | sed "s/@MESH_NAME@/$mesh/" >"$page"
 size() { printf '%s.%s%s MB' $(($(wc -c <"$1") / 1000000)) $(($(wc -c <"$1") / 100000 % 10)) $(($(wc -c <"$1") / 10000 % 10)); }
-echo "$engine: $(size "$engine"), compressed $(size "$work/engine.gz"); $page: $(size "$page")"
+echo "$engine: $(size "$engine"), packed $(size "$work/engine.lzma"); unpacked by $(($(wc -c <"$unpacker") / 1000)) kB; $page: $(size "$page")"

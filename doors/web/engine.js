@@ -11,6 +11,13 @@ class Engine {
     return new Engine((await WebAssembly.instantiate(module, host)).exports);
   }
 
+  // bytes of an engine that build.sh packed; the module that unpacks it has the same kind of doors
+  static async unpacked(unpacker, packed) {
+    const own = await Engine.start(unpacker);
+    own.call("unpack", [], packed);
+    return own.bytes();
+  }
+
   constructor(doors) { this.doors = doors; }
 
   // calls a door, after what it reads was put into its room

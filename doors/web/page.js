@@ -12,10 +12,6 @@
 
   // ---- the engine
 
-  async function unpacked(base64) {
-    const packed = Uint8Array.from(atob(base64), (c) => c.charCodeAt(0));
-    return new Uint8Array(await new Response(new Blob([packed]).stream().pipeThrough(new DecompressionStream("gzip"))).arrayBuffer());
-  }
   const worker = new Worker(URL.createObjectURL(new Blob([text("worker")], { type: "text/javascript" })));
   const tell = (door, more = {}) => worker.postMessage({ door, ...more });
   worker.onerror = (e) => warn(`The worker stopped: ${e.message}`);
@@ -323,10 +319,11 @@
     }
     if (message.cut) say(message.cut.vertices ? "" : "The blade met nothing.");
     if (message.refused) say(message.refused);
-    if (message.stopped) { warn(`${message.stopped} Press "Again".`); }
+    // before there is a view, nothing can begin again
+    if (message.stopped) warn(view ? `${message.stopped} Press "Again".` : message.stopped);
   };
   const name = byId("mesh").dataset.name;
-  tell("start", { wasm: await unpacked(text("wasm")), scene: text("scene"),
+  tell("start", { unpacker: text("unpacker"), packed: text("packed"), scene: text("scene"),
     files: { [name]: new TextEncoder().encode(`${text("mesh")}\n`) } });
 })().catch((error) => {
   document.querySelector("#heading .warning").textContent = error.message;

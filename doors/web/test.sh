@@ -10,8 +10,11 @@ case $code in 0) ;; 3) exit 0 ;; *) exit "$code" ;; esac
 engine=$(realpath "${CARGO_TARGET_DIR:-target}")/wasm32-unknown-unknown/web/sinew_web.wasm
 # all of the engine is in it; what makes it grow makes every page slower to open
 [ "$(wc -c <"$engine")" -le 8600000 ] || { echo "$engine has more than 8.6 MB" >&2; exit 1; }
+# all of it is read before anything is seen
+[ "$(wc -c <"$page")" -le 3000000 ] || { echo "$page has more than 3 MB" >&2; exit 1; }
 node=$(command -v node || true)
 [ -n "$node" ] && "$node" -e 'process.exit(parseInt(process.versions.node) < 18 ? 1 : 0)' || { echo "skipped: no node of version 18 or later"; exit 0; }
+"$node" doors/web/tests/unpack.mjs "$page" "$engine"
 "$node" doors/web/tests/engine.mjs "$engine" ${SINEW_COMMAND:+"$SINEW_COMMAND"}
 for name in chromium chromium-browser google-chrome; do
     browser=$(command -v $name || true)
