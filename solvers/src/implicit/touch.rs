@@ -44,6 +44,14 @@ const NEARLY: f64 = 10.0;
 const APPROACH: u32 = 4;
 /// Most corrections of the momentum of a piece.
 const MOST_BALANCES: u32 = 10;
+/// Slope of the energy at the end of a round over that at its start above which less of the round is better.
+const STEEP: f64 = 0.3;
+/// Slope over that at the start that counts as flat.
+const FLAT: f64 = 0.1;
+/// Ratio of slopes from which two are of different size.
+const UNLIKE: f64 = 10.0;
+/// Most trials to find where it is flat.
+const MOST_TRIALS: u32 = 8;
 /// Most halvings of a round.
 const MAX_HALVINGS: u32 = 20;
 /// Depth over the mean edge to which points come in one step, from outside, above which the step is an impact:
@@ -277,6 +285,8 @@ impl<S: Scalar> Step<'_, S> {
             rounds += 1;
             // converged steps linearise anew anyway
             let nearly = !iterated && off <= NEARLY * enough * force;
+            // late in the loop every round that lowers the energy is taken whole: only then may the loop end
+            let seek = round < most / 2;
             let last = nearly || settled || round + 1 == most;
             options.own_tolerance = if last { 0.0 } else { LOOSE };
             // converged steps linearise anew, and end sooner with the tangents alone
@@ -305,8 +315,7 @@ impl<S: Scalar> Step<'_, S> {
                 CgStatus::Converged => {}
             }
             residual = outcome.residual;
-            // shorten the step until model plus contact energy decrease
-            // with and without contact
+            // shorten the step; its products with and without contact
             let ImplicitScratch { node, damping, touch, linear, .. } = &mut *self.scratch;
             let mut system = system_matrix(self.world, &body.weights, node, damping);
             system.contact = Some(&blocks);
@@ -316,7 +325,7 @@ impl<S: Scalar> Step<'_, S> {
             linear.multiply_solution(&system, bodies.clone(), b, x, both);
             own.copy_from_slice(both);
             system.add_contact_product(bodies.clone(), -1.0, x, own);
-            let Some(t) = self.scratch.shorten(contact, &body, energy) else { break };
+            let Some(t) = self.scratch.shorten(contact, &body, energy, seek) else { break };
             whole = t == 1.0;
             self.scratch.take_round(&body, t);
         }
@@ -403,6 +412,96 @@ impl<S: Scalar> Step<'_, S> {
     }
 }
 
+/// Model plus contact energy along the step of a round.
+struct RoundWay {
+    linear: f64,
+    quadratic: f64,
+    /// Energy (J) of contact at its start, and below which changes are rounding.
+    energy: f64,
+    blur: f64,
+}
+
+/// What they are at a part of it.
+#[derive(Clone, Copy)]
+struct AtPart {
+    part: f64,
+    /// Change (J) since its start.
+    change: f64,
+    /// It is not above 0, up to rounding (J).
+    lowers: bool,
+    rounding: f64,
+    /// Derivative (J) by the part.
+    slope: f64,
+}
+
+/// The part of a round to be taken whose energy begins with a slope and ends rising: all of it if it ends nearly flat, else the
+/// lowest found on the way to where it is flat. That is looked for by regula falsi in which an end that stays twice counts half
+/// (Illinois), and by halves while slopes are of different size: stiff contact sets in.
+fn lowest(start: f64, end: AtPart, mut at: impl FnMut(f64) -> AtPart) -> Option<f64> {
+    let is_flat = end.slope <= STEEP * -start || -start <= end.rounding;
+    if end.lowers && is_flat || !(start < 0.0 && end.slope.is_finite()) {
+        return end.lowers.then_some(1.0);
+    }
+    let mut best = end;
+    let (mut low, mut high, mut stays) = ((0.0, start), (1.0, end.slope), 0);
+    for _ in 0..MOST_TRIALS {
+        let own = at(match high.1 > UNLIKE * -low.1 {
+            true => 0.5 * (low.0 + high.0),
+            false => (low.0 * high.1 - high.0 * low.1) / (high.1 - low.1),
+        });
+        if !own.slope.is_finite() {
+            break;
+        }
+        if own.change < best.change || !best.lowers {
+            best = own;
+        }
+        if own.slope.abs() <= FLAT * -start {
+            break;
+        }
+        let side = if own.slope < 0.0 { -1 } else { 1 };
+        let half = if stays == side { 0.5 } else { 1.0 };
+        match side {
+            -1 => (low, high.1) = ((own.part, own.slope), half * high.1),
+            _ => (high, low.1) = ((own.part, own.slope), half * low.1),
+        }
+        stays = side;
+    }
+    best.lowers.then_some(best.part)
+}
+
+impl RoundWay {
+    fn at<S: Scalar>(
+        &self,
+        part: f64,
+        scratch: &mut ImplicitScratch<S>,
+        contact: &mut ContactSet,
+        body: &BodyStep,
+    ) -> AtPart {
+        scratch.try_direction(body, S::from_f64(part));
+        let now = evaluate(contact, &body.bodies, scratch, &scratch.trial, Limits::Keep);
+        let Self { linear, quadratic, energy, blur } = *self;
+        let change = part * linear + 0.5 * part * part * quadratic + (now - energy);
+        let rounding = 1e-12 * (energy.abs() + now.abs() + (part * linear).abs()) + blur;
+        let mut slope = linear + part * quadratic;
+        contact.for_forces(&body.bodies, |row, f| {
+            let step = &scratch.touch.round[row];
+            slope -= scratch.node.free_axes(row).map(|k| f[k] * step[k].to_f64()).sum::<f64>();
+        });
+        AtPart { part, change, lowers: change <= rounding, rounding, slope }
+    }
+
+    /// The first of 1, a half, a quarter and so on that lowers them.
+    fn halved<S: Scalar>(
+        &self,
+        scratch: &mut ImplicitScratch<S>,
+        contact: &mut ContactSet,
+        body: &BodyStep,
+    ) -> Option<f64> {
+        let mut parts = (0..MAX_HALVINGS as i32).map(|n| 0.5_f64.powi(n));
+        parts.find(|part| self.at(*part, scratch, contact, body).lowers)
+    }
+}
+
 impl<S: Scalar> ImplicitScratch<S> {
     /// Trial displacements of a body: iterate plus direction plus a part of the round's step.
     fn try_direction(&mut self, body: &BodyStep, part: S) {
@@ -453,9 +552,15 @@ impl<S: Scalar> ImplicitScratch<S> {
         [change, scale]
     }
 
-    /// Part of the round's step that lowers model plus contact energy, with the limits that the round began with;
-    /// `None` where none does.
-    fn shorten(&mut self, contact: &mut ContactSet, body: &BodyStep, energy: f64) -> Option<f64> {
+    /// Part of the round's step that lowers model plus contact energy, with the limits that the round began with; `None` where
+    /// none does. With `seek` it is that where this is flat, if it rises steeply at the end: contact has set in or given way before.
+    fn shorten(
+        &mut self,
+        contact: &mut ContactSet,
+        body: &BodyStep,
+        energy: f64,
+        seek: bool,
+    ) -> Option<f64> {
         let (mut linear, mut quadratic) = (0.0, 0.0);
         let blur = rounding(contact, &body.bodies, self);
         for row in body.rows.clone() {
@@ -463,18 +568,14 @@ impl<S: Scalar> ImplicitScratch<S> {
             linear += dot3(d, &self.touch.product[row]) - dot3(d, &self.residual[row]);
             quadratic += dot3(d, ad);
         }
-        let mut t = 1.0;
-        for _ in 0..MAX_HALVINGS {
-            self.try_direction(body, S::from_f64(t));
-            let now = evaluate(contact, &body.bodies, self, &self.trial, Limits::Keep);
-            let change = t * linear + 0.5 * t * t * quadratic + (now - energy);
-            let rounding = 1e-12 * (energy.abs() + now.abs() + (t * linear).abs()) + blur;
-            if change <= rounding {
-                return Some(t);
-            }
-            t *= 0.5;
+        let way = RoundWay { linear, quadratic, energy, blur };
+        let end = way.at(1.0, self, contact, body);
+        if end.slope > 0.0 && seek {
+            let start = way.at(0.0, self, contact, body).slope;
+            let trial = |part| way.at(part, self, contact, body);
+            return lowest(start, end, trial).or_else(|| way.halved(self, contact, body));
         }
-        None
+        if end.lowers { Some(1.0) } else { way.halved(self, contact, body) }
     }
 
     /// Adds a part of the round's step to the direction, and notes what would be left if contact were linear.
@@ -520,5 +621,57 @@ fn rounding<S: Scalar>(
 fn add<S: Scalar>(row: &mut [S; 4], f: DVec3) {
     for k in 0..3 {
         row[k] += S::from_f64(f[k]);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What `lowest` takes of an energy by its value and derivative, and how often it asked.
+    fn taken(energy: impl Fn(f64) -> f64, slope: impl Fn(f64) -> f64) -> (Option<f64>, u32) {
+        let mut asked = 0;
+        let at = |part: f64| {
+            let change = energy(part) - energy(0.0);
+            AtPart { part, change, lowers: change <= 1e-15, rounding: 1e-15, slope: slope(part) }
+        };
+        let found = lowest(slope(0.0), at(1.0), |part| {
+            assert!(part > 0.0 && part < 1.0, "{part}");
+            asked += 1;
+            at(part)
+        });
+        (found, asked)
+    }
+
+    #[test]
+    fn a_round_ends_where_its_energy_is_lowest() {
+        // nearly flat at the end, and rounding alone
+        assert_eq!(taken(|t| 0.5 * t * t - 0.9 * t, |t| t - 0.9), (Some(1.0), 0));
+        assert_eq!(taken(|t| 1e-16 * t * (t - 0.5), |t| 1e-16 * (2.0 * t - 0.5)), (Some(1.0), 0));
+        // a parabola in one trial, whether its end lies lower or not
+        for lowest in [0.2, 0.6] {
+            let (part, asked) = taken(|t| (t - lowest).powi(2), |t| 2.0 * (t - lowest));
+            assert!((part.unwrap() - lowest).abs() < 1e-12 && asked == 1);
+        }
+        // a spring that sets in at a tenth, and a kink at a third, which is flat nowhere
+        for stiffness in [10.0, 100.0, 1000.0] {
+            let sets_in = |t: f64| -t + 0.5 * stiffness * (t - 0.1).max(0.0).powi(2);
+            let (part, asked) = taken(sets_in, |t| -1.0 + stiffness * (t - 0.1).max(0.0));
+            let right = sets_in(0.1 + 1.0 / stiffness);
+            assert!(sets_in(part.unwrap()) < 0.9 * right && asked <= MOST_TRIALS, "{part:?}");
+        }
+        let kink = |t: f64| (t - 1.0 / 3.0).abs();
+        let (part, _) = taken(kink, |t| if t < 1.0 / 3.0 { -1.0 } else { 1.0 });
+        assert!((part.unwrap() - 1.0 / 3.0).abs() < 0.01, "{part:?}");
+    }
+
+    #[test]
+    fn a_round_without_a_lowest_place_is_left_to_halvings() {
+        // it rises from the start, and its end is beyond numbers
+        assert_eq!(taken(|t| t * t, |t| 2.0 * t + 1e-3), (None, 0));
+        assert_eq!(taken(|t| -t + t / (1.0 - t), |t| -1.0 + 1.0 / (1.0 - t).powi(2)), (None, 0));
+        // not a number on the way
+        let broken = |t: f64| if t > 0.0 && t < 1.0 { f64::NAN } else { 2.0 * t - 1.0 };
+        assert_eq!(taken(|t| t * t - 0.5 * t, broken), (None, 1));
     }
 }
