@@ -254,6 +254,47 @@ fn a_body_that_was_cut_sleeps_and_a_blade_wakes_it() {
     assert_eq!(simulation.report().sleeping, 0);
 }
 
+/// Surfaces of sleepers stay as they were fitted: not where somebody moves the body, also after a step that failed.
+#[test]
+fn a_body_that_is_put_under_a_tool_while_it_sleeps_is_felt_there() {
+    let rest = cube().points;
+    // the middle of the upper edge of its end
+    let end = DVec3::new(SIZE, 0.02, 0.06);
+    let middle = (0..rest.len()).find(|&v| rest[v].distance(end) < 1e-9).unwrap();
+    let felt = |sleep_speed: f64, fails: bool| {
+        let mut simulation = blocks(options(Precision::F64, 1), SLEEP, 1);
+        until_asleep(&mut simulation, 1);
+        let above = simulation.positions(BLOCK)[middle] + 0.035 * DVec3::Z;
+        let ball = Tool::new("ball", Shape::Sphere { radius: 0.02 }, above);
+        let ball = simulation.add_tool(ball).unwrap();
+        simulation.set_solver(settings(sleep_speed));
+        simulation.steps(20);
+        assert_eq!(simulation.report().sleeping, u32::from(sleep_speed > 0.0));
+        if fails {
+            let rows = far_end(&simulation);
+            let pull = simulation.add_pull(Pull::new("bad", rows, -1.0, 0.0));
+            simulation.step().unwrap_err();
+            assert!(simulation.remove_contact(pull));
+        }
+        // bent up by 20 mm, 5 mm into the ball
+        let up = |(now, rest): (&DVec3, &DVec3)| {
+            *now - *rest + 0.02 * (rest.x / SIZE).powi(2) * DVec3::Z
+        };
+        let now = simulation.positions(BLOCK);
+        let displaced: Vec<DVec3> = now.iter().zip(&rest).map(up).collect();
+        let none = vec![DVec3::ZERO; displaced.len()];
+        simulation.set_state(BLOCK, &displaced, &none).unwrap();
+        simulation.step().unwrap();
+        simulation.tool_report(ball).unwrap().force
+    };
+    let right = felt(0.0, false);
+    assert!(right.z > 0.1, "{right}");
+    for fails in [false, true] {
+        let own = felt(SLEEP, fails);
+        assert!(own.distance(right) < 1e-3 * right.length(), "{own} for {right}");
+    }
+}
+
 #[test]
 fn who_is_awake_moves_to_the_last_bit_as_if_nobody_slept() {
     let integrators = [

@@ -391,7 +391,7 @@ impl<S: Scalar> ExplicitScratch<S> {
         let mut contact = contact.clone();
         let x = position(&self.rest, &self.node.u);
         let v = |row: VertexRow| vector(&self.node.v[row.index()]);
-        contact.prepare(world, &x, &v, false)?;
+        contact.prepare(world, &x, &v, [false; 2])?;
         integrator.check_contact(&contact)?;
         Ok(contact)
     }

@@ -242,6 +242,8 @@ pub struct ContactSet {
     laid: f64,
     /// Work and dissipation in the substeps of the step: of each tool, then of each pull.
     settled: Vec<Settled>,
+    /// Whether surfaces are fitted to the bodies as the last step found them.
+    fitted: bool,
     /// The kept state before the first part of a step in parts, and the number of that step.
     before_parts: Option<(u64, Box<ContactMemory>)>,
 }
@@ -264,7 +266,8 @@ impl ContactSet {
 
     /// Finds the points that may touch something in the coming step. `x` and `v` are positions (m) and velocities (m/s)
     /// of vertex rows. With `limit_ways` a tool whose way through tissue is longer than it
-    /// is thick does not reach its end: integrators with small steps of their own do not need that.
+    /// is thick does not reach its end: integrators with small steps of their own do not need that. In a world that is `still`
+    /// all bodies are where the last step found them, at rest.
     ///
     /// # Errors
     /// When a tool, contact or pull cannot be used.
@@ -273,8 +276,9 @@ impl ContactSet {
         world: &mut World,
         x: &dyn Fn(VertexRow) -> DVec3,
         v: &dyn Fn(VertexRow) -> DVec3,
-        limit_ways: bool,
+        [limit_ways, still]: [bool; 2],
     ) -> Result<(), StepError> {
+        self.fitted &= still;
         let clock = *world.resource::<StepClock>();
         self.figures = ContactFigures::default();
         self.local.clear();
@@ -282,7 +286,10 @@ impl ContactSet {
         self.points.clear();
         self.faces.clear();
         if !self.tools.is_empty() || !self.pairs.is_empty() {
-            self.refit(world, clock.dt, x, v)?;
+            self.know(world)?;
+            if !self.fitted {
+                self.refit(world, clock.dt, x, v);
+            }
             if limit_ways {
                 self.limit_ways();
             }
@@ -290,6 +297,9 @@ impl ContactSet {
             self.find_edge_points(world);
             self.find_needle_points(world);
             self.find_pair_points();
+            self.fitted = true;
+        } else {
+            self.fitted = false;
         }
         self.find_pull_points(world, x);
         self.find_lines(world, x)?;

@@ -97,7 +97,9 @@ pub fn implicit_step<S: Scalar>(
     }
     let mut contact = world.remove_resource::<ContactSet>();
     let mut result = match &mut contact {
-        Some(contact) if !scratch.node.is_empty() => prepare(contact, world, settings, &scratch),
+        Some(contact) if !scratch.node.is_empty() => {
+            prepare(contact, world, settings, &scratch, still)
+        }
         _ => Ok(()),
     };
     if still && result.is_ok() && contact.as_ref().is_none_or(is_far) {
@@ -165,10 +167,11 @@ fn prepare<S: Scalar>(
     world: &mut World,
     settings: &SolverSettings,
     scratch: &ImplicitScratch<S>,
+    still: bool,
 ) -> Result<(), StepError> {
     let x = position(&scratch.rest, &scratch.node.u);
     let v = |row: VertexRow| vector(&scratch.node.v[row.index()]);
-    contact.prepare(world, &x, &v, true)?;
+    contact.prepare(world, &x, &v, [true, still])?;
     settings.integrator.check_contact(contact)
 }
 

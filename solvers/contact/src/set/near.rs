@@ -139,6 +139,7 @@ impl ContactSet {
             );
             return Err(StepError::InvalidContact { name: name.clone(), problem });
         }
+        self.fitted = false;
         // new faces may be nearer than those that went
         self.kept.pairs.values_mut().for_each(|state| state.clear = 0.0);
         let mut rest = world.query::<&RestPosition>();
@@ -197,15 +198,14 @@ impl ContactSet {
         Ok(())
     }
 
-    /// Brings surfaces and their places up to date.
+    /// Brings the places of surfaces that are known up to date.
     pub(super) fn refit(
         &mut self,
         world: &mut World,
         dt: f64,
         x: &dyn Fn(VertexRow) -> DVec3,
         v: &dyn Fn(VertexRow) -> DVec3,
-    ) -> Result<(), StepError> {
-        self.know(world)?;
+    ) {
         let made = &self.made;
         let own = self.own_skins.values_mut();
         for known in self.skins.iter_mut().chain(own) {
@@ -220,7 +220,6 @@ impl ContactSet {
                 known.skin.held = !known.skin.rows.is_empty() && known.skin.rows.iter().all(held);
             }
         }
-        Ok(())
     }
 
     /// The surface of a body that a tool may touch.
