@@ -19,5 +19,9 @@ for (const share of [0, 1e-5, 0.1, 0.5, 0.9, 0.99999]) {
   wrong[Math.floor(share * wrong.length)] ^= 4;
   await refused(wrong);
 }
+// a dictionary of two gigabytes is as wrong
+const huge = Uint8Array.from(packed);
+huge[4] = 0x80;
+await assert.rejects(Engine.unpacked(unpacker, huge), /^Error: (the engine in this page is damaged|there is no memory)/);
 for (const length of [0, 12, 13, 1000, packed.length - 1]) await refused(packed.subarray(0, length));
 console.log("what the page has packed is in order");

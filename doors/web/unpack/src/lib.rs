@@ -50,10 +50,13 @@ pub extern "C" fn sinew_unpack() -> i32 {
     code
 }
 
+/// Memory (KiB) that a pack may ask for: those of build.sh want 16 MiB.
+const MOST_MEMORY: u32 = 64 << 10;
+
 /// A file as `xz --format=lzma` writes it. It has no checksum: after a wrong bit all others mean something else, which does not
 /// end where the file does.
 fn unpack(packed: &[u8]) -> Result<Vec<u8>, Error> {
-    let mut reader = LzmaReader::new_mem_limit(packed, u32::MAX, None)?;
+    let mut reader = LzmaReader::new_mem_limit(packed, MOST_MEMORY, None)?;
     let (mut bytes, mut part) = (Vec::new(), vec![0; 1 << 16]);
     loop {
         match reader.read(&mut part)? {
