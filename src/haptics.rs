@@ -6,6 +6,9 @@
 //! ([`sinew_solvers::compliance`]). The device feels `f = -K (x - p) - B v` at its own rate with that model, which it
 //! moves over to evenly when the next one comes. Steps are taken for where the device will be at their end.
 //!
+//! A device that turns, too, has the patch turn with it about its middle ([`HapticOptions::turns`],
+//! [`HapticDevice::exchange_pose`]): as if jaws held it. `G` has six directions then, and the device feels a torque.
+//!
 //! What may go wrong at the hand is met there: an observer adds up the energy that the device has got, and damps when it is
 //! more than it has given (Hannaford & Ryu 2002, IEEE Trans. Robotics and Automation 18); force and its first rise are
 //! limited; and a simulation that no longer answers lets the force fall to zero.
@@ -42,12 +45,16 @@ pub mod simulated;
 use crate::simulation::{Backend, BodyHandle, Simulation, SimulationError};
 use crate::slots::{WordReader, WordWriter, word_slots};
 use bevy_ecs::prelude::*;
-use glam::{DMat3, DVec3};
+use glam::{DMat3, DQuat, DVec3};
 use sinew_contact::pull::{Pull, PullReport};
 use sinew_contact::set::ContactSet;
+use sinew_engine::columns::single_table;
+use sinew_engine::load::Pose;
 use sinew_engine::precision::Precision;
+use sinew_engine::row::VertexRow;
 use sinew_engine::step::{StepClock, StepError};
 use sinew_engine::topology::Topology;
+use sinew_engine::vertex::Position;
 use sinew_solvers::compliance::{PatchCompliance, PatchSolver};
 use std::ops::Range;
 
@@ -67,7 +74,7 @@ pub struct HapticOptions {
     pub vertices: Vec<u32>,
     /// Stiffness `K` (N/m) of the coupling; 300 by default, and at most 1000 for what light devices render stably.
     pub stiffness: f64,
-    /// Damping `B` (N s/m) of the motion of the device; 2 by default.
+    /// Damping `B` (N s/m) of the motion of the device; 2 by default. Turns are damped as if it were shared out over the patch.
     pub damping: f64,
     /// Largest force (N); 3.3 by default.
     pub limit: f64,
@@ -78,6 +85,14 @@ pub struct HapticOptions {
     pub fade: f64,
     /// Moving mass (kg) of the device, which limits what damping may be added in a cycle; 0.05 by default.
     pub device_mass: f64,
+    /// The device turns the patch, too, about the mean of its vertices; not by default. The springs of the vertices then resist turns by
+    /// how far they lie from there.
+    pub turns: bool,
+    /// Largest torque (N m) on a hand that turns; 0.1 by default.
+    pub torque_limit: f64,
+    /// Moving moment of inertia (kg m^2) of a device that turns, which limits what damping of turns may be added in a cycle; 1e-5 by
+    /// default.
+    pub device_inertia: f64,
     /// Relative residual of the linear systems of the model; 0.1 by default. The error of `G` goes by its square, and was
     /// below 1 % in all tests.
     pub tolerance: f64,
@@ -96,6 +111,9 @@ impl HapticOptions {
             stale: 0.05,
             fade: 0.008,
             device_mass: 0.05,
+            turns: false,
+            torque_limit: 0.1,
+            device_inertia: 1e-5,
             tolerance: 0.1,
         }
     }
@@ -107,6 +125,8 @@ impl HapticOptions {
             ("limit", self.limit, "N"),
             ("stale", self.stale, "s"),
             ("device_mass", self.device_mass, "kg"),
+            ("torque_limit", self.torque_limit, "N m"),
+            ("device_inertia", self.device_inertia, "kg m^2"),
         ];
         let not_negative = [("damping", self.damping, "N s/m"), ("fade", self.fade, "s")];
         let wrong = |own: &(&str, f64, &str), zero: bool| {
@@ -171,13 +191,13 @@ pub struct HapticFlags {
     pub waiting: bool,
     /// The last step is too old: the force falls, or is zero.
     pub stale: bool,
-    /// The force was cut to the limit.
+    /// Force or torque was cut to its limit.
     pub limited: bool,
-    /// The force rises no faster than 50 N/s: first contact, or the simulation answers again.
+    /// The force rises no faster than 50 N/s, a torque by as much of its limit: first contact, or the simulation answers again.
     pub rising: bool,
     /// The device has got more energy than it gave; damping was added.
     pub damped: bool,
-    /// Position, velocity or time were no finite numbers, or time ran backwards: no force.
+    /// A number was not finite, a rotation not of length 1, or time ran backwards: no force.
     pub bad_input: bool,
     /// Nothing supports the body: the model is that of one step from rest, not of rest.
     pub with_inertia: bool,
@@ -199,13 +219,15 @@ const UNCONVERGED: u64 = 8;
 pub struct Feedback {
     /// Force (N) on the hand.
     pub force: DVec3,
+    /// Torque (N m) on it about where the device is; zero where it does not [turn](HapticOptions::turns) the patch.
+    pub torque: DVec3,
     /// Time (s) since the model of the last step arrived.
     pub age: f64,
     /// Steps that had been taken when that model was made, and its simulated time (s).
     pub step: u64,
     /// Simulated time (s) at the end of that step.
     pub time: f64,
-    /// Energy (J) that the hand has given so far, by forces held between exchanges; below zero it has got some.
+    /// Energy (J) that the hand has given so far, by forces and torques held between exchanges; below zero it has got some.
     pub energy: f64,
     /// Exchanges in which damping was added so far.
     pub dampings: u64,
@@ -213,15 +235,50 @@ pub struct Feedback {
     pub flags: HapticFlags,
 }
 
+/// Where a device is, and how it moves.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct DeviceMotion {
+    /// Place (m).
+    pub position: DVec3,
+    /// Velocity (m/s).
+    pub velocity: DVec3,
+    /// Orientation, of length 1.
+    pub rotation: DQuat,
+    /// Angular velocity (rad/s).
+    pub angular_velocity: DVec3,
+}
+
+impl DeviceMotion {
+    /// Every number in a row: place, velocity, orientation (x, y, z, w) and angular velocity.
+    fn numbers(&self) -> [f64; POSE_WORDS] {
+        let Self { position: x, velocity: v, rotation: q, angular_velocity: w } = *self;
+        [x.x, x.y, x.z, v.x, v.y, v.z, q.x, q.y, q.z, q.w, w.x, w.y, w.z]
+    }
+
+    fn of(numbers: &mut impl Iterator<Item = f64>) -> Self {
+        let [position, velocity] = [(); 2].map(|()| take_vector(numbers));
+        let rotation = take_rotation(numbers);
+        Self { position, velocity, rotation, angular_velocity: take_vector(numbers) }
+    }
+
+    fn is_usable(&self) -> bool {
+        self.numbers().iter().all(|x| x.is_finite()) && (self.rotation.length() - 1.0).abs() < 1e-6
+    }
+}
+
 /// What the simulation found for the device after a step.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct HapticReport {
     /// Way (m) of the hand since it took hold that the step was taken with, and that of the patch at its end.
     pub hand: DVec3,
+    /// Turn of the hand since then.
+    pub rotation: DQuat,
     /// Way (m) of the weighted mean of the patch.
     pub patch: DVec3,
     /// Force (N) of the coupling on the hand there.
     pub force: DVec3,
+    /// Torque (N m) of the coupling on it about where it is; zero where it does not turn the patch.
+    pub torque: DVec3,
     /// How the patch follows the hand.
     pub compliance: PatchCompliance,
     /// The step did not converge.
@@ -243,15 +300,18 @@ pub struct HapticTissue {
     solver: Solver,
     poses: WordReader,
     models: WordWriter,
-    /// Way (m) of the hand at the end of the coming step.
-    hand: DVec3,
+    turns: bool,
+    /// Where the hand is at the end of the coming step; its centre is the middle of the patch when it was taken hold of.
+    hand: Pose,
+    /// Whether that centre is known.
+    has_centre: bool,
     /// The last model.
     last: PatchCompliance,
 }
 
-/// Words of a pose: way and velocity. Of a model: step, time, notes, hand, patch, `G`.
-const POSE_WORDS: usize = 6;
-const MODEL_WORDS: usize = 18;
+/// Words of a [`DeviceMotion`]. Of a model: step, time, notes, way and turn of the hand, force and torque, stiffness, arms.
+const POSE_WORDS: usize = 13;
+const MODEL_WORDS: usize = 61;
 
 /// # Haptic devices
 impl Simulation {
@@ -297,8 +357,10 @@ impl HapticTissue {
         let (to_tissue, poses) = word_slots(POSE_WORDS);
         let (models, to_device) = word_slots(MODEL_WORDS);
         let (name, tolerance) = (options.name.clone(), options.tolerance);
-        let (hand, last) = (DVec3::ZERO, PatchCompliance::default());
-        let tissue = Self { name, pull, tolerance, solver, poses, models, hand, last };
+        let (hand, last) = (Pose::IDENTITY, PatchCompliance::default());
+        let (turns, has_centre) = (options.turns, !options.turns);
+        let tissue =
+            Self { name, pull, tolerance, solver, poses, models, turns, hand, has_centre, last };
         (tissue, HapticDevice::new(options, to_tissue, to_device))
     }
 
@@ -325,14 +387,23 @@ impl HapticTissue {
     /// # Errors
     /// When the handle was taken away.
     pub fn before_step_in(&mut self, world: &mut World) -> Result<(), HapticError> {
+        let dt = world.resource::<StepClock>().dt;
         if self.poses.update() {
-            let mut words = self.poses.words().map(f64::from_bits);
-            let [x, v] = [(); 2].map(|()| take_vector(&mut words));
-            self.hand = x + v * world.resource::<StepClock>().dt;
+            let own = DeviceMotion::of(&mut self.poses.words().map(f64::from_bits));
+            self.hand.translation = own.position + own.velocity * dt;
+            if self.turns {
+                let turn = DQuat::from_scaled_axis(own.angular_velocity * dt);
+                let turn = if turn.is_finite() { turn } else { DQuat::IDENTITY };
+                self.hand.rotation = (turn * own.rotation).normalize();
+            }
         }
-        let pull = crate::snapshot::current(world, self.pull);
+        let entity = crate::snapshot::current(world, self.pull);
         let released = || HapticError::Released(self.name.clone());
-        world.get_mut::<Pull>(pull).ok_or_else(released)?.target = self.hand.into();
+        if !self.has_centre {
+            self.hand.centre = middle(world, entity).ok_or_else(released)?;
+            self.has_centre = true;
+        }
+        world.get_mut::<Pull>(entity).ok_or_else(released)?.target = self.hand;
         Ok(())
     }
 
@@ -354,11 +425,15 @@ impl HapticTissue {
         let own = world.get::<PullReport>(entity).copied().ok_or_else(released)?;
         let pull = world.get::<Pull>(entity).cloned().ok_or_else(released)?;
         let group = acts_on(world, &pull).ok_or_else(released)?;
+        let turns = self.turns;
         let clock = *world.resource::<StepClock>();
+        let hand = self.hand.translation;
         let mut report = HapticReport {
-            hand: self.hand,
-            patch: self.hand + own.force / pull.stiffness,
+            hand,
+            rotation: self.hand.rotation,
+            patch: hand + own.force / pull.stiffness,
             force: own.force,
+            torque: if self.turns { own.torque } else { DVec3::ZERO },
             compliance: self.last,
             unconverged: own.unconverged,
         };
@@ -366,9 +441,10 @@ impl HapticTissue {
             // where the patch is comes in time even beside a body whose model does not
             tell(&mut self.models, &clock, &report);
         }
+
         self.last = match &mut self.solver {
-            Solver::F64(solver) => solver.find(world, &pull, &group, self.tolerance),
-            Solver::F32(solver) => solver.find(world, &pull, &group, self.tolerance),
+            Solver::F64(solver) => solver.find(world, &pull, turns, &group, self.tolerance),
+            Solver::F32(solver) => solver.find(world, &pull, turns, &group, self.tolerance),
         };
         report.compliance = self.last;
         tell(&mut self.models, &clock, &report);
@@ -388,7 +464,7 @@ impl HapticTissue {
 
 /// Gives a model to the device.
 fn tell(models: &mut WordWriter, clock: &StepClock, report: &HapticReport) {
-    let HapticReport { hand, patch, compliance, unconverged, .. } = report;
+    let HapticReport { hand, rotation, force, torque, compliance, unconverged, .. } = report;
     let note = |on: bool, word: u64| if on { word } else { 0 };
     let notes = note(compliance.with_inertia, WITH_INERTIA)
         | note(compliance.projected, PROJECTED)
@@ -398,27 +474,83 @@ fn tell(models: &mut WordWriter, clock: &StepClock, report: &HapticReport) {
         put(clock.step);
         put(clock.time.to_bits());
         put(notes);
-        let vectors = [hand, patch].into_iter().flat_map(DVec3::to_array);
-        let gain = compliance.gain.to_cols_array();
-        vectors.chain(gain).for_each(|x| put(x.to_bits()));
+        let blocks = compliance.stiffness.as_flattened().iter().chain([&compliance.arms]);
+        let numbers = hand.to_array().into_iter().chain(rotation.to_array());
+        let numbers = numbers.chain(force.to_array()).chain(torque.to_array());
+        numbers.chain(blocks.flat_map(DMat3::to_cols_array)).for_each(|x| put(x.to_bits()));
     });
+}
+
+/// Weighted mean (m) of the rows of a pull when it took hold, or now where it did not yet.
+fn middle(world: &mut World, pull: Entity) -> Option<DVec3> {
+    let mut query = world.query::<&Position>();
+    let at = single_table(query.contiguous_iter(world))?;
+    let pull = world.get::<Pull>(pull)?;
+    let all: f64 = pull.weights.iter().sum();
+    let place = |(i, row): (usize, &VertexRow)| {
+        let now = || at.get(row.index()).map_or(DVec3::ZERO, |x| x.0);
+        pull.anchors().get(i).copied().unwrap_or_else(now)
+    };
+    let places = pull.rows.iter().enumerate().map(place);
+    Some(places.zip(&pull.weights).map(|(x, weight)| weight / all * x).sum())
 }
 
 /// The bodies that are solved for together with that of a pull; none where it acted in no step.
 fn acts_on(world: &World, pull: &Pull) -> Option<Range<usize>> {
     let bodies = &world.resource::<Topology>().bodies;
     let row = pull.rows.first()?.0;
+    if pull.anchors().len() != pull.rows.len() {
+        return None;
+    }
     let body = bodies.iter().position(|body| body.vertices.contains(&row))?;
     let contact = world.get_resource::<ContactSet>()?;
     let group = contact.groups(bodies.len()).into_iter().find(|group| group.contains(&body))?;
     contact.touches(&group).then_some(group)
 }
 
-/// Place of the patch over that of the hand: `at + gain x`.
+/// Force and torque near a pose of the hand: those there, less stiffness times how far it has moved and turned since.
 #[derive(Clone, Copy, Debug, Default)]
-struct Follows {
-    at: DVec3,
-    gain: DMat3,
+struct LocalModel {
+    /// Way (m) and turn of the hand.
+    hand: DVec3,
+    rotation: DQuat,
+    /// Force (N) and torque (N m) there.
+    wrench: [DVec3; 2],
+    stiffness: [[DMat3; 2]; 2],
+    /// See [`PatchCompliance::arms`].
+    arms: DMat3,
+}
+
+impl LocalModel {
+    /// Force and torque where the hand is elsewhere.
+    fn at(&self, hand: DVec3, rotation: DQuat) -> [DVec3; 2] {
+        let (way, turn) = (hand - self.hand, turned(self.rotation, rotation));
+        let [of_force, of_torque] = self.stiffness;
+        let [force, torque] = self.wrench;
+        [
+            force - of_force[0] * way - of_force[1] * turn,
+            torque - of_torque[0] * way - of_torque[1] * turn,
+        ]
+    }
+
+    /// What lies a part of the way from this to another one, about the pose of that.
+    fn towards(&self, to: &Self, part: f64) -> Self {
+        let here = self.at(to.hand, to.rotation);
+        let mix = |a: DMat3, b: DMat3| a * (1.0 - part) + b * part;
+        let row = |i: usize| [0, 1].map(|j| mix(self.stiffness[i][j], to.stiffness[i][j]));
+        Self {
+            wrench: [0, 1].map(|i| here[i].lerp(to.wrench[i], part)),
+            stiffness: [row(0), row(1)],
+            arms: mix(self.arms, to.arms),
+            ..*to
+        }
+    }
+}
+
+/// The turn (rad) from one orientation to another, the short way round.
+fn turned(from: DQuat, to: DQuat) -> DVec3 {
+    let turn = to * from.inverse();
+    (if turn.w < 0.0 { -turn } else { turn }).to_scaled_axis()
 }
 
 /// The end of a handle at the device, for a thread of its own; see [`Simulation::haptic_handle`].
@@ -427,12 +559,13 @@ pub struct HapticDevice {
     options: HapticOptions,
     poses: WordWriter,
     models: WordReader,
-    /// Place (m) of the device at the first exchange.
-    origin: Option<DVec3>,
-    /// Way (m) at the last exchange.
+    /// Place (m) and orientation of the device at the first exchange.
+    origin: Option<(DVec3, DQuat)>,
+    /// Way (m) and turn since then at the last exchange.
     x: DVec3,
-    /// Models between which the force goes over, and the time (s) since the second one came.
-    follows: [Follows; 2],
+    rotation: DQuat,
+    /// Models between which the force goes over.
+    models_of: [LocalModel; 2],
     rising: bool,
     /// Notes of the tissue.
     notes: u64,
@@ -452,7 +585,8 @@ impl HapticDevice {
             models,
             origin: None,
             x: DVec3::ZERO,
-            follows: [Follows::default(); 2],
+            rotation: DQuat::IDENTITY,
+            models_of: [LocalModel::default(); 2],
             rising: true,
             notes: 0,
             felt,
@@ -462,64 +596,95 @@ impl HapticDevice {
     /// Tells where the device is (m) and how fast it moves (m/s), and what it is to render until the next exchange. `seconds` is the
     /// time since the last one, during which the last force was held.
     ///
-    /// It never waits, takes no lock and asks for no memory. Call it at a kilohertz or so; it costs well below a microsecond.
+    /// It never waits, takes no lock and asks for no memory. Call it at a kilohertz or so; it costs well below a microsecond. A
+    /// device that [turns](HapticOptions::turns) the patch stays as it is turned.
     pub fn exchange(&mut self, position: DVec3, velocity: DVec3, seconds: f64) -> Feedback {
+        let rotation =
+            self.origin.map_or(DQuat::IDENTITY, |(_, rotation)| self.rotation * rotation);
+        let motion = DeviceMotion { position, velocity, rotation, angular_velocity: DVec3::ZERO };
+        self.exchange_pose(&motion, seconds)
+    }
+
+    /// The same of a device that [turns](HapticOptions::turns) the patch, too: its orientation at the first exchange is where the
+    /// patch is not turned.
+    pub fn exchange_pose(&mut self, motion: &DeviceMotion, seconds: f64) -> Feedback {
         let mut flags = HapticFlags::default();
-        if !(position.is_finite() && velocity.is_finite() && seconds.is_finite() && seconds >= 0.0)
-        {
+        if !(motion.is_usable() && seconds.is_finite() && seconds >= 0.0) {
             flags.bad_input = true;
             self.rising = true;
-            self.felt = Feedback { force: DVec3::ZERO, flags, ..self.felt };
+            (self.felt.force, self.felt.torque) = (DVec3::ZERO, DVec3::ZERO);
+            self.felt.flags = flags;
             return self.felt;
         }
-        let x = position - *self.origin.get_or_insert(position);
+        // a driver's numbers are as exact as it has them
+        let motion = DeviceMotion { rotation: motion.rotation.normalize(), ..*motion };
+        let turns = self.options.turns;
+        let (place, turn) = *self.origin.get_or_insert((motion.position, motion.rotation));
+        let x = motion.position - place;
+        let (rotation, spin) = match turns {
+            true => (motion.rotation * turn.inverse(), motion.angular_velocity),
+            false => (DQuat::IDENTITY, DVec3::ZERO),
+        };
         // what the hand did against the force that was held
         self.felt.energy -= self.felt.force.dot(x - self.x);
-        self.x = x;
-        self.poses.write(|put| {
-            [x, velocity].iter().flat_map(DVec3::to_array).for_each(|x| put(x.to_bits()));
-        });
+        self.felt.energy -= self.felt.torque.dot(turned(self.rotation, rotation));
+        (self.x, self.rotation) = (x, rotation);
+        let told = DeviceMotion { position: x, rotation, angular_velocity: spin, ..motion };
+        self.poses.write(|put| told.numbers().iter().for_each(|x| put(x.to_bits())));
         self.felt.age += seconds;
         let is_new = self.models.update();
         if is_new {
             self.take_model();
         }
         flags.waiting = self.felt.step == 0;
-        let mut force = if flags.waiting { DVec3::ZERO } else { self.coupling(velocity) };
-        let speed = velocity.length_squared();
-        if self.felt.energy < 0.0 && speed > 0.0 && seconds > 0.0 && !flags.waiting {
-            let most = self.options.device_mass / (4.0 * seconds);
-            force -= (-self.felt.energy / (seconds * speed)).min(most) * velocity;
+        let none = [DVec3::ZERO; 2];
+        let v = motion.velocity;
+        let mut wrench = if flags.waiting { none } else { self.coupling(v, spin, seconds) };
+        let HapticOptions { device_mass: mass, device_inertia: inertia, .. } = self.options;
+        // twice the kinetic energy (J) of the device
+        let moving = mass * v.length_squared() + inertia * spin.length_squared();
+        if self.felt.energy < 0.0 && moving > 0.0 && seconds > 0.0 && !flags.waiting {
+            let rate = (-self.felt.energy / (seconds * moving)).min(1.0 / (4.0 * seconds));
+            wrench[0] -= rate * mass * v;
+            wrench[1] -= rate * inertia * spin;
             flags.damped = true;
             self.felt.dampings += 1;
         }
         if self.felt.age > self.options.stale && !flags.waiting {
-            force *= (1.0 - (self.felt.age - self.options.stale) / FALL).max(0.0);
+            let left = (1.0 - (self.felt.age - self.options.stale) / FALL).max(0.0);
+            wrench = wrench.map(|own| left * own);
             flags.stale = true;
         }
-        let length = force.length();
-        if length > self.options.limit {
-            force *= self.options.limit / length;
-            flags.limited = true;
+        let limits = [self.options.limit, self.options.torque_limit];
+        for (own, limit) in wrench.iter_mut().zip(limits) {
+            let length = own.length();
+            if length > limit {
+                *own *= limit / length;
+                flags.limited = true;
+            }
         }
-        let change = force - self.felt.force;
-        let most = FIRST_RISE * seconds;
+        // torque rises by as much of its limit as force does
+        let before = [self.felt.force, self.felt.torque];
+        let changes = [0, 1].map(|i| wrench[i] - before[i]);
+        let rise = |i: usize| changes[i].length() * (limits[0] / limits[i]);
+        let (change, most) = (rise(0).max(rise(1)), FIRST_RISE * seconds);
         if flags.stale {
             self.rising = true;
-        } else if self.rising && change.length() > most {
-            force = self.felt.force + change * (most / change.length());
+        } else if self.rising && change > most {
+            wrench = [0, 1].map(|i| before[i] + changes[i] * (most / change));
             flags.rising = true;
         } else {
             self.rising = flags.waiting;
         }
-        if !force.is_finite() {
-            (force, self.rising, flags.bad_input) = (DVec3::ZERO, true, true);
+        if !wrench.iter().all(|own| own.is_finite()) {
+            (wrench, self.rising, flags.bad_input) = (none, true, true);
         }
         flags.with_inertia = self.notes & WITH_INERTIA != 0;
         flags.projected = self.notes & PROJECTED != 0;
         flags.unsolved = self.notes & UNSOLVED != 0;
         flags.unconverged = self.notes & UNCONVERGED != 0;
-        (self.felt.force, self.felt.flags) = (force, flags);
+        [self.felt.force, self.felt.torque] = wrench;
+        self.felt.flags = flags;
         self.felt
     }
 
@@ -530,33 +695,39 @@ impl HapticDevice {
     }
 
     /// The model that holds now.
-    fn now(&self) -> Follows {
-        let ([a, b], part) = (self.follows, self.part());
-        Follows { at: a.at.lerp(b.at, part), gain: a.gain * (1.0 - part) + b.gain * part }
+    fn now(&self) -> LocalModel {
+        let [before, new] = &self.models_of;
+        before.towards(new, self.part())
     }
 
     /// Reads the model that came, and begins to go over to it.
     fn take_model(&mut self) {
         let before = self.now();
+        let is_first = self.felt.step == 0;
         let mut words = self.models.words();
         let mut next = || words.next().unwrap_or(0);
         let (step, time, notes) = (next(), f64::from_bits(next()), next());
         let mut numbers = words.map(f64::from_bits);
-        let [hand, patch] = [(); 2].map(|()| take_vector(&mut numbers));
-        let [a, b, c] = [(); 3].map(|()| take_vector(&mut numbers));
-        let gain = DMat3::from_cols(a, b, c);
-        let new = Follows { at: patch - gain * hand, gain };
-        let is_first = self.felt.step == 0;
-        self.follows = [if is_first { new } else { before }, new];
+        let (hand, rotation) = (take_vector(&mut numbers), take_rotation(&mut numbers));
+        let wrench = [(); 2].map(|()| take_vector(&mut numbers));
+        let stiffness = [(); 2].map(|()| [(); 2].map(|()| take_matrix(&mut numbers)));
+        let arms = take_matrix(&mut numbers);
+        let new = LocalModel { hand, rotation, wrench, stiffness, arms };
+        self.models_of = [if is_first { new } else { before }, new];
         (self.notes, self.felt.age) = (notes, 0.0);
         (self.felt.step, self.felt.time) = (step, time);
     }
 
-    /// Force (N) of spring and damper.
-    fn coupling(&self, velocity: DVec3) -> DVec3 {
-        let Follows { at, gain } = self.now();
-        let patch = at + gain * self.x;
-        -self.options.stiffness * (self.x - patch) - self.options.damping * velocity
+    /// Force (N) and torque (N m) of springs and dampers. Turns are damped by no more than what a cycle of so many `seconds` bears.
+    fn coupling(&self, velocity: DVec3, spin: DVec3, seconds: f64) -> [DVec3; 2] {
+        let now = self.now();
+        let [force, torque] = now.at(self.x, self.rotation);
+        let HapticOptions { damping, device_inertia, .. } = self.options;
+        // no direction has more
+        let most = damping * (now.arms.x_axis.x + now.arms.y_axis.y + now.arms.z_axis.z);
+        let part = (device_inertia / (4.0 * seconds * most)).min(1.0);
+        let resists = if most > 0.0 { part * damping * (now.arms * spin) } else { DVec3::ZERO };
+        [force - damping * velocity, torque - resists]
     }
 
     /// What was given back last.
@@ -567,4 +738,14 @@ impl HapticDevice {
 
 fn take_vector(words: &mut impl Iterator<Item = f64>) -> DVec3 {
     DVec3::from_array([(); 3].map(|()| words.next().unwrap_or(0.0)))
+}
+
+fn take_rotation(words: &mut impl Iterator<Item = f64>) -> DQuat {
+    let [x, y, z, w] = [(); 4].map(|()| words.next().unwrap_or(0.0));
+    DQuat::from_xyzw(x, y, z, w)
+}
+
+fn take_matrix(words: &mut impl Iterator<Item = f64>) -> DMat3 {
+    let [a, b, c] = [(); 3].map(|()| take_vector(words));
+    DMat3::from_cols(a, b, c)
 }

@@ -41,7 +41,7 @@ struct Scene {
     is_open: bool,
 }
 
-fn block(
+pub fn block(
     precision: Precision,
     integrator: Integrator,
     hold: bool,

@@ -134,13 +134,14 @@ namespace Sinew
         HapticWaiting = 1,
         /// <summary>The last step is too old: the force falls, or is zero.</summary>
         HapticStale = 2,
-        /// <summary>The force was cut to the limit.</summary>
+        /// <summary>Force or torque was cut to its limit.</summary>
         HapticLimited = 4,
-        /// <summary>The force rises no faster than 50 N/s: first contact, or the simulation answers again.</summary>
+        /// <summary>The force rises no faster than 50 N/s, a torque by as much of its limit: first contact, or the
+        /// simulation answers again.</summary>
         HapticRising = 8,
         /// <summary>The device has got more energy than it gave; damping was added.</summary>
         HapticDamped = 16,
-        /// <summary>Position, velocity or time were no finite numbers, or time ran backwards: no force.</summary>
+        /// <summary>A number was not finite, a quaternion not of length 1, or time ran backwards: no force.</summary>
         HapticBadInput = 32,
         /// <summary>Nothing supports the body: the model is that of one step from rest, not of rest.</summary>
         HapticWithInertia = 64,
@@ -432,7 +433,7 @@ namespace Sinew
     internal struct NativeHapticOptions
     {
         internal uint StructSize;
-        internal uint Reserved;
+        internal uint Turns;
         internal IntPtr Name;
         internal IntPtr Vertices;
         internal UIntPtr VertexCount;
@@ -443,6 +444,8 @@ namespace Sinew
         internal double Fade;
         internal double DeviceMass;
         internal double Tolerance;
+        internal double TorqueLimit;
+        internal double DeviceInertia;
     }
 
     /// <summary>What a haptic device is to render until the next exchange.</summary>
@@ -464,6 +467,9 @@ namespace Sinew
         public double Energy;
         /// <summary>Exchanges in which damping was added so far.</summary>
         public ulong Dampings;
+        /// <summary>Torque (N m) on the hand about where the device is; 0 where it does not turn what it
+        /// holds.</summary>
+        public Vec3 Torque;
     }
 
     /// <summary>Forces on a tool and its contacts at the end of the last step.</summary>
@@ -573,7 +579,7 @@ namespace Sinew
 
     internal static partial class Native
     {
-        internal const uint SINEW_ABI = 6;
+        internal const uint SINEW_ABI = 7;
         internal const uint SINEW_F64 = 0;
         internal const uint SINEW_F32 = 1;
         internal const uint SINEW_CPU = 0;
@@ -695,6 +701,10 @@ namespace Sinew
         [DllImport(Library, CallingConvention = C)]
         internal static extern int sinew_haptic_exchange(HapticDevice device, ref Vec3 position, ref Vec3 velocity,
             double seconds, ref HapticFeedback feedback);
+
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_haptic_exchange_pose(HapticDevice device, ref Vec3 position,
+            double[] quaternion, ref Vec3 velocity, ref Vec3 angularVelocity, double seconds, ref HapticFeedback feedback);
 
         [DllImport(Library, CallingConvention = C)]
         internal static extern void sinew_haptic_free(IntPtr device);

@@ -162,9 +162,20 @@ static class Program
                 if (i % 10 == 0) { simulation.Step(1); }
             }
             Demand(felt.Force.Z < 0.0 && felt.Step == 9, "the force on a hand");
+            HapticDevice turner;
+            var jaws = simulation.AddHaptic("jaws", liver, simulation.Group(liver, "tool"), out turner, 0.0, true);
+            for (int i = 0; i <= 20; i++)
+            {
+                var half = 5e-3 * i;
+                felt = turner.Exchange(new Vec3(), new[] { 0.0, 0.0, Math.Sin(half), Math.Cos(half) }, new Vec3(), new Vec3(), 0.01);
+                if (i % 10 == 0) { simulation.Step(1); }
+            }
+            Demand(felt.Torque.Z < 0.0 && (felt.Flags & (uint)HapticFlags.HapticBadInput) == 0, "the torque on a hand");
+            simulation.Remove(jaws);
+            turner.Dispose();
             last = simulation.Read(liver, Quantity.Positions);
         }
-        Demand(reader.Update(out step, out seconds) && step == 10, "the step of a reader");
+        Demand(reader.Update(out step, out seconds) && step == 13, "the step of a reader");
         var seen = reader.Positions(liver);
         for (int i = 0; i < last.Length; i++) { Demand(seen[i] == last[i], "position " + i + " of a reader"); }
         Demand(reader.Normals(liver).Length == last.Length && !reader.Update(out step, out seconds), "a reader");

@@ -169,6 +169,17 @@ namespace Sinew
             return felt;
         }
 
+        /// <summary>The same of a device that turns what it holds: its orientation as a quaternion (x, y, z, w), and its angular
+        /// velocity (rad/s). At its first exchange nothing is turned.</summary>
+        public HapticFeedback Exchange(Vec3 position, double[] quaternion, Vec3 velocity, Vec3 angularVelocity, double seconds)
+        {
+            if (quaternion == null || quaternion.Length != 4) { throw new ArgumentException("a quaternion has four numbers", "quaternion"); }
+            var felt = new HapticFeedback { StructSize = FeedbackSize };
+            Native.Demand(Native.sinew_haptic_exchange_pose(this, ref position, quaternion, ref velocity, ref angularVelocity,
+                seconds, ref felt));
+            return felt;
+        }
+
         static readonly uint FeedbackSize = (uint)Marshal.SizeOf(typeof(HapticFeedback));
 
         public override bool IsInvalid { get { return handle == IntPtr.Zero; } }
@@ -534,9 +545,10 @@ namespace Sinew
 
         public void Step(int n) { Native.Demand(Native.sinew_step(own, checked((uint)n))); }
 
-        /// <summary>Lets a haptic device hold vertices by a spring (N/m, 0: 300) from the next step on; every Step serves it. The handle
-        /// is a pull, which Remove lets go.</summary>
-        public ulong AddHaptic(string name, ulong body, uint[] vertices, out HapticDevice device, double stiffness = 0.0)
+        /// <summary>Lets a haptic device hold vertices by a spring (N/m, 0: 300) from the next step on, and turn them where it says so;
+        /// every Step serves it. The handle is a pull, which Remove lets go.</summary>
+        public ulong AddHaptic(string name, ulong body, uint[] vertices, out HapticDevice device, double stiffness = 0.0,
+            bool turns = false)
         {
             var list = GCHandle.Alloc(vertices, GCHandleType.Pinned);
             try
@@ -546,7 +558,8 @@ namespace Sinew
                     var options = new NativeHapticOptions
                     {
                         StructSize = (uint)Marshal.SizeOf(typeof(NativeHapticOptions)), Name = texts[0],
-                        Vertices = list.AddrOfPinnedObject(), VertexCount = (UIntPtr)vertices.Length, Stiffness = stiffness
+                        Vertices = list.AddrOfPinnedObject(), VertexCount = (UIntPtr)vertices.Length, Stiffness = stiffness,
+                        Turns = turns ? 1u : 0u
                     };
                     ulong handle;
                     IntPtr made;

@@ -6,13 +6,21 @@
 //!
 //! `dp/dx = G = P^T K'^-1 P k`.
 //!
-//! Three solves give the columns `U` of `K'^-1 P k` up to residuals `R = P k - K' U`. `k G = U^T (P k + R)` is then off by
-//! `R^T K'^-1 R` alone, the square of what the columns are off by, so that loose solves are good enough.
+//! A hand that turns, too, moves the end of a spring by `D_a (dx, dt) = dx + dt x r_a`, `dt` being its turn (rad) about a centre
+//! and `r_a` the arm from there. Then `P = sum_a w_a e_a (x) D_a` has six columns, and force `F` (N) and torque `M` (N m) on the
+//! hand change by
+//!
+//! `d(F, M) = -(k sum_a w_a D_a^T D_a - k P^T K'^-1 P k) (dx, dt) + (0, sum_a (dt x r_a) x F_a)`,
+//!
+//! the last of it because the forces `F_a` of the springs go on with their arms.
+//!
+//! A solve for each direction gives the columns `U` of `K'^-1 P k` up to residuals `R = P k - K' U`. `k G = U^T (P k + R)` is
+//! then off by `R^T K'^-1 R` alone, the square of what the columns are off by, so that loose solves are good enough.
 
 use crate::cg::CgStatus;
 use crate::linear_solver::LinearSolver;
 use crate::settings::{LinearOptions, SolverSettings};
-use crate::state::{NodeState, Rows, dot3, read_rest};
+use crate::state::{NodeState, Rows, dot3, read_rest, vector};
 use crate::support::is_supported;
 use crate::system::{ShiftedTangent, ranges};
 use bevy_ecs::prelude::*;
@@ -22,6 +30,7 @@ use sinew_contact::set::{ContactBlocks, ContactSet};
 use sinew_engine::law::{EvaluationRequest, TangentKind};
 use sinew_engine::layout::UNUSED;
 use sinew_engine::matrix::Tangent;
+use sinew_engine::row::VertexRow;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::schedule::ForceSchedule;
 use sinew_engine::step::StepClock;
@@ -34,6 +43,12 @@ use std::ops::Range;
 pub struct PatchCompliance {
     /// `dp/dx`: motion of the weighted mean of the patch over that of the hand.
     pub gain: DMat3,
+    /// Force (N) and torque (N m) on the hand over its motion (m) and turn (rad), with a minus: rows, then columns. Without a turn
+    /// nothing but the first is not zero, `k (1 - G)`.
+    pub stiffness: [[DMat3; 2]; 2],
+    /// `sum_a w_a (r_a^2 I - r_a r_a^T)` (m^2) of the arms of a hand that turns: torque over stiffness and turn of a patch that is held, before
+    /// forces act.
+    pub arms: DMat3,
     /// Nothing holds the body against rigid motions, so that it has no place of rest: the gain is that of one step from rest,
     /// with `K + M / h^2` in place of `K`.
     pub with_inertia: bool,
@@ -41,7 +56,7 @@ pub struct PatchCompliance {
     pub projected: bool,
     /// The linear systems were solved. Without that the gain is the last one that was found, or zero.
     pub solved: bool,
-    /// Iterations of conjugate gradients, of all three systems.
+    /// Iterations of conjugate gradients, of all three systems, or six.
     pub iterations: u32,
 }
 
@@ -57,14 +72,25 @@ pub struct PatchSolver<S: Scalar> {
     /// Held axes, and whether they support the bodies.
     supported: Option<(Vec<FixedAxes>, bool)>,
     /// The last solutions (m/m) and the forces (N/m) that they take, of the rows of the group.
-    ways: [Rows<S>; 3],
-    products: [Rows<S>; 3],
-    last: DMat3,
+    ways: Vec<Rows<S>>,
+    products: Vec<Rows<S>>,
+    /// What was found last, if anything was.
+    last: PatchCompliance,
+    is_known: bool,
 }
 
+/// The springs of a patch, and the directions of its hand: three motions, and three turns where it turns.
+struct SpringEnds {
+    springs: Vec<SpringEnd>,
+    directions: usize,
+}
+
+/// Sums over pairs of directions.
+type Pairs = [[f64; 6]; 6];
+
 impl<S: Scalar> PatchSolver<S> {
-    /// The compliance at the end of the last step, in which `pull` acted on bodies of `group`. `tolerance` is the relative
-    /// residual of the linear systems.
+    /// The compliance at the end of the last step, in which `pull` acted on bodies of `group`, for a hand that turns or does
+    /// not. `tolerance` is the relative residual of the linear systems.
     ///
     /// The tangent is evaluated at that state, so that any integrator may have led there; forces and energies stay those
     /// that the step left.
@@ -72,18 +98,30 @@ impl<S: Scalar> PatchSolver<S> {
         &mut self,
         world: &mut World,
         pull: &Pull,
+        turns: bool,
         group: &Range<usize>,
         tolerance: f64,
     ) -> PatchCompliance {
         self.read(world);
         let blocks = world.get_resource::<ContactSet>().map(|contact| contact.blocks(group));
         let rows = ranges(world.resource::<Topology>(), group).0;
-        let forces = self.forces(pull, &rows);
+        let ends = self.ends(pull, turns);
+        let forces = self.forces(&ends, &rows);
         let with_inertia = !self.is_supported(world, group);
+        self.ways.resize(forces.len(), Vec::new());
         for way in &mut self.ways {
             way.resize(rows.len(), [S::ZERO; 4]);
         }
-        let mut found = PatchCompliance { gain: self.last, with_inertia, ..Default::default() };
+        let mut found = PatchCompliance { with_inertia, solved: false, ..self.last };
+        (found.projected, found.iterations) = (false, 0);
+        if !self.is_known {
+            // as if the patch were held, until a model is found
+            found = PatchCompliance {
+                with_inertia,
+                solved: false,
+                ..found.of(&ends, &Pairs::default(), pull.stiffness)
+            };
+        }
         for kind in [TangentKind::Exact, TangentKind::Projected] {
             world.insert_resource(EvaluationRequest {
                 tangent: Some(kind),
@@ -94,9 +132,8 @@ impl<S: Scalar> PatchSolver<S> {
             let matrix = (blocks.as_ref(), with_inertia, tolerance);
             match self.solve(world, group, &forces, matrix, &mut found.iterations) {
                 Ok(work) => {
-                    // `work` is k G
-                    found.gain = work * (1.0 / pull.stiffness);
-                    found.solved = found.gain.is_finite();
+                    let new = found.of(&ends, &work, pull.stiffness);
+                    found = if new.solved { new } else { found };
                     break;
                 }
                 Err(CgStatus::Indefinite) => {
@@ -106,9 +143,8 @@ impl<S: Scalar> PatchSolver<S> {
             }
         }
         if found.solved {
-            self.last = found.gain;
+            (self.last, self.is_known) = (found, true);
         } else {
-            found.gain = self.last;
             self.ways.iter_mut().for_each(|way| way.fill([S::ZERO; 4]));
         }
         found
@@ -142,28 +178,42 @@ impl<S: Scalar> PatchSolver<S> {
         }
     }
 
-    /// `P k` (N/m): forces on the rows of the group for a motion of the hand along each axis.
-    fn forces(&self, pull: &Pull, rows: &Range<usize>) -> [Rows<S>; 3] {
+    /// The springs of a pull to a hand that turns or does not.
+    fn ends(&self, pull: &Pull, turns: bool) -> SpringEnds {
         let sum: f64 = pull.weights.iter().sum();
-        let mut forces = [(); 3].map(|()| vec![[S::ZERO; 4]; rows.len()]);
-        for (row, weight) in pull.rows.iter().zip(&pull.weights) {
-            let own = row.index() - rows.start;
-            for k in self.node.free_axes(row.index()) {
-                forces[k][own][k] += S::from_f64(pull.stiffness * weight / sum);
+        let (arms, centre) = (pull.arms(), pull.moved_centre());
+        let springs = pull.rows.iter().zip(&pull.weights).zip(arms);
+        let of = |((row, weight), arm): ((&VertexRow, &f64), DVec3)| {
+            let stiffness = pull.stiffness * weight / sum;
+            let place = self.rest[row.index()] + vector(&self.node.u[row.index()]);
+            let force = stiffness * (place - (centre + arm));
+            SpringEnd { row: row.index(), stiffness, arm, force }
+        };
+        SpringEnds { springs: springs.map(of).collect(), directions: if turns { 6 } else { 3 } }
+    }
+
+    /// Forces on the rows of the group (N/m, N/rad) for a motion of the hand along each direction, were these held.
+    fn forces(&self, ends: &SpringEnds, rows: &Range<usize>) -> Vec<Rows<S>> {
+        let mut forces = vec![vec![[S::ZERO; 4]; rows.len()]; ends.directions];
+        for end in &ends.springs {
+            for (force, way) in forces.iter_mut().zip(end.ways()) {
+                for k in self.node.free_axes(end.row) {
+                    force[end.row - rows.start][k] += S::from_f64(end.stiffness * way[k]);
+                }
             }
         }
         forces
     }
 
-    /// `k G` (N/m), symmetric.
+    /// `(P k)^T K'^-1 P k` (N/m, N/rad, N m/rad), symmetric.
     fn solve(
         &mut self,
         world: &World,
         group: &Range<usize>,
-        forces: &[Rows<S>; 3],
+        forces: &[Rows<S>],
         (contact, with_inertia, tolerance): (Option<&ContactBlocks>, bool, f64),
         iterations: &mut u32,
-    ) -> Result<DMat3, CgStatus> {
+    ) -> Result<Pairs, CgStatus> {
         let Self { linear, node, rest, ways, products, .. } = self;
         let dt = world.resource::<StepClock>().dt;
         let tangent = world.resource::<Tangent<S>>();
@@ -181,9 +231,9 @@ impl<S: Scalar> PatchSolver<S> {
         };
         let settings = world.resource::<SolverSettings>();
         let mut options = LinearOptions { tolerance, ..settings.linear_options() };
-        let mut work = DMat3::ZERO;
-        for axis in 0..3 {
-            let (b, x) = (&forces[axis], &mut ways[axis]);
+        let mut work = Pairs::default();
+        products.resize(forces.len(), Vec::new());
+        for ((b, x), product) in forces.iter().zip(ways.iter_mut()).zip(products.iter_mut()) {
             // however near the start is
             options.reference = b.iter().map(|b| dot3(b, b)).sum::<f64>().sqrt();
             let outcome = linear.solve(&system, rest, group.clone(), b, x, &options);
@@ -192,21 +242,77 @@ impl<S: Scalar> PatchSolver<S> {
                 return Err(outcome.status);
             }
             options.same_matrix = true;
-            let product = &mut products[axis];
             product.resize(b.len(), [S::ZERO; 4]);
             linear.multiply_solution(&system, group.clone(), b, x, product);
         }
-        for j in 0..3 {
-            for i in 0..3 {
+        for (j, (b, y)) in forces.iter().zip(&*products).enumerate() {
+            for (i, x) in ways.iter().enumerate() {
                 // b + r = 2 b - K' x
-                let parts = ways[i].iter().zip(&forces[j]).zip(&products[j]);
+                let parts = x.iter().zip(b).zip(y);
                 let sum: f64 = parts.map(|((x, b), y)| 2.0 * dot3(x, b) - dot3(x, y)).sum();
-                work.col_mut(j)[i] = sum;
+                // the mean, since residuals leave it unsymmetric
+                work[i][j] += 0.5 * sum;
+                work[j][i] += 0.5 * sum;
             }
         }
-        // what the residuals leave unsymmetric
-        let symmetric = (work + work.transpose()) * 0.5;
-        let negative = DVec3::AXES.iter().any(|axis| axis.dot(symmetric * *axis) < 0.0);
-        if negative { Err(CgStatus::Indefinite) } else { Ok(symmetric) }
+        let is_negative = (0..6).any(|i| work[i][i] < 0.0);
+        if is_negative { Err(CgStatus::Indefinite) } else { Ok(work) }
     }
+}
+
+/// A spring from a vertex of a patch to the hand.
+struct SpringEnd {
+    row: usize,
+    /// Stiffness (N/m).
+    stiffness: f64,
+    /// From the centre about which the hand turns to its end at the hand (m).
+    arm: DVec3,
+    /// Force (N) on the hand.
+    force: DVec3,
+}
+
+impl SpringEnd {
+    /// How its end at the hand moves along with each direction of the hand: motions (m/m), then turns (m/rad).
+    fn ways(&self) -> [DVec3; 6] {
+        let [x, y, z] = DVec3::AXES;
+        let [a, b, c] = DVec3::AXES.map(|axis| axis.cross(self.arm));
+        [x, y, z, a, b, c]
+    }
+}
+
+impl PatchCompliance {
+    /// With what the springs do over the motions of the hand, of which the tissue gives back `work`.
+    fn of(&self, ends: &SpringEnds, work: &Pairs, stiffness: f64) -> Self {
+        let mut own = Self { arms: DMat3::ZERO, ..*self };
+        let mut springs = Pairs::default();
+        for end in &ends.springs {
+            let ways = end.ways();
+            for i in 0..ends.directions {
+                for j in 0..ends.directions {
+                    springs[i][j] += end.stiffness * ways[i].dot(ways[j]);
+                    if i >= 3 && j >= 3 {
+                        springs[i][j] -= ways[j].cross(end.force)[i - 3];
+                    }
+                }
+            }
+            if ends.directions > 3 {
+                let SpringEnd { arm, .. } = *end;
+                let outer = DMat3::from_cols(arm.x * arm, arm.y * arm, arm.z * arm);
+                let square = DMat3::from_diagonal(DVec3::splat(arm.length_squared()));
+                own.arms += end.stiffness / stiffness * (square - outer);
+            }
+        }
+        let left = |i: usize, j: usize| springs[i][j] - work[i][j];
+        own.stiffness = [0, 1].map(|i| [0, 1].map(|j| block(left, [i, j])));
+        own.gain = block(|i, j| work[i][j], [0, 0]) * (1.0 / stiffness);
+        let blocks = own.stiffness.as_flattened();
+        own.solved = own.gain.is_finite() && blocks.iter().all(|block| block.is_finite());
+        own
+    }
+}
+
+/// A block of three rows and three columns.
+fn block(of: impl Fn(usize, usize) -> f64, [i, j]: [usize; 2]) -> DMat3 {
+    let column = |c: usize| DVec3::from_array([0, 1, 2].map(|r| of(3 * i + r, 3 * j + c)));
+    DMat3::from_cols(column(0), column(1), column(2))
 }

@@ -16,7 +16,7 @@
 #include <stdint.h>
 
 // Raised when a structure or the meaning of a function changes; functions are only added.
-#define SINEW_ABI 6
+#define SINEW_ABI 7
 
 // No error.
 #define SINEW_OK 0
@@ -241,16 +241,16 @@
 // The last step is too old: the force falls, or is zero.
 #define SINEW_HAPTIC_STALE 2
 
-// The force was cut to the limit.
+// Force or torque was cut to its limit.
 #define SINEW_HAPTIC_LIMITED 4
 
-// The force rises no faster than 50 N/s: first contact, or the simulation answers again.
+// The force rises no faster than 50 N/s, a torque by as much of its limit: first contact, or the simulation answers again.
 #define SINEW_HAPTIC_RISING 8
 
 // The device has got more energy than it gave; damping was added.
 #define SINEW_HAPTIC_DAMPED 16
 
-// Position, velocity or time were no finite numbers, or time ran backwards: no force.
+// A number was not finite, a quaternion not of length 1, or time ran backwards: no force.
 #define SINEW_HAPTIC_BAD_INPUT 32
 
 // Nothing supports the body: the model is that of one step from rest, not of rest.
@@ -781,8 +781,8 @@ typedef struct sinew_thread_point {
 typedef struct sinew_haptic_options {
   // sizeof(sinew_haptic_options)
   uint32_t struct_size;
-  // 0
-  uint32_t reserved;
+  // 1: the device turns the vertices, too, about their mean, and feels a torque; 0: it does not.
+  uint32_t turns;
   // Name, unique among pulls.
   const char *name;
   // Vertices. They share the stiffness evenly, each by a spring of its own.
@@ -804,6 +804,11 @@ typedef struct sinew_haptic_options {
   double device_mass;
   // Relative residual of the linear systems of the model: 0.1 by default.
   double tolerance;
+  // Largest torque (N m) on a hand that turns: 0.1 by default.
+  double torque_limit;
+  // Moving moment of inertia (kg m^2) of a device that turns, which limits what damping of turns may be added in a cycle: 1e-5 by
+  // default.
+  double device_inertia;
 } sinew_haptic_options;
 
 // What a haptic device is to render until the next exchange.
@@ -824,6 +829,8 @@ typedef struct sinew_haptic_feedback {
   double energy;
   // Exchanges in which damping was added so far.
   uint64_t dampings;
+  // Torque (N m) on the hand about where the device is; 0 where it does not turn what it holds.
+  double torque[3];
 } sinew_haptic_feedback;
 
 #ifdef __cplusplus
@@ -1261,7 +1268,7 @@ sinew_status sinew_haptic_add(struct sinew_simulation *simulation,
                               struct sinew_haptic_device **device);
 
 // Tells where the device is (m) and how fast it moves (m/s), three numbers each, and what it is to render until the next
-// exchange; `seconds` have passed since the last one. It never waits, takes no lock of the simulation and asks for no memory.
+// exchange; `seconds` have passed since the last one. One that turns what it holds stays as it is turned. It never waits, takes no lock of the simulation and asks for no memory.
 // Numbers that are not finite are `SINEW_OK` with `SINEW_HAPTIC_BAD_INPUT` and no force. Two threads at once on one device:
 // `SINEW_BUSY` for the second.
 sinew_status sinew_haptic_exchange(const struct sinew_haptic_device *device,
@@ -1269,6 +1276,16 @@ sinew_status sinew_haptic_exchange(const struct sinew_haptic_device *device,
                                    const double *velocity,
                                    double seconds,
                                    struct sinew_haptic_feedback *feedback);
+
+// The same of a device that turns what it holds (`turns` of its options): also its orientation, a quaternion (x, y, z, w), and its
+// angular velocity (rad/s). At its first exchange nothing is turned. A quaternion that has not length 1 is bad input; NULL is no turn.
+sinew_status sinew_haptic_exchange_pose(const struct sinew_haptic_device *device,
+                                        const double *position,
+                                        const double *quaternion,
+                                        const double *velocity,
+                                        const double *angular_velocity,
+                                        double seconds,
+                                        struct sinew_haptic_feedback *feedback);
 
 // Frees a device that no call uses; NULL is fine. The pull stays where it was until `sinew_remove`.
 void sinew_haptic_free(struct sinew_haptic_device *device);

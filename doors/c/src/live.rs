@@ -4,11 +4,12 @@
 use super::call::out as place;
 use super::call::{
     fill, free, give, guarded, invalid, null, out_struct, read, sinew_simulation, slice, tell,
-    text, three, with,
+    text, three, vector, with,
 };
 use super::types::*;
 use sinew_embed::{
-    Code, EmbedError, HapticDevice, HapticOptions, Reader, Result, Shared, haptic_bits, or_default,
+    Code, DQuat, DeviceMotion, EmbedError, Feedback, HapticDevice, HapticOptions, Reader, Result,
+    Shared, haptic_bits, or_default,
 };
 use std::sync::Mutex;
 
@@ -46,6 +47,9 @@ pub unsafe extern "C" fn sinew_haptic_add(
             fade: or_default(o.fade, or.fade, true),
             device_mass: or_default(o.device_mass, or.device_mass, false),
             tolerance: or_default(o.tolerance, or.tolerance, false),
+            turns: o.turns != 0,
+            torque_limit: or_default(o.torque_limit, or.torque_limit, false),
+            device_inertia: or_default(o.device_inertia, or.device_inertia, false),
             ..or
         };
         give(device, || {
@@ -57,7 +61,7 @@ pub unsafe extern "C" fn sinew_haptic_add(
 }
 
 /// Tells where the device is (m) and how fast it moves (m/s), three numbers each, and what it is to render until the next
-/// exchange; `seconds` have passed since the last one. It never waits, takes no lock of the simulation and asks for no memory.
+/// exchange; `seconds` have passed since the last one. One that turns what it holds stays as it is turned. It never waits, takes no lock of the simulation and asks for no memory.
 /// Numbers that are not finite are `SINEW_OK` with `SINEW_HAPTIC_BAD_INPUT` and no force. Two threads at once on one device:
 /// `SINEW_BUSY` for the second.
 #[unsafe(no_mangle)]
@@ -68,11 +72,47 @@ pub unsafe extern "C" fn sinew_haptic_exchange(
     seconds: f64,
     feedback: *mut sinew_haptic_feedback,
 ) -> sinew_status {
+    feeling(device, feedback, |own| {
+        own.exchange(three("position", position)?, three("velocity", velocity)?, seconds)
+    })
+}
+
+/// The same of a device that turns what it holds (`turns` of its options): also its orientation, a quaternion (x, y, z, w), and its
+/// angular velocity (rad/s). At its first exchange nothing is turned. A quaternion that has not length 1 is bad input; NULL is no turn.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn sinew_haptic_exchange_pose(
+    device: *const sinew_haptic_device,
+    position: *const f64,
+    quaternion: *const f64,
+    velocity: *const f64,
+    angular_velocity: *const f64,
+    seconds: f64,
+    feedback: *mut sinew_haptic_feedback,
+) -> sinew_status {
+    feeling(device, feedback, |own| {
+        let motion = DeviceMotion {
+            position: vector(three("position", position)?),
+            velocity: vector(three("velocity", velocity)?),
+            rotation: match quaternion.is_null() {
+                true => DQuat::IDENTITY,
+                false => DQuat::from_slice(slice("quaternion", quaternion, 4)?),
+            },
+            angular_velocity: vector(three("angular_velocity", angular_velocity)?),
+        };
+        own.exchange_pose(&motion, seconds)
+    })
+}
+
+/// Runs an exchange with a device, and tells what is to be rendered.
+unsafe fn feeling(
+    device: *const sinew_haptic_device,
+    feedback: *mut sinew_haptic_feedback,
+    exchange: impl FnOnce(&HapticDevice) -> Result<Feedback>,
+) -> sinew_status {
     guarded(|| {
         let device = device.as_ref().ok_or_else(|| null("device"))?;
         let to = out_struct("feedback", feedback)?;
-        let (x, v) = (three("position", position)?, three("velocity", velocity)?);
-        let felt = device.0.exchange(x, v, seconds)?;
+        let felt = exchange(&device.0)?;
         *to = sinew_haptic_feedback {
             struct_size: to.struct_size,
             flags: haptic_bits(&felt.flags),
@@ -82,6 +122,7 @@ pub unsafe extern "C" fn sinew_haptic_exchange(
             time: felt.time,
             energy: felt.energy,
             dampings: felt.dampings,
+            torque: felt.torque.to_array(),
         };
         Ok(())
     })

@@ -3,7 +3,7 @@
 use std::ffi::c_char;
 
 /// Raised when a structure or the meaning of a function changes; functions are only added.
-pub const SINEW_ABI: u32 = 6;
+pub const SINEW_ABI: u32 = 7;
 
 /// 0, or what kind of error `sinew_last_error` tells of.
 pub type sinew_status = i32;
@@ -588,13 +588,13 @@ pub const SINEW_GLUE: u32 = 19;
 pub const SINEW_HAPTIC_WAITING: u32 = 1;
 /// The last step is too old: the force falls, or is zero.
 pub const SINEW_HAPTIC_STALE: u32 = 2;
-/// The force was cut to the limit.
+/// Force or torque was cut to its limit.
 pub const SINEW_HAPTIC_LIMITED: u32 = 4;
-/// The force rises no faster than 50 N/s: first contact, or the simulation answers again.
+/// The force rises no faster than 50 N/s, a torque by as much of its limit: first contact, or the simulation answers again.
 pub const SINEW_HAPTIC_RISING: u32 = 8;
 /// The device has got more energy than it gave; damping was added.
 pub const SINEW_HAPTIC_DAMPED: u32 = 16;
-/// Position, velocity or time were no finite numbers, or time ran backwards: no force.
+/// A number was not finite, a quaternion not of length 1, or time ran backwards: no force.
 pub const SINEW_HAPTIC_BAD_INPUT: u32 = 32;
 /// Nothing supports the body: the model is that of one step from rest, not of rest.
 pub const SINEW_HAPTIC_WITH_INERTIA: u32 = 64;
@@ -611,8 +611,8 @@ pub const SINEW_HAPTIC_UNCONVERGED: u32 = 512;
 pub struct sinew_haptic_options {
     /// sizeof(sinew_haptic_options)
     pub struct_size: u32,
-    /// 0
-    pub reserved: u32,
+    /// 1: the device turns the vertices, too, about their mean, and feels a torque; 0: it does not.
+    pub turns: u32,
     /// Name, unique among pulls.
     pub name: *const c_char,
     /// Vertices. They share the stiffness evenly, each by a spring of its own.
@@ -634,6 +634,11 @@ pub struct sinew_haptic_options {
     pub device_mass: f64,
     /// Relative residual of the linear systems of the model: 0.1 by default.
     pub tolerance: f64,
+    /// Largest torque (N m) on a hand that turns: 0.1 by default.
+    pub torque_limit: f64,
+    /// Moving moment of inertia (kg m^2) of a device that turns, which limits what damping of turns may be added in a cycle: 1e-5 by
+    /// default.
+    pub device_inertia: f64,
 }
 
 /// What a haptic device is to render until the next exchange.
@@ -656,6 +661,8 @@ pub struct sinew_haptic_feedback {
     pub energy: f64,
     /// Exchanges in which damping was added so far.
     pub dampings: u64,
+    /// Torque (N m) on the hand about where the device is; 0 where it does not turn what it holds.
+    pub torque: [f64; 3],
 }
 
 /// Numbers for `sinew_live_read`: positions (m) of a body.

@@ -27,8 +27,13 @@ fn top() -> Vec<u32> {
 }
 
 pub(crate) fn device(slab: &Slab) -> (sinew_handle, *mut sinew_haptic_device) {
-    let (name, vertices) = (c("device"), top());
+    device_of(slab, "device", false)
+}
+
+fn device_of(slab: &Slab, name: &str, turns: bool) -> (sinew_handle, *mut sinew_haptic_device) {
+    let (name, vertices) = (c(name), top());
     let options = sized!(sinew_haptic_options {
+        turns: turns.into(),
         name: name.as_ptr(),
         vertices: vertices.as_ptr(),
         vertex_count: vertices.len(),
@@ -86,6 +91,35 @@ fn a_device_has_the_bits_of_the_library_and_outlives_its_simulation() {
         exchange(device, 2.1e-3, 1e-3);
     });
     assert_eq!(counted.count_total, 0);
+    // jaws beside it, which turn the same vertices
+    let (_, jaws) = device_of(&slab, "jaws", true);
+    let defaults = own.haptic_options(body, &top()).unwrap();
+    let options = HapticOptions { stiffness: 200.0, fade: 0.0, turns: true, ..defaults };
+    let options = HapticOptions { name: "jaws".into(), ..options };
+    let (mut holding, mut twin_jaws) = own.simulation_mut().haptic_handle(options).unwrap();
+    for step in 0..20 {
+        let rotation = DQuat::from_rotation_z(0.01 * f64::from(step));
+        let motion = DeviceMotion { rotation, ..DeviceMotion::default() };
+        let (zero, mut felt) = ([0.0; 3], sized!(sinew_haptic_feedback {}));
+        let (at, turn) = (zero.as_ptr(), rotation.to_array());
+        let of =
+            |to| unsafe { sinew_haptic_exchange_pose(jaws, at, turn.as_ptr(), at, at, 0.01, to) };
+        ok(of(&mut felt));
+        let twin = twin_jaws.exchange_pose(&motion, 0.01);
+        assert_eq!(felt.torque.map(f64::to_bits), twin.torque.to_array().map(f64::to_bits));
+        assert_eq!(felt.force.map(f64::to_bits), twin.force.to_array().map(f64::to_bits));
+        last.torque = felt.torque;
+        ok(unsafe { sinew_step(slab.sim, 1) });
+        tissue.before_step(own.simulation_mut()).unwrap();
+        holding.step(own.simulation_mut()).unwrap();
+        tissue.after_step(own.simulation_mut()).unwrap();
+    }
+    assert!(last.torque[2] < -1e-4 && slab.hash() == own.hash(), "{:?}", last.torque);
+    let (zero, mut felt) = ([0.0; 4], sized!(sinew_haptic_feedback {}));
+    let (at, to) = (zero.as_ptr(), &mut felt);
+    ok(unsafe { sinew_haptic_exchange_pose(jaws, at, at, at, at, 0.01, to) });
+    assert_eq!((felt.flags, felt.torque), (SINEW_HAPTIC_BAD_INPUT, [0.0; 3]), "no quaternion");
+    unsafe { sinew_haptic_free(jaws) };
     drop(slab);
     let silent: Vec<_> = (0..120).map(|_| exchange(device, 2e-3, 1e-3)).collect();
     assert!(silent[119].flags & SINEW_HAPTIC_STALE != 0 && silent[119].force == [0.0; 3]);

@@ -116,6 +116,7 @@ fn null_is_an_argument_everywhere() {
         sinew_haptic_add(none, 0, null(), null_mut(), null_mut());
         sinew_haptic_add(sim, body, null(), null_mut(), null_mut());
         sinew_haptic_exchange(null(), null(), null(), 0.001, null_mut());
+        sinew_haptic_exchange_pose(null(), null(), null(), null(), null(), 0.001, null_mut());
         sinew_live_share(none, null(), 0, null(), 0, null_mut());
         sinew_live_share(sim, null(), 0, null(), 0, null_mut());
         sinew_live_share(sim, null(), 1, null(), 0, null_mut());
@@ -288,6 +289,7 @@ fn wrong_sizes_of_structures_are_told() {
             sinew_cut(slab.sim, slab.body, [0.0; 12].as_ptr(), 2, &mut cut);
             sinew_haptic_add(slab.sim, slab.body, &haptic, &mut handle, &mut device);
             sinew_haptic_exchange(slab_device, zero, zero, 0.001, &mut felt);
+            sinew_haptic_exchange_pose(slab_device, zero, null(), zero, zero, 0.001, &mut felt);
         }
         for (function, status) in table {
             assert_eq!(status, SINEW_ARGUMENT, "{function}: {}", said());

@@ -4,9 +4,11 @@ use crate::embedding::Embedding;
 use crate::error::{Code, EmbedError, InputError, Result};
 use crate::handle::{Handle, Kind, Target};
 use glam::DVec3;
-use sinew::haptics::{Feedback, HapticError, HapticFlags, HapticOptions, HapticTissue};
+use sinew::haptics::{
+    DeviceMotion, Feedback, HapticError, HapticFlags, HapticOptions, HapticTissue,
+};
 use sinew::simulation::{BodyHandle, Simulation};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// The end of a handle at the device. It knows nothing of the simulation but what that gives away after every step, and is as
 /// good as before when that is gone: the force falls to zero, as if no step were taken any more.
@@ -26,12 +28,21 @@ impl HapticDevice {
         velocity: [f64; 3],
         seconds: f64,
     ) -> Result<Feedback> {
-        let Ok(mut own) = self.0.try_lock() else {
-            let text = "another thread uses this haptic device at this moment; use it from one";
-            return Err(EmbedError::new(Code::Busy, text));
-        };
         let [x, v] = [position, velocity].map(DVec3::from_array);
-        Ok(own.exchange(x, v, seconds))
+        Ok(self.own()?.exchange(x, v, seconds))
+    }
+
+    /// The same of a device that [turns](HapticOptions::turns) what it holds: see [`sinew::haptics::HapticDevice::exchange_pose`].
+    ///
+    /// # Errors
+    /// As those of [`exchange`](Self::exchange).
+    pub fn exchange_pose(&self, motion: &DeviceMotion, seconds: f64) -> Result<Feedback> {
+        Ok(self.own()?.exchange_pose(motion, seconds))
+    }
+
+    fn own(&self) -> Result<MutexGuard<'_, sinew::haptics::HapticDevice>> {
+        let text = "another thread uses this haptic device at this moment; use it from one";
+        self.0.try_lock().map_err(|_| EmbedError::new(Code::Busy, text))
     }
 }
 

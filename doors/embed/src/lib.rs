@@ -70,7 +70,7 @@ pub use sinew::engine::mesh::{Group, Mesh};
 pub use sinew::engine::precision::Precision;
 pub use sinew::engine::report::{StepReport, VolumeReport};
 pub use sinew::engine::schedule::Executor;
-pub use sinew::haptics::{Feedback, HapticFlags, HapticOptions};
+pub use sinew::haptics::{DeviceMotion, Feedback, HapticFlags, HapticOptions};
 pub use sinew::models::axes::description::{AxesDescription, AxisAngle, AxisFamily, FibreForm};
 pub use sinew::models::axes::muscle::MuscleSettings;
 pub use sinew::models::body::lumped::SpringRule;

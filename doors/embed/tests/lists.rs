@@ -317,8 +317,16 @@ fn argument(function: &str, name: &str, of: &str, next: &str) -> String {
         ("const", "sinew_handle") => format!("ulong[] {own}"),
         (_, "u64" | "sinew_handle") => format!("out ulong {own}"),
         ("const", "f64")
-            if ["position", "velocity", "origin", "direction", "about", "gravity"]
-                .contains(&name) =>
+            if [
+                "position",
+                "velocity",
+                "angular_velocity",
+                "origin",
+                "direction",
+                "about",
+                "gravity",
+            ]
+            .contains(&name) =>
         {
             format!("ref Vec3 {own}")
         }

@@ -5,7 +5,7 @@ use crate::error::raise;
 use crate::input::Vec3;
 use numpy::PyArray2;
 use pyo3::prelude::*;
-use sinew_embed::{Feedback, Handle, Shared};
+use sinew_embed::{DQuat, DeviceMotion, Feedback, Handle, InputError, Shared};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// What a haptic device is to render until the next exchange.
@@ -13,6 +13,8 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 pub struct HapticFeedback {
     /// Force (N) on the hand.
     force: (f64, f64, f64),
+    /// Torque (N m) on it about where the device is; zero where it does not turn what it holds.
+    torque: (f64, f64, f64),
     /// Time (s) since the model of the last step arrived.
     age: f64,
     /// Steps that had been taken when that model was made.
@@ -27,13 +29,13 @@ pub struct HapticFeedback {
     waiting: bool,
     /// The last step is too old: the force falls, or is zero.
     stale: bool,
-    /// The force was cut to the limit.
+    /// Force or torque was cut to its limit.
     limited: bool,
-    /// The force rises no faster than 50 N/s: first contact, or the simulation answers again.
+    /// The force rises no faster than 50 N/s, a torque by as much of its limit: first contact, or the simulation answers again.
     rising: bool,
     /// The device has got more energy than it gave; damping was added.
     damped: bool,
-    /// Position, velocity or time were no finite numbers, or time ran backwards: no force.
+    /// A number was not finite, a rotation not of length 1, or time ran backwards: no force.
     bad_input: bool,
     /// Nothing supports the body: the model is that of one step from rest, not of rest.
     with_inertia: bool,
@@ -47,9 +49,10 @@ pub struct HapticFeedback {
 
 impl From<Feedback> for HapticFeedback {
     fn from(felt: Feedback) -> Self {
-        let Feedback { force, age, step, time, energy, dampings, flags } = felt;
+        let Feedback { force, torque, age, step, time, energy, dampings, flags } = felt;
         Self {
             force: force.into(),
+            torque: torque.into(),
             age,
             step,
             time,
@@ -84,9 +87,32 @@ pub struct HapticDevice(pub sinew_embed::HapticDevice);
 #[pymethods]
 impl HapticDevice {
     /// Tells where the device is (m), how fast it moves (m/s) and how many seconds have passed since the last call; what it is to
-    /// render until the next one.
-    fn exchange(&self, position: Vec3, velocity: Vec3, seconds: f64) -> PyResult<HapticFeedback> {
-        self.0.exchange(position, velocity, seconds).map(HapticFeedback::from).map_err(raise)
+    /// render until the next one. Of one that turns what it holds also its orientation (x, y, z, w) and angular velocity (rad/s).
+    #[pyo3(signature = (position, velocity, seconds, rotation=None, angular_velocity=None))]
+    fn exchange(
+        &self,
+        position: Vec3,
+        velocity: Vec3,
+        seconds: f64,
+        rotation: Option<[f64; 4]>,
+        angular_velocity: Option<Vec3>,
+    ) -> PyResult<HapticFeedback> {
+        let felt = match (rotation, angular_velocity) {
+            (None, None) => self.0.exchange(position, velocity, seconds),
+            (None, Some(_)) => {
+                Err(InputError::invalid("angular_velocity", "give `rotation`, too").into())
+            }
+            (Some(rotation), spin) => {
+                let motion = DeviceMotion {
+                    position: position.into(),
+                    velocity: velocity.into(),
+                    rotation: DQuat::from_array(rotation),
+                    angular_velocity: spin.unwrap_or_default().into(),
+                };
+                self.0.exchange_pose(&motion, seconds)
+            }
+        };
+        felt.map(HapticFeedback::from).map_err(raise)
     }
 }
 

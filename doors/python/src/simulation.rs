@@ -637,18 +637,22 @@ impl Engine {
         self.0.read(|own| Ok(json(&own.pull_report(pull)?)))
     }
 
-    /// A pull, and the device that holds by it. Numbers: stiffness, damping, limit, stale, fade, mass of the device, tolerance.
+    /// A pull, and the device that holds by it. Numbers: stiffness, damping, limit, stale, fade, mass of the device, tolerance, largest
+    /// torque, moment of inertia of the device.
     fn add_haptic(
         &self,
         body: Handle,
         name: String,
         vertices: Indices,
-        numbers: [f64; 7],
+        turns: bool,
+        numbers: [f64; 9],
     ) -> PyResult<(Handle, HapticDevice)> {
-        let [stiffness, damping, limit, stale, fade, device_mass, tolerance] = numbers;
+        let [stiffness, damping, limit, stale, fade, device_mass, tolerance, ..] = numbers;
+        let [.., torque_limit, device_inertia] = numbers;
         let (pull, device) = self.0.with(|own| {
             let or = own.haptic_options(body, &vertices.0)?;
             let options = HapticOptions { name, stiffness, damping, limit, stale, ..or };
+            let options = HapticOptions { turns, torque_limit, device_inertia, ..options };
             own.add_haptic(HapticOptions { fade, device_mass, tolerance, ..options })
         })?;
         Ok((pull, HapticDevice(device)))

@@ -118,8 +118,19 @@ def test_a_haptic_device_beside_steps():
     with pytest.raises(sinew.ArgumentError, match="stiffness is -1 N/m"):
         sim.haptic(body, "z1", stiffness=-1.0, name="other")
     assert device.exchange((0, 0, float("nan")), (0, 0, 0), 0.001).bad_input
+    jaws = sim.haptic(body, "z1", name="jaws", turns=True)
+    for i in range(11):
+        turn = (0.0, 0.0, np.sin(0.01 * i), np.cos(0.01 * i))
+        twisted = jaws.device.exchange((0, 0, 0), (0, 0, 0), 0.01, rotation=turn, angular_velocity=(0, 0, 0))
+        sim.step()
+    assert twisted.torque[2] < -1e-4 and not twisted.bad_input
+    assert np.allclose(jaws.report.torque[2], twisted.torque[2], rtol=0.5)
+    assert jaws.device.exchange((0, 0, 0), (0, 0, 0), 0.01, (0.0, 0.0, 0.0, 0.5)).bad_input
+    with pytest.raises(sinew.ArgumentError, match="angular_velocity"):
+        jaws.device.exchange((0, 0, 0), (0, 0, 0), 0.01, angular_velocity=(0, 0, 1))
+    jaws.remove()
     handle.remove()
-    del sim, body, handle
+    del sim, body, handle, jaws
     gc.collect()
     silent = [device.exchange((0, 0, 0.002), (0, 0, 0), 0.001) for _ in range(150)][-1]
     assert silent.stale and silent.force == (0, 0, 0)

@@ -60,6 +60,22 @@ impl Pull {
         self
     }
 
+    /// Places (m) of its rows when it took hold; none before.
+    pub fn anchors(&self) -> &[DVec3] {
+        &self.anchors
+    }
+
+    /// From the moved centre of the target to where it draws each row (m); none before it took hold.
+    pub fn arms(&self) -> Vec<DVec3> {
+        let Pose { rotation, centre, .. } = self.target;
+        self.anchors.iter().map(|anchor| rotation * (*anchor - centre)).collect()
+    }
+
+    /// Moved centre (m) of the target.
+    pub fn moved_centre(&self) -> DVec3 {
+        self.target.centre + self.target.translation
+    }
+
     /// The error in it in a world of `rows` vertices, if there is one.
     pub fn problem(&self, rows: usize) -> Option<String> {
         if self.rows.is_empty() {

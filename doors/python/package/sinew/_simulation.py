@@ -500,8 +500,8 @@ class Haptic(Pull):
 
     __slots__ = ("device",)
     device: HapticDevice
-    """For the thread of the device: ``device.exchange(position, velocity, seconds)`` at a kilohertz or so. Metres and m/s, in the
-    axes of the simulation; where it is first is where the patch is when it is taken hold of. It never waits for a step,
+    """For the thread of the device: ``device.exchange(position, velocity, seconds)`` at a kilohertz or so, with ``rotation`` (x, y,
+    z, w) and ``angular_velocity`` (rad/s) of one that turns what it holds. Metres and m/s, in the axes of the simulation; where it is first is where the patch is when it is taken hold of. It never waits for a step,
     and outlives the simulation: the force falls to zero then."""
 
     def move(self, by: ArrayLike, rotation: ArrayLike = _NO_TURN, centre: ArrayLike = (0.0, 0.0, 0.0)) -> None:
@@ -1023,15 +1023,20 @@ class Simulation:
         stale: float = 0.05,
         fade: float = 0.008,
         device_mass: float = 0.05,
-        tolerance: float = 0.01,
+        tolerance: float = 0.1,
+        turns: bool = False,
+        torque_limit: float = 0.1,
+        device_inertia: float = 1e-5,
         name: str | None = None,
     ) -> Haptic:
         """Lets a haptic device hold vertices by a spring ``stiffness`` (N/m); ``damping`` (N s/m) of the device; largest force
         ``limit`` (N); the force falls from ``stale`` seconds after the last step on, and goes over from step to step in ``fade``
-        seconds; ``device_mass`` (kg) is what moves of the device; ``tolerance`` of its linear systems."""
+        seconds; ``device_mass`` (kg) is what moves of the device; ``tolerance`` of its linear systems. A device that ``turns`` the
+        vertices, too, about their mean, feels a torque up to ``torque_limit`` (N m); ``device_inertia`` (kg m^2) is what turns of it."""
         own, which = self._name("pull", name, vertices), body.vertices(vertices)
-        numbers = [float(x) for x in (stiffness, damping, limit, stale, fade, device_mass, tolerance)]
-        handle, device = self._own.add_haptic(body.handle, own, which, numbers)
+        of_turns = (torque_limit, device_inertia)
+        numbers = [float(x) for x in (stiffness, damping, limit, stale, fade, device_mass, tolerance, *of_turns)]
+        handle, device = self._own.add_haptic(body.handle, own, which, turns, numbers)
         made = Haptic(self, handle, own)
         made.device = device
         return made
