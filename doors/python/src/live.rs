@@ -99,9 +99,11 @@ impl HapticDevice {
     ) -> PyResult<HapticFeedback> {
         let felt = match (rotation, angular_velocity) {
             (None, None) => self.0.exchange(position, velocity, seconds),
-            (None, Some(_)) => {
-                Err(InputError::invalid("angular_velocity", "give `rotation`, too").into())
+            (None, Some(_)) => Err(InputError::Invalid {
+                what: "angular_velocity".into(),
+                problem: "give `rotation`, too".into(),
             }
+            .into()),
             (Some(rotation), spin) => {
                 let motion = DeviceMotion {
                     position: position.into(),
