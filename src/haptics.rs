@@ -441,7 +441,6 @@ impl HapticTissue {
             // where the patch is comes in time even beside a body whose model does not
             tell(&mut self.models, &clock, &report);
         }
-
         self.last = match &mut self.solver {
             Solver::F64(solver) => solver.find(world, &pull, turns, &group, self.tolerance),
             Solver::F32(solver) => solver.find(world, &pull, turns, &group, self.tolerance),

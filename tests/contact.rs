@@ -898,7 +898,8 @@ fn a_membrane_touches_itself_on_either_side() {
         let table = Tool::ground("table", DVec3::NEG_Z * 0.001, DVec3::Z).with_friction(0.5);
         simulation.add_tool(table).unwrap();
         let own = simulation.add_body_contact(BodyContact::new("self", [body; 2]));
-        // the table carries both halves, which part and meet again
+        // the table carries both halves, which part and meet again; at the end rounding decides whether what is laid over lies on
+        // the other half or is taut between the fold and the hand
         let mut area: f64 = 0.0;
         for step in 1..=200 {
             let part = f64::from(step.min(150)) / 150.0;
@@ -911,11 +912,9 @@ fn a_membrane_touches_itself_on_either_side() {
             simulation.step().unwrap();
             let now = simulation.report().contact;
             assert!(now.depth_over_edge < 0.35, "step {step}: {now:?}");
-            if step > 150 {
-                area = area.max(simulation.body_contact_report(own).unwrap().area);
-            }
+            area = area.max(simulation.body_contact_report(own).unwrap().area);
         }
-        assert!(area > 2e-4, "{area}");
+        assert!(area > 5e-4, "{area}");
         // what was laid over is above what it lies on
         let x = simulation.positions(body);
         let under = |p: &DVec3| (p.x - 0.06).abs() < 0.02;
