@@ -91,6 +91,7 @@ fn a_device_has_the_bits_of_the_library_and_outlives_its_simulation() {
         exchange(device, 2.1e-3, 1e-3);
     });
     assert_eq!(counted.count_total, 0);
+    twin_device.exchange(DVec3::Z * 2.1e-3, DVec3::Z * 0.01, 1e-3);
     // jaws beside it, which turn the same vertices
     let (_, jaws) = device_of(&slab, "jaws", true);
     let defaults = own.haptic_options(body, &top()).unwrap();
@@ -110,9 +111,13 @@ fn a_device_has_the_bits_of_the_library_and_outlives_its_simulation() {
         assert_eq!(felt.force.map(f64::to_bits), twin.force.to_array().map(f64::to_bits));
         last.torque = felt.torque;
         ok(unsafe { sinew_step(slab.sim, 1) });
-        tissue.before_step(own.simulation_mut()).unwrap();
-        holding.step(own.simulation_mut()).unwrap();
-        tissue.after_step(own.simulation_mut()).unwrap();
+        for hand in [&mut tissue, &mut holding] {
+            hand.before_step(own.simulation_mut()).unwrap();
+        }
+        own.simulation_mut().step().unwrap();
+        for hand in [&mut tissue, &mut holding] {
+            hand.after_step(own.simulation_mut()).unwrap();
+        }
     }
     assert!(last.torque[2] < -1e-4 && slab.hash() == own.hash(), "{:?}", last.torque);
     let (zero, mut felt) = ([0.0; 4], sized!(sinew_haptic_feedback {}));
