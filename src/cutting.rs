@@ -99,9 +99,9 @@ impl Simulation {
         Ok(skin)
     }
 
-    /// Lets a body of linear tetrahedra that can be cut carry a finer surface along: points (m) in the frame of its mesh, and triangles of
-    /// them, outward. It takes the place of all of its [skin](Self::skin) that no cut laid open: points move as the tetrahedron in which
-    /// they lie, or the nearest, and triangles through which a wound goes are divided along it. What was removed carries nothing.
+    /// Lets a body of tetrahedra or hexahedra that can be cut carry a finer surface along: points (m) in the frame of its mesh, and triangles
+    /// of them, outward. It takes the place of all of its [skin](Self::skin) that no cut laid open: points move by the shape functions of the
+    /// element in which they lie, or the nearest, and triangles through which a wound goes are divided along it. What was removed carries nothing.
     ///
     /// # Errors
     /// When the body is none such, or a triangle has a point that there is not; nothing is changed then.

@@ -1,8 +1,14 @@
 //! Surfaces finer than the tissue that carries them, through cuts and removals.
 
 use crate::common::*;
-use glam::DVec3;
-use sinew::engine::mesh::generate::{box_tets, jitter_interior, sphere_triangles};
+use glam::{DMat3, DVec2, DVec3};
+use sinew::engine::mesh::generate::{
+    box_hexahedra, box_tets, jitter_interior, sphere_triangles, triangle_grid,
+};
+use sinew::engine::scalar::Scalar;
+use sinew::engine::topology::Topology;
+use sinew::engine::vertex::{Displacement, RestPosition};
+use sinew::models::body::sheet::MembraneDescription;
 use sinew::models::cutting::MaterialSkin;
 use sinew::models::resection::{Region, Removal};
 use sinew::prelude::*;
@@ -192,4 +198,211 @@ fn what_cannot_be_carried_is_told() {
     let (mut simulation, body) = alone(options(Precision::F64, 1), &whole);
     let error = simulation.carry_surface(body, &points, &triangles).unwrap_err().to_string();
     assert!(error.contains("`other`") && error.contains("spare"), "{error}");
+}
+
+/// Ten-node tetrahedra with straight sides, hexahedra, and distorted ones.
+fn other_elements() -> [Mesh; 3] {
+    let tetrahedra = jitter_interior(&box_tets(DVec3::splat(SIZE), [3; 3]).unwrap(), 0.2, 5);
+    let hexahedra = box_hexahedra(DVec3::splat(SIZE), [4; 3]).unwrap();
+    let distorted = jitter_interior(&hexahedra, 0.2, 5).unwrap();
+    [tetrahedra.unwrap().with_second_order(), hexahedra, distorted]
+}
+
+fn cuttable(mesh: &Mesh, precision: Precision) -> (Simulation, BodyHandle) {
+    let body = BodyDescription::new("block", mesh, soft(1e4, 0.3));
+    alone(options(precision, 2), &BodyDescription { spare: 6 * mesh.points.len(), ..body })
+}
+
+/// Moves all rows of a body alone, those that cuts made among them, by what is said of their places at rest (m), and of whether it is a vertex of the mesh.
+fn displace(simulation: &mut Simulation, by: &dyn Fn(DVec3, bool) -> DVec3) {
+    fn all<S: Scalar>(simulation: &mut Simulation, by: &dyn Fn(DVec3, bool) -> DVec3) {
+        let world = simulation.world_mut();
+        let vertices = world.resource::<Topology>().bodies[0].mesh_vertices();
+        let mut query = world.query::<(&RestPosition, &mut Displacement<S>)>();
+        for (row, (rest, mut u)) in query.iter_mut(world).enumerate() {
+            u.set(by(rest.0, row < vertices));
+        }
+    }
+    match simulation.precision() {
+        Precision::F32 => all::<f32>(simulation, by),
+        Precision::F64 => all::<f64>(simulation, by),
+    }
+}
+
+const BLADE: [[DVec3; 2]; 2] = [
+    [DVec3::new(0.0247, -0.02, 0.08), DVec3::new(0.0343, -0.02, -0.02)],
+    [DVec3::new(0.0247, 0.08, 0.08), DVec3::new(0.0343, 0.08, -0.02)],
+];
+
+/// Distance (m) of a place from the blade, to the right.
+fn beyond(x: DVec3) -> f64 {
+    let normal = (BLADE[1][0] - BLADE[0][0]).cross(BLADE[0][1] - BLADE[0][0]);
+    (x - BLADE[0][0]).dot(normal.normalize()) * normal.x.signum()
+}
+
+/// Points move by the shape functions of what they lie in: affinely as the body does, and by a field that the element has and no linear
+/// one. So it is of wounds.
+#[test]
+fn points_move_by_the_shape_functions_of_any_element() {
+    let turn = DMat3::from_cols(
+        DVec3::new(0.2, 0.3, -0.1),
+        DVec3::new(0.0, -0.1, 0.4),
+        DVec3::new(-0.2, 0.1, 0.1),
+    );
+    let affine = |x: DVec3| turn * x + DVec3::new(0.01, 0.02, -0.03);
+    let quadratic = |x: DVec3| DVec3::new(x.x * x.y, x.z * x.z, x.x * x.x - x.y * x.z) / SIZE;
+    let trilinear = |x: DVec3| DVec3::new(x.x * x.y * x.z, x.y * x.z * SIZE, 0.0) / SIZE.powi(2);
+    let [ten, hexahedra, distorted] = other_elements();
+    let cases: [(&Mesh, Vec<&dyn Fn(DVec3) -> DVec3>); 3] = [
+        (&ten, vec![&affine, &quadratic]),
+        (&hexahedra, vec![&affine, &trilinear]),
+        (&distorted, vec![&affine]),
+    ];
+    for (mesh, fields) in cases {
+        for (precision, tolerance) in [(Precision::F64, 1e-12), (Precision::F32, 1e-6)] {
+            for factor in [1.0, 1.04, 0.9] {
+                let (mut simulation, body) = cuttable(mesh, precision);
+                let (points, triangles) = shell(factor);
+                let own = simulation.carry_surface(body, &points, &triangles).unwrap();
+                assert_eq!((own.outside > 0, own.long), (factor > 1.0, 0));
+                let first = mesh.points.len();
+                for cuts in 0..2 {
+                    if cuts == 1 {
+                        displace(&mut simulation, &|_, _| DVec3::ZERO);
+                        assert_eq!(simulation.cut(body, &BLADE).unwrap().pieces, 2);
+                    }
+                    let mut skin = simulation.skin(body).unwrap();
+                    assert!(skin.rest[first..].starts_with(&points));
+                    assert_eq!(skin.wound.contains(&true), cuts == 1);
+                    assert!(max_distance(&skin.points, &skin.rest) < 1e-12 * SIZE);
+                    for field in &fields {
+                        displace(&mut simulation, &|x, _| field(x));
+                        assert!(!simulation.update_skin(body, &mut skin).unwrap());
+                        let moved = skin.points.iter().zip(&skin.rest);
+                        let off = moved.map(|(x, rest)| x.distance(*rest + field(*rest)));
+                        let off = off.fold(0.0, f64::max);
+                        assert!(off < tolerance * SIZE, "{factor} {cuts}: {off}");
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// At rest both sides of a wound are at one place and the surface is what it was; when the right half is moved, each point goes with its
+/// half alone.
+#[test]
+fn each_half_of_any_element_takes_its_surface_along() {
+    let away = DVec3::new(0.03, 0.001, -0.002);
+    for mesh in &other_elements() {
+        for (precision, tolerance) in [(Precision::F64, 1e-12), (Precision::F32, 1e-6)] {
+            for factor in [1.0, 0.9] {
+                let (mut simulation, body) = cuttable(mesh, precision);
+                let (points, triangles) = shell(factor);
+                simulation.carry_surface(body, &points, &triangles).unwrap();
+                assert_eq!(simulation.cut(body, &BLADE).unwrap().pieces, 2);
+                let mut skin = simulation.skin(body).unwrap();
+                let outside = 6.0 * (SIZE * factor).powi(2);
+                assert!((area(&skin, &skin.rest, false) / outside - 1.0).abs() < 1e-12);
+                // vertices of the mesh are of the half that they lie in, those that cuts made of the other
+                displace(&mut simulation, &|x, is_vertex| {
+                    if (beyond(x) > 0.0) == is_vertex { away } else { DVec3::ZERO }
+                });
+                assert!(!simulation.update_skin(body, &mut skin).unwrap());
+                let goes = |v: u32| {
+                    let u = skin.points[v as usize] - skin.rest[v as usize];
+                    let [stays, goes] = [DVec3::ZERO, away].map(|way| u.distance(way));
+                    assert!(stays.min(goes) < tolerance * SIZE, "{factor}: {u}");
+                    goes < stays
+                };
+                let first = (mesh.points.len() + points.len()) as u32;
+                let mut lips = BTreeMap::<[u64; 3], Vec<bool>>::new();
+                let all = skin.triangles.iter().zip(&skin.wound);
+                for (t, _) in all.filter(|(_, wound)| !**wound) {
+                    let half = goes(t[0]);
+                    assert!(t.iter().all(|v| goes(*v) == half), "{t:?} is between both halves");
+                    for &v in t {
+                        let at = skin.rest[v as usize];
+                        // the wound of distorted hexahedra is not plane
+                        let is_plain = beyond(at).abs() > 0.1 * SIZE / 4.0;
+                        assert!(!is_plain || half == (beyond(at) > 0.0), "{at}");
+                        if v >= first {
+                            let at = at.to_array().map(f64::to_bits);
+                            lips.entry(at).or_default().push(half);
+                        }
+                    }
+                }
+                let both = |own: &&Vec<bool>| own.contains(&true) && own.contains(&false);
+                assert!(lips.len() > 50 && lips.values().filter(both).count() == lips.len());
+                // the edges of the wound are those of the surface
+                let volume = volume(&skin, &skin.rest) / (SIZE * factor).powi(3);
+                assert!((volume - 1.0).abs() < 2e-3 || factor < 1.0, "{factor}: {volume}");
+            }
+        }
+    }
+}
+
+/// A second cut and removals after a first; the state between them comes back, in a simulation of its own, too.
+#[test]
+fn cuts_of_any_element_go_on_from_snapshots() {
+    for mesh in &other_elements() {
+        let (points, triangles) = shell(1.0);
+        let new = || {
+            let (mut simulation, body) = cuttable(mesh, Precision::F64);
+            simulation.carry_surface(body, &points, &triangles).unwrap();
+            clamp(&mut simulation, body, mesh, "x0");
+            (simulation, body)
+        };
+        let second = [
+            [DVec3::new(-0.02, 0.0217, 0.08), DVec3::new(-0.02, 0.0271, -0.02)],
+            [DVec3::new(0.08, 0.0217, 0.08), DVec3::new(0.08, 0.0271, -0.02)],
+        ];
+        let centre = DVec3::new(0.012, 0.05, 0.06);
+        let goes_on = |simulation: &mut Simulation, body| {
+            simulation.cut(body, &second).unwrap();
+            let cut = simulation.skin(body).unwrap();
+            let outside = 6.0 * SIZE.powi(2);
+            assert!((area(&cut, &cut.rest, false) / outside - 1.0).abs() < 1e-9);
+            let region = Region::Sphere { centre, radius: 0.02 };
+            assert!(simulation.remove_elements(body, &Removal::new(region)).unwrap().volume > 0.0);
+            simulation.steps(2);
+            let skin = simulation.skin(body).unwrap();
+            assert!(skin.points.iter().all(|p| p.is_finite()));
+            // nothing of the surface is left in the middle of what is gone
+            let near = |v: &u32| skin.rest[*v as usize].distance(centre) < 0.002;
+            assert!(
+                cut.triangles
+                    .iter()
+                    .flatten()
+                    .any(|v| cut.rest[*v as usize].distance(centre) < 0.002)
+            );
+            assert!(!skin.triangles.iter().flatten().any(near));
+            (skin.points, skin.triangles)
+        };
+        let (mut simulation, body) = new();
+        simulation.cut(body, &BLADE).unwrap();
+        simulation.steps(2);
+        let snapshot = simulation.snapshot().unwrap();
+        let between = simulation.skin(body).unwrap();
+        let expected = goes_on(&mut simulation, body);
+        let (mut other, same) = new();
+        for (simulation, body) in [(&mut simulation, body), (&mut other, same)] {
+            simulation.restore(&snapshot).unwrap();
+            let skin = simulation.skin(body).unwrap();
+            assert_eq!((&skin.points, &skin.triangles), (&between.points, &between.triangles));
+            assert!(expected == goes_on(simulation, body));
+        }
+    }
+}
+
+#[test]
+fn a_membrane_alone_carries_no_surface() {
+    let film = triangle_grid(DVec2::splat(SIZE), [5; 2]).unwrap();
+    let membrane = MembraneDescription::new(&film.triangles, 1e-3, soft(1e4, 0.3));
+    let body = BodyDescription { spare: 100, ..sheet(&film.points, membrane) };
+    let (mut simulation, body) = alone(options(Precision::F64, 1), &body);
+    let error = simulation.carry_surface(body, &film.points, &film.triangles).unwrap_err();
+    let error = error.to_string();
+    assert!(error.contains("tetrahedra or hexahedra") && error.contains("`sheet`"), "{error}");
+    assert!(!simulation.carries_surface(body));
 }

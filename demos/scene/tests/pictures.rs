@@ -70,14 +70,28 @@ fn recording_changes_no_bit_of_a_run() {
 /// and nothing of the meshes, and the surfaces at rest stay what they were.
 #[test]
 fn fine_surfaces_are_drawn_through_cuts() {
-    let folder = std::env::temp_dir().join(format!("sinew-fine-{}", std::process::id()));
+    drawn_through_cuts("linear", "", "irregular");
+}
+
+#[test]
+fn fine_surfaces_of_hexahedra_are_drawn_through_cuts() {
+    drawn_through_cuts("hexahedra", "", "hexahedra");
+}
+
+#[test]
+fn fine_surfaces_of_ten_node_tetrahedra_are_drawn_through_cuts() {
+    drawn_through_cuts("ten", "second_order = true\n", "tetrahedra");
+}
+
+fn drawn_through_cuts(name: &str, more: &str, elements: &str) {
+    let folder = std::env::temp_dir().join(format!("sinew-fine-{name}-{}", std::process::id()));
     std::fs::create_dir_all(&folder).unwrap();
     let shell = box_tets(DVec3::splat(0.06), [13; 3]).unwrap();
     write(&folder.join("shell.vtu"), &shell).unwrap();
     let of = |name: &str, time: f64| {
         format!(
             "[[body]]\nname = \"{name}\"\nsurface = \"shell.vtu\"\n\
-             generate.box = {{ size = [0.06, 0.06, 0.06], cells = [4, 4, 4], elements = \"irregular\" }}\n\
+             generate.box = {{ size = [0.06, 0.06, 0.06], cells = [4, 4, 4], elements = \"{elements}\" }}\n{more}\
              material = {{ young_modulus = 1e4, poisson_ratio = 0.3, density = 1e3 }}\n\
              [[constraint]]\nname = \"wall of {name}\"\nbody = \"{name}\"\nselect = {{ group = \"x0\" }}\n\
              [[cut]]\nname = \"blade of {name}\"\nbody = \"{name}\"\ntime = {time:?}\n\

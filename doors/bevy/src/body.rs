@@ -139,6 +139,8 @@ pub struct SinewSurface {
     /// Rows of the body, relative to its first, and weights by which each point that is no vertex moves: first those of a mesh that is
     /// [carried](crate::SinewCarriedMesh) through cuts, then those that cuts made.
     pub made: Vec<([u32; 4], [f64; 4])>,
+    /// The fifth and further rows of each, with their weights, where elements are ten-node tetrahedra or hexahedra; none elsewhere.
+    pub further: Vec<([u32; 6], [f64; 6])>,
     /// Counts up when the triangles change; there may be more points then.
     pub revision: u64,
     /// Where a surface is carried, by points: places (m) at rest, and what of that surface each lies between.
@@ -151,6 +153,11 @@ pub struct SinewSurface {
 }
 
 impl SinewSurface {
+    /// Where a point of `made` is, from where rows are.
+    pub fn place(&self, point: usize, at: impl Fn(usize) -> DVec3) -> DVec3 {
+        mean((&self.made, &self.further), point, at)
+    }
+
     /// Lets it be read anew, after the next step; what is carried is not known until then.
     pub(crate) fn forget(&mut self) {
         self.changes = u64::MAX;
@@ -465,13 +472,30 @@ fn surface(world: &mut World, index: usize) -> SinewSurface {
     };
     let rows = skin.nodes.iter().map(|nodes| nodes.map(row));
     let made = rows.zip(skin.weights).skip(body.mesh_vertices()).collect();
+    let more = skin.further.iter().map(|(nodes, weights)| (nodes.map(row), *weights));
+    let further = more.skip(body.mesh_vertices()).collect();
     // a ghost stands for a vertex on the other side of a wound
     let whole = |t: &&[u32; 3]| t.iter().all(|v| (*v as usize) < body.vertex_order.len());
     let faces = found.triangles[found.wounds..].iter().chain(&found.sheets).filter(whole);
     let user = |triangle: &[u32; 3]| triangle.map(|v| body.vertex_of(LocalRow(v)).0);
     let tissue = faces.filter(|_| !skin.carried.is_empty()).map(user).collect();
     let MaterialSkin { triangles, wound, depth, rest, carried, .. } = skin;
-    SinewSurface { triangles, wound, depth, made, revision: 1, rest, carried, tissue, changes }
+    let known = SinewSurface { revision: 1, changes, ..SinewSurface::default() };
+    SinewSurface { triangles, wound, depth, made, further, rest, carried, tissue, ..known }
+}
+
+/// Mean of what there is at the rows by which one of some points moves.
+pub(crate) fn mean(
+    (made, further): (&[([u32; 4], [f64; 4])], &[([u32; 6], [f64; 6])]),
+    point: usize,
+    at: impl Fn(usize) -> DVec3,
+) -> DVec3 {
+    let (rows, weights) = &made[point];
+    let first = rows.iter().zip(weights).map(|(&row, w)| *w * at(row as usize)).sum::<DVec3>();
+    further.get(point).map_or(first, |(rows, weights)| {
+        let used = rows.iter().zip(weights).filter(|(_, w)| **w != 0.0);
+        used.map(|(&row, w)| *w * at(row as usize)).fold(first, |sum, own| sum + own)
+    })
 }
 
 /// Changed materials.
@@ -633,6 +657,7 @@ fn read_surfaces(
         let Some(mut own) = world.get_mut::<SinewSurface>(entity) else { continue };
         let is_new =
             own.triangles != new.triangles || own.made != new.made || own.carried != new.carried;
+        let is_new = is_new || own.further != new.further;
         let revision = own.revision + u64::from(is_new);
         *own = SinewSurface { revision, ..new };
     }

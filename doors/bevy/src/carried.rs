@@ -34,7 +34,7 @@ use std::collections::{HashMap, HashSet};
 /// too; another `Mesh3d` is taken hold of anew. Triangles at elements that were removed are no longer drawn.
 ///
 /// In a body that can be cut ([`SinewBody::spare`]) it is cut as well, and is drawn from the first step on: triangles are divided along wounds,
-/// attributes of `f32` are known at their new vertices, and wounds are part of the mesh. Such a body is of linear tetrahedra, carries
+/// attributes of `f32` are known at their new vertices, and wounds are part of the mesh. Such a body is of tetrahedra or hexahedra, carries
 /// one mesh, and needs no [`SinewMeshSync`](crate::SinewMeshSync), which would draw the same surface.
 ///
 /// What cannot be carried gets [`SinewInputError`], and [`InputFailed`] is sent.
@@ -206,7 +206,7 @@ impl Hierarchy<'_, '_> {
         if !(to_body.is_finite() && to_body.matrix3.determinant() != 0.0) {
             return Err(invalid(format!("its `Transform` {to_body:?} flattens it")));
         }
-        let (shape, positions) = Shape::of(mesh, |_| [0; 4]).map_err(invalid)?;
+        let (shape, positions) = Shape::of(mesh, |_| [0; 10]).map_err(invalid)?;
         let can_be_cut = of.spare > 0;
         if can_be_cut && to_body.matrix3.determinant() < 0.0 {
             let problem = "its `Transform` mirrors it, and its body can be cut (`spare`): mirror the mesh itself";
@@ -309,10 +309,8 @@ pub(crate) fn sync(
                     (*mesh, own.shape) = (whole, shape);
                 }
                 own.positions.resize(cut.made.len(), [0.0; 3]);
-                let mean = |(rows, weights): &([u32; 4], [f64; 4])| {
-                    rows.iter().zip(weights).map(|(&row, w)| *w * at(row as usize)).sum()
-                };
-                place(&mut own.positions, cut.made.iter().map(mean), to_frame)
+                let places = (0..cut.made.len()).map(|point| cut.place(point, at));
+                place(&mut own.positions, places, to_frame)
             }
         };
         mesh.final_aabb = Some(bounds);
@@ -337,7 +335,7 @@ fn place(
 
 impl Shape {
     /// Of a mesh, with its positions; or what of it cannot be carried. `side` tells vertices at one place apart that do not move alike.
-    fn of(mesh: &Mesh, side: impl Fn(usize) -> [u32; 4]) -> Result<(Self, Vec<[f32; 3]>), String> {
+    fn of(mesh: &Mesh, side: impl Fn(usize) -> [u32; 10]) -> Result<(Self, Vec<[f32; 3]>), String> {
         if mesh.primitive_topology() != PrimitiveTopology::TriangleList {
             return Err(format!(
                 "its mesh is a {:?}: triangles are carried, as a `TriangleList`",

@@ -247,8 +247,8 @@ impl Drawn {
         for (local, vertex) in body.vertex_order.iter().enumerate() {
             place(vertex.index(), at(local));
         }
-        for (index, (rows, weights)) in (body.mesh_vertices()..).zip(&surface.made) {
-            place(index, rows.iter().zip(weights).map(|(&row, w)| *w * at(row as usize)).sum());
+        for point in 0..surface.made.len() {
+            place(body.mesh_vertices() + point, surface.place(point, at));
         }
         Aabb3d { min: Vec3A::from(min.as_vec3()), max: Vec3A::from(max.as_vec3()) }
     }

@@ -11,7 +11,7 @@ use bevy_shape::Ray3d;
 use bevy_time::{Time, Virtual};
 use bevy_transform::components::{GlobalTransform, Transform};
 use sinew::engine::mesh::EmbeddedPoints;
-use sinew::engine::mesh::generate::box_tets;
+use sinew::engine::mesh::generate::{box_hexahedra, box_tets};
 use sinew::engine::step::Gravity;
 use sinew::engine::topology::Topology;
 use sinew::engine::vertex::{Position, RestPosition};
@@ -377,6 +377,45 @@ fn a_carried_mesh_is_cut_with_its_body() {
         surface.triangles.iter().flatten().any(|v| (*v as usize) < tissue.points.len());
     assert!(at_vertices && surface.wound.contains(&true));
     assert!(app.world().resource::<StepOutcome>().0.is_none());
+}
+
+/// What is cut off falls with all that is drawn of it, and of the rest nothing moves but by its elements.
+#[test]
+fn a_carried_mesh_is_cut_with_hexahedra_and_ten_node_tetrahedra() {
+    let bricks = box_hexahedra(DVec3::new(0.1, 0.08, 0.04), [5, 4, 2]).unwrap();
+    let ten = box_tets(DVec3::new(0.1, 0.08, 0.04), [4, 3, 2]).unwrap().with_second_order();
+    for tissue in [bricks, ten] {
+        let mut app = weightless();
+        let shell = shell([13, 11, 7]);
+        let mesh = added(&mut app, shell.clone());
+        let soft = SoftMesh::new(tissue).unwrap();
+        let soft = app.world_mut().resource_mut::<Assets<SoftMesh>>().add(soft);
+        let body = SinewBody { spare: 400, ..SinewBody::new(soft, material()) };
+        let body = app.world_mut().spawn((body, Transform::default())).id();
+        app.world_mut().spawn((SinewHold::new("x0"), ChildOf(body)));
+        let size = Transform::from_scale(Vec3::new(0.1, 0.08, 0.04));
+        let own = (SinewCarriedMesh::default(), Mesh3d(mesh), size, ChildOf(body));
+        let entity = app.world_mut().spawn(own).id();
+        (0..4).for_each(|_| app.update());
+        let edge = |y: f64| [DVec3::new(0.047, y, 1.0), DVec3::new(0.056, y, -1.0)];
+        let report = cut_body::<f64>(app.world_mut(), 0, &[edge(-1.0), edge(1.0)]).unwrap();
+        assert_eq!(report.pieces, 2);
+        (0..2).for_each(|_| app.update());
+        let cut = drawn(&app, entity);
+        assert!(cut.count_vertices() > shell.count_vertices() + 50);
+        assert!((volume(&cut) - 1.0).abs() < 2e-3, "{}", volume(&cut));
+        app.insert_resource(Gravity::default());
+        (0..20).for_each(|_| app.update());
+        let fallen = drawn(&app, entity);
+        let [at, now] = [&cut, &fallen].map(|mesh| three(mesh, Mesh::ATTRIBUTE_POSITION));
+        // of heights that are 1 in the mesh
+        let way = |v: usize| 0.04 * (at[v] - now[v]).z;
+        let ways: Vec<[f32; 3]> = corners(&fallen).into_iter().map(|t| t.map(way)).collect();
+        let fell = ways.iter().filter(|t| t.iter().all(|way| *way > 0.15)).count();
+        let stayed = ways.iter().filter(|t| t.iter().all(|way| *way < 0.1)).count();
+        assert!(fell > 400 && stayed > 400 && fell + stayed == ways.len(), "{fell} {stayed}");
+        assert!(app.world().resource::<StepOutcome>().0.is_none());
+    }
 }
 
 #[test]

@@ -155,15 +155,7 @@ fn candidate(mesh: &Mesh, kind: ElementKind, cell: u32, p: DVec3) -> Candidate {
     let corner = |k: usize| mesh.points[vertices[k] as usize];
     if kind == ElementKind::Hexahedron {
         let corners: [DVec3; 8] = std::array::from_fn(corner);
-        let (mut place, found) = place_in(&corners, p);
-        let inside = place.clamp(DVec3::ZERO, DVec3::ONE);
-        if !found {
-            place = inside;
-        }
-        let distance = match found && (place - inside).abs().max_element() <= SLACK {
-            true => 0.0,
-            false => p.distance(at_place(&corners, inside)),
-        };
+        let (place, distance) = place_in_hexahedron(&corners, p);
         let mut weights = [0.0; 10];
         weights[..8].copy_from_slice(&trilinear(place));
         return (weights, distance);
@@ -201,6 +193,18 @@ fn trilinear(place: DVec3) -> [f64; 8] {
 
 fn at_place(corners: &[DVec3; 8], place: DVec3) -> DVec3 {
     trilinear(place).iter().zip(corners).map(|(weight, corner)| *corner * *weight).sum()
+}
+
+/// Where in the unit cube a hexahedron has a point, and the distance (m) of the point from the hexahedron: 0 inside. Outside the place may
+/// lie outside of the cube; it is the nearest that was found in the cube where none has the point.
+pub fn place_in_hexahedron(corners: &[DVec3; 8], p: DVec3) -> (DVec3, f64) {
+    let (place, found) = place_in(corners, p);
+    let inside = place.clamp(DVec3::ZERO, DVec3::ONE);
+    let distance = match found && (place - inside).abs().max_element() <= SLACK {
+        true => 0.0,
+        false => p.distance(at_place(corners, inside)),
+    };
+    (if found { place } else { inside }, distance)
 }
 
 /// Where in the unit cube a hexahedron has a point, by Newton's method, and whether that was found: the map may fold outside of

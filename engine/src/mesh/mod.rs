@@ -38,7 +38,7 @@ pub mod generate;
 pub mod io;
 mod lattice;
 pub mod merge;
-pub use embed::EmbeddedPoints;
+pub use embed::{EmbeddedPoints, place_in_hexahedron};
 pub use lattice::{FILLED, Filled, LEAST_FILLED, LatticeReport};
 mod second_order;
 mod select;

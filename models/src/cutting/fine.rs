@@ -9,17 +9,18 @@
 use bevy_ecs::prelude::*;
 use glam::{DMat3, DVec3};
 use sinew_engine::connectivity::{ElementKind, Incidence, PerElement};
-use sinew_engine::element::TETRAHEDRON_EDGES;
-use sinew_engine::mesh::{EmbeddedPoints, Mesh};
+use sinew_engine::isoparametric::{CORNERS, hexahedron_shape, tetrahedron10_shape};
+use sinew_engine::mesh::{EmbeddedPoints, Mesh, place_in_hexahedron};
 use sinew_engine::resource::ensure;
 use sinew_engine::surface::closest_point;
-use sinew_engine::topology::Topology;
+use sinew_engine::topology::{BodyRows, Topology};
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::sync::Arc;
 
-use super::material::{Material, Order};
-use super::skin::{cut_material, elements};
-use super::{CutError, MaterialSkin, check_cut, in_mesh, order_of, rest_of, row_of};
+use super::hexahedra::local;
+use super::material::{Cell, Element, Material, Order, padded};
+use super::skin::{Moved, cut_material, elements};
+use super::{CutError, MaterialSkin, check_cut, in_mesh, kind_of, order_of, rest_of, row_of};
 
 /// Halvings of an edge that look for the place where one side of a wound ends: to 1/4096 of its length.
 const HALVINGS: u32 = 12;
@@ -51,14 +52,14 @@ impl FineSurfaces {
 pub struct FineSurface {
     points: Vec<DVec3>,
     triangles: Vec<[u32; 3]>,
-    /// Tetrahedron of the mesh that each point hangs on.
-    tetrahedra: Vec<u32>,
-    /// Edges that are longer than the smaller of the tetrahedra that their ends hang on, which have no vertex in common: where a cut goes through
+    /// Element of the mesh that each point hangs on.
+    elements: Vec<u32>,
+    /// Edges that are longer than the smaller of the elements that their ends hang on, which have no vertex in common: where a cut goes through
     /// them is found roughly.
     pub long: usize,
     /// Points that lie in none.
     pub outside: usize,
-    /// Largest distance (m) of such a point from the tetrahedron that it hangs on.
+    /// Largest distance (m) of such a point from the element that it hangs on.
     pub farthest: f64,
 }
 
@@ -66,7 +67,7 @@ pub struct FineSurface {
 /// it takes the place of the outside of the mesh in its skin; a second one takes the place of the first.
 ///
 /// # Errors
-/// When the body cannot be cut or is not of linear tetrahedra, and when a triangle has a point that there is not; nothing is changed then.
+/// When the body cannot be cut or is a membrane alone, and when a triangle has a point that there is not; nothing is changed then.
 pub fn carry_surface(
     world: &mut World,
     body: usize,
@@ -79,9 +80,9 @@ pub fn carry_surface(
         let problem = problem.into();
         CutError::Body { body: rows.name.clone(), problem }
     };
-    if order_of(&rows) != Order::Linear {
+    if order_of(&rows) == Order::Triangles {
         return Err(wrong(
-            "only linear tetrahedra carry a surface through cuts; take such, or no surface",
+            "a membrane alone carries no surface through cuts; take a body of tetrahedra or hexahedra, or no surface",
         ));
     }
     let known = triangles.iter().flatten().all(|&p| (p as usize) < points.len());
@@ -90,24 +91,24 @@ pub fn carry_surface(
             "the surface it is to carry has no triangles, points that are not finite, or triangles of points that there are not",
         ));
     }
-    let tetrahedra = match cut_material(world, body) {
-        None => in_mesh(&rows, ElementKind::Tetrahedron),
-        Some(material) => elements(material).collect(),
-    };
-    let rest = vertices_at_rest(world, body, rows.mesh_vertices() as u32);
-    let mesh = Mesh { points: rest, tetrahedra, ..Mesh::default() };
+    let kind = kind_of(&rows);
+    let mesh = corners_at_rest(world, body, &rows);
     let embedding =
         EmbeddedPoints::new(&mesh, points).ok_or_else(|| wrong("it has no elements"))?;
     let on: Vec<u32> = embedding.cells().map(|(_, cell)| cell).collect();
-    let vertices = |p: u32| mesh.tetrahedra[on[p as usize] as usize];
+    let vertices = |p: u32| mesh.cell(kind, on[p as usize] as usize);
     let size = |p: u32| {
-        let corners = vertices(p).map(|v| mesh.points[v as usize]);
-        let ways = TETRAHEDRON_EDGES.map(|[i, j]| corners[i].distance(corners[j]));
-        ways.into_iter().fold(0.0, f64::max)
+        let own = vertices(p);
+        let corner = |i: usize| own.map_or(DVec3::ZERO, |own| mesh.points[own[i] as usize]);
+        edges_of(kind).map(|[i, j]| corner(i).distance(corner(j))).fold(0.0, f64::max)
+    };
+    let are_near = |a: u32, b: u32| match (vertices(a), vertices(b)) {
+        (Some(a), Some(b)) => a.iter().any(|v| b.contains(v)),
+        _ => true,
     };
     let is_long = |&[a, b]: &[u32; 2]| {
         let way = points[a as usize].distance(points[b as usize]);
-        way > size(a).min(size(b)) && !vertices(a).iter().any(|v| vertices(b).contains(v))
+        way > size(a).min(size(b)) && !are_near(a, b)
     };
     let edges = triangles.iter().flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]]);
     let edges: BTreeSet<[u32; 2]> = edges.map(|[a, b]| [a.min(b), a.max(b)]).collect();
@@ -115,7 +116,7 @@ pub fn carry_surface(
         points: points.to_vec(),
         triangles: triangles.to_vec(),
         long: edges.iter().filter(|edge| is_long(edge)).count(),
-        tetrahedra: on,
+        elements: on,
         outside: embedding.outside,
         farthest: embedding.farthest,
     });
@@ -123,6 +124,37 @@ pub fn carry_surface(
     all.own.insert(body, surface.clone());
     all.count += 1;
     Ok(surface)
+}
+
+/// The whole mesh of a body at rest, of ten-node tetrahedra their corners alone.
+fn corners_at_rest(world: &mut World, body: usize, rows: &BodyRows) -> Mesh {
+    fn of<const N: usize>(world: &World, body: usize, rows: &BodyRows) -> Vec<[u32; N]> {
+        match cut_material(world, body) {
+            None => in_mesh(rows, kind_of(rows)),
+            Some(material) => elements(material).map(Element::all_vertices).collect(),
+        }
+    }
+    let mut mesh = Mesh::default();
+    match order_of(rows) {
+        Order::Hexahedra => mesh.hexahedra = of::<8>(world, body, rows),
+        Order::TenNodes => {
+            let all = of::<10>(world, body, rows).into_iter();
+            mesh.tetrahedra = all.map(|[a, b, c, d, ..]| [a, b, c, d]).collect();
+        }
+        Order::Linear | Order::Triangles => mesh.tetrahedra = of::<4>(world, body, rows),
+    }
+    mesh.points = vertices_at_rest(world, body, rows.mesh_vertices() as u32);
+    mesh
+}
+
+/// Corners of the edges of a tetrahedron or hexahedron.
+fn edges_of(kind: ElementKind) -> impl Iterator<Item = [usize; 2]> {
+    let is_edge = move |&[i, j]: &[usize; 2]| {
+        let differ = |k: &usize| CORNERS[i][*k] != CORNERS[j][*k];
+        kind != ElementKind::Hexahedron || (0..3).filter(differ).count() == 1
+    };
+    let corners = if kind == ElementKind::Hexahedron { 8 } else { 4 };
+    (0..corners).flat_map(|i| (0..i).map(move |j| [j, i])).filter(is_edge)
 }
 
 /// Lets a body carry no surface any more: its skin is that of its mesh again.
@@ -151,71 +183,126 @@ pub(super) type Hold = u32;
 pub(super) struct Grip<'a> {
     material: &'a Material,
     rest: &'a [DVec3],
-    /// Places (m) at rest of the points of the material.
+    /// Places (m) at rest of the points of the material of tetrahedra.
     places: Vec<DVec3>,
-    /// Cells of every tetrahedron of the mesh that are left.
+    /// Boxes (m) round hexahedra of the mesh; none of tetrahedra.
+    boxes: Vec<[DVec3; 2]>,
+    /// Cells of every element of the mesh that are left.
     cells: Vec<Vec<u32>>,
-    /// Tetrahedra of the mesh round every vertex.
+    /// Elements of the mesh round every vertex.
     round: Incidence,
 }
 
 impl<'a> Grip<'a> {
     pub fn new(material: &'a Material, rest: &'a [DVec3]) -> Self {
-        let place = |point: &super::material::Point| {
+        let place = |point: &super::material::Point| -> DVec3 {
             let used = point.vertices.iter().zip(point.weights).filter(|(_, w)| *w != 0.0);
             used.map(|(&v, w)| w * rest[v as usize]).sum()
         };
-        let whole: Vec<[u32; 4]> = elements(material).collect();
-        let mut cells = vec![Vec::new(); whole.len()];
+        let (mut places, mut boxes) = (Vec::new(), Vec::new());
+        let round = if material.order == Order::Hexahedra {
+            let whole: Vec<[u32; 8]> = elements(material).map(Element::all_vertices).collect();
+            boxes.extend(whole.iter().map(|own| {
+                let [low, high] = [DVec3::INFINITY, DVec3::NEG_INFINITY];
+                let corners = || own.iter().map(|&v| rest[v as usize]);
+                [corners().fold(low, DVec3::min), corners().fold(high, DVec3::max)]
+            }));
+            PerElement::from(whole)
+        } else {
+            places.extend(material.points.iter().map(place));
+            PerElement::from(elements(material).map(|own| own.vertices).collect::<Vec<_>>())
+        };
+        let mut cells = vec![Vec::new(); elements(material).count()];
         for (number, cell) in (0..).zip(&material.cells) {
             cells[material.elements[cell.element as usize].source as usize].push(number);
         }
-        Self {
-            material,
-            rest,
-            places: material.points.iter().map(place).collect(),
-            cells,
-            round: Incidence::new(rest.len(), &PerElement::from(whole)),
+        let round = Incidence::new(rest.len(), &round);
+        Self { material, rest, places, boxes, cells, round }
+    }
+
+    /// Corners of an element of the mesh.
+    fn vertices(&self, element: u32) -> impl Iterator<Item = u32> + '_ {
+        let corners = if self.material.order == Order::Hexahedra { 8 } else { 4 };
+        (0..corners).map(move |i| self.material.elements[element as usize].vertex(i))
+    }
+
+    /// Places (m) at rest of the first `N` vertices of an element.
+    fn corners<const N: usize>(&self, element: u32) -> [DVec3; N] {
+        let own = &self.material.elements[element as usize];
+        own.all_vertices().map(|v| self.rest[v as usize])
+    }
+
+    /// Length (m) of an edge of an element of the mesh.
+    fn size(&self, element: u32) -> f64 {
+        let [a, b] = self.corners(element);
+        a.distance(b)
+    }
+
+    /// Distance (m) of a place from a box round an element: none of tetrahedra.
+    fn away_from_box(&self, place: DVec3, element: u32) -> f64 {
+        let own = self.boxes.get(element as usize);
+        own.map_or(0.0, |[low, high]| place.distance(place.clamp(*low, *high)))
+    }
+
+    /// Where a place is in an element of the mesh, and its distance (m) from it. Cells of tetrahedra are tetrahedra in space, those of a
+    /// hexahedron in the cube of its shape functions.
+    fn place_in(&self, place: DVec3, element: u32) -> (DVec3, f64) {
+        if self.material.order != Order::Hexahedra {
+            return (place, distance(place, self.corners(element)));
+        }
+        let (at, away) = place_in_hexahedron(&self.corners(element), place);
+        (2.0 * at - DVec3::ONE, away)
+    }
+
+    /// Distance (m) of a place from a cell, when it is [known](Self::place_in) where that is in its element.
+    fn away(&self, place: DVec3, (at, away): (DVec3, f64), cell: &Cell) -> f64 {
+        if self.material.order != Order::Hexahedra {
+            return distance(place, cell.corners.map(|p| self.places[p as usize]));
+        }
+        let vertices = self.material.elements[cell.element as usize].all_vertices();
+        let corners = cell.corners.map(|p| local(&vertices, &self.material.points[p as usize]));
+        match nearest(at, corners) {
+            None if away == 0.0 => 0.0,
+            near => {
+                let weights = hexahedron_shape(near.unwrap_or(at).to_array());
+                let corners = vertices.iter().map(|&v| self.rest[v as usize]);
+                place.distance(corners.zip(weights).map(|(x, w)| w * x).sum())
+            }
         }
     }
 
-    fn vertices(&self, tetrahedron: u32) -> [u32; 4] {
-        self.material.elements[tetrahedron as usize].vertices
-    }
-
-    fn corners(&self, tetrahedron: u32) -> [DVec3; 4] {
-        self.vertices(tetrahedron).map(|v| self.rest[v as usize])
-    }
-
-    /// What moves a place near some tetrahedra of the mesh; `None` where the material there is gone.
+    /// What moves a place near some elements of the mesh; `None` where the material there is gone.
     fn at(&self, place: DVec3, among: impl Iterator<Item = u32>) -> Option<Hold> {
         let mut best: Option<(f64, u32, u32)> = None;
-        let mut nearest = f64::INFINITY;
-        for tetrahedron in among {
-            let corners = self.corners(tetrahedron);
-            let away = distance(place, corners);
-            nearest = nearest.min(away);
+        let mut least_away = f64::INFINITY;
+        let mut among: Vec<(f64, u32)> =
+            among.map(|element| (self.away_from_box(place, element), element)).collect();
+        among.sort_by(|a, b| a.0.total_cmp(&b.0));
+        for (at_least, element) in among {
             let least = best.map_or(f64::INFINITY, |(least, ..)| least);
-            if away >= least {
+            if at_least >= least {
+                break;
+            }
+            let inside = self.place_in(place, element);
+            least_away = least_away.min(inside.1);
+            if inside.1 >= least {
                 continue;
             }
-            for &cell in &self.cells[tetrahedron as usize] {
+            for &cell in &self.cells[element as usize] {
                 let own = &self.material.cells[cell as usize];
-                let away = distance(place, own.corners.map(|p| self.places[p as usize]));
+                let away = self.away(place, inside, own);
                 if best.is_none_or(|(least, ..)| away < least) {
-                    best = Some((away, own.element, tetrahedron));
+                    best = Some((away, own.element, element));
                 }
             }
         }
-        let (away, element, tetrahedron) = best?;
-        let corners = self.corners(tetrahedron);
-        let size = corners[0].distance(corners[1]);
-        (away <= nearest + SLACK * size).then_some(element)
+        let (away, hold, element) = best?;
+        (away <= least_away + SLACK * self.size(element)).then_some(hold)
     }
 
-    /// The tetrahedra round two: those that have vertices in common with one of them, and further ones where these have none themselves.
+    /// The elements round two: those that have vertices in common with one of them, and further ones where these have none themselves.
     fn round(&self, both: [u32; 2]) -> BTreeSet<u32> {
-        let of = |tetrahedron| self.vertices(tetrahedron).into_iter();
+        let of = |element| self.vertices(element);
         let grown = |own: BTreeSet<u32>| -> BTreeSet<u32> {
             own.into_iter().flat_map(of).flat_map(|v| self.round.of(v).iter().copied()).collect()
         };
@@ -223,7 +310,7 @@ impl<'a> Grip<'a> {
         if of(both[0]).any(|v| of(both[1]).any(|w| v == w)) { near } else { grown(near) }
     }
 
-    /// Tetrahedron of the mesh behind a hold.
+    /// Element of the mesh behind a hold.
     fn source(&self, hold: Hold) -> u32 {
         self.material.elements[hold as usize].source
     }
@@ -231,10 +318,11 @@ impl<'a> Grip<'a> {
     /// Number of the vertices of the mesh that two elements have in common, whose node is the same and another one.
     fn common(&self, a: Hold, b: Hold) -> (u32, u32) {
         let [a, b] = [a, b].map(|hold| &self.material.elements[hold as usize]);
-        let both = (0..4).flat_map(|i| (0..4).map(move |j| (i, j)));
+        let size = self.material.order.size();
+        let both = (0..size).flat_map(|i| (0..size).map(move |j| (i, j)));
         let (mut same, mut other) = (0, 0);
-        for (i, j) in both.filter(|&(i, j)| a.vertices[i] == b.vertices[j]) {
-            *if a.nodes[i] == b.nodes[j] { &mut same } else { &mut other } += 1;
+        for (i, j) in both.filter(|&(i, j)| a.vertex(i) == b.vertex(j)) {
+            *if a.node(i) == b.node(j) { &mut same } else { &mut other } += 1;
         }
         (same, other)
     }
@@ -281,10 +369,17 @@ impl<'a> Grip<'a> {
         0.5 * (low + high)
     }
 
-    /// A point of a skin at a place that an element moves.
-    fn nodes(&self, hold: Hold, place: DVec3) -> ([u32; 4], [f64; 4]) {
+    /// What moves a point at a place that an element moves: its shape functions there.
+    fn moved(&self, hold: Hold, place: DVec3) -> Moved {
         let element = &self.material.elements[hold as usize];
-        (element.nodes, shares(place, element.vertices.map(|v| self.rest[v as usize])))
+        let shares = || shares(place, self.corners(hold));
+        let weights = match self.material.order {
+            Order::Linear | Order::Triangles => padded(shares()),
+            Order::TenNodes => tetrahedron10_shape(shares()),
+            Order::Hexahedra => padded(hexahedron_shape(self.place_in(place, hold).0.to_array())),
+        };
+        let size = self.material.order.size();
+        (std::array::from_fn(|i| element.node(if i < size { i } else { 0 })), weights)
     }
 }
 
@@ -296,18 +391,22 @@ fn shares(place: DVec3, [a, b, c, d]: [DVec3; 4]) -> [f64; 4] {
 
 /// Distance (m) of a place from a tetrahedron: 0 inside.
 fn distance(place: DVec3, corners: [DVec3; 4]) -> f64 {
+    nearest(place, corners).map_or(0.0, |near| place.distance(near).min(f64::INFINITY))
+}
+
+/// Point of a tetrahedron that is nearest to a place; `None` inside.
+fn nearest(place: DVec3, corners: [DVec3; 4]) -> Option<DVec3> {
     // of a flat one that of its faces
     if shares(place, corners).iter().all(|share| *share >= 0.0) {
-        return 0.0;
+        return None;
     }
     let faces = [[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]];
-    let of = |face: [usize; 3]| {
+    let of = |face: [usize; 3]| -> DVec3 {
         let corners = face.map(|i| corners[i]);
-        let near: DVec3 =
-            closest_point(place, corners).iter().zip(corners).map(|(share, x)| *share * x).sum();
-        place.distance(near)
+        closest_point(place, corners).iter().zip(corners).map(|(share, x)| *share * x).sum()
     };
-    faces.map(of).into_iter().fold(f64::INFINITY, f64::min)
+    let away = |a: &DVec3| place.distance(*a).min(f64::INFINITY);
+    faces.map(of).into_iter().min_by(|a, b| away(a).total_cmp(&away(b)))
 }
 
 /// A skin whose surface is replaced.
@@ -329,11 +428,11 @@ type Between = ([u32; 3], [f64; 3]);
 
 impl Weave<'_> {
     fn add(&mut self, hold: Hold, place: DVec3, between: Between) -> u32 {
-        let (nodes, weights) = self.grip.nodes(hold, place);
+        let moved = self.grip.moved(hold, place);
         self.skin.rest.push(place);
         self.skin.depth.push(0.0);
         self.skin.carried.push(between);
-        self.skin.add(nodes, weights)
+        self.skin.add(moved)
     }
 
     fn push(&mut self, triangle: [u32; 3], hold: Hold) {
@@ -440,8 +539,7 @@ impl Weave<'_> {
             let apart = |a: &Hold| own.iter().any(|b| self.grip.are_apart(*a, *b) == Some(true));
             let Some(&element) = own.first().filter(|_| !own.iter().any(apart)) else { continue };
             let place = self.skin.rest[p as usize];
-            let corners = self.grip.corners(self.grip.source(element));
-            let most = NEAR * corners[0].distance(corners[1]);
+            let most = NEAR * self.grip.size(self.grip.source(element));
             let away = |point: u32| self.skin.rest[point as usize].distance(place);
             let common = |hold: Hold| std::cmp::Reverse(self.grip.common(element, hold).0);
             let near = self.lips.iter().filter(|(point, _)| away(*point) < most);
@@ -481,18 +579,15 @@ impl FineSurface {
     /// Adds the points of a surface to a skin; what moves each, if anything is left there. They come before all that cuts made, so that
     /// each has the same number for ever.
     pub(super) fn hang(&self, grip: &Grip, skin: &mut MaterialSkin) -> Vec<Option<Hold>> {
-        let of = |(&place, &tetrahedron)| {
-            let hold = grip.at(place, std::iter::once(tetrahedron));
+        let of = |(&place, &element)| {
+            let hold = grip.at(place, std::iter::once(element));
             match hold {
-                Some(hold) => {
-                    let (nodes, weights) = grip.nodes(hold, place);
-                    skin.add(nodes, weights)
-                }
-                None => skin.add([0; 4], [1.0, 0.0, 0.0, 0.0]),
+                Some(hold) => skin.add(grip.moved(hold, place)),
+                None => skin.add_node(0),
             };
             hold
         };
-        self.points.iter().zip(&self.tetrahedra).map(of).collect()
+        self.points.iter().zip(&self.elements).map(of).collect()
     }
 
     /// Places (m) at rest.

@@ -43,7 +43,7 @@ pub(super) fn tetrahedra(vertices: &[u32; 8]) -> [[u32; 4]; 6] {
     all
 }
 
-/// Place in the cube of a point between some vertices.
+/// Place in the cube of a point between some vertices; on a face of the cube to the last bit where all of these are.
 pub(super) fn local(vertices: &[u32; 8], point: &super::material::Point) -> DVec3 {
     let corner = |v: u32| {
         vertices
@@ -51,13 +51,11 @@ pub(super) fn local(vertices: &[u32; 8], point: &super::material::Point) -> DVec
             .position(|&own| own == v)
             .map_or(DVec3::ZERO, |i| DVec3::from_array(CORNERS[i]))
     };
-    point
-        .vertices
-        .iter()
-        .zip(point.weights)
-        .filter(|(_, w)| *w != 0.0)
-        .map(|(&v, w)| w * corner(v))
-        .sum()
+    let used = || point.vertices.iter().zip(point.weights).filter(|(_, w)| *w != 0.0);
+    let corners = || used().map(|(&v, _)| corner(v));
+    let low = corners().fold(DVec3::ONE, DVec3::min);
+    let high = corners().fold(-DVec3::ONE, DVec3::max);
+    used().map(|(&v, w)| w * corner(v)).sum::<DVec3>().clamp(low, high.max(low))
 }
 
 /// Gradients (1/m) of the shape functions of a hexahedron of the corners `rest` (m) at a place in the cube, and the Jacobian.

@@ -354,23 +354,28 @@ impl Material {
     /// Where a point is, as a corner of a cell, when `at` says where vertices and ghosts are.
     pub fn place(&self, cell: &Cell, point: u32, at: &dyn Fn(u32) -> DVec3) -> DVec3 {
         let element = &self.elements[cell.element as usize];
-        let point = &self.points[point as usize];
+        let own = &self.points[point as usize];
         let size = self.order.size();
-        if point.weights[0] == 1.0 {
+        if own.weights[0] == 1.0 {
             // to the last bit
-            let i = (0..size).find(|&i| element.vertex(i) == point.vertices[0]).unwrap_or(0);
+            let i = (0..size).find(|&i| element.vertex(i) == own.vertices[0]).unwrap_or(0);
             return at(element.node(i));
         }
-        let weighted = |weights: &[f64]| {
-            weights.iter().enumerate().map(|(i, w)| *w * at(element.node(i))).sum()
-        };
+        if self.order == Order::Linear {
+            return own.moved_by(element, at);
+        }
+        let weights = self.weights(element, own);
+        (0..size).zip(weights).map(|(i, w)| w * at(element.node(i))).sum()
+    }
+
+    /// Shape functions of an element at a point that lies in it.
+    pub(super) fn weights(&self, element: &Element, point: &Point) -> [f64; 10] {
         match self.order {
-            Order::Linear => point.moved_by(element, at),
-            Order::Triangles => weighted(&point.weights_in(element.vertices)[..3]),
-            Order::TenNodes => weighted(&tetrahedron10_shape(point.weights_in(element.vertices))),
+            Order::Linear | Order::Triangles => padded(point.weights_in(element.vertices)),
+            Order::TenNodes => tetrahedron10_shape(point.weights_in(element.vertices)),
             Order::Hexahedra => {
                 let at = hexahedra::local(&element.all_vertices(), point);
-                weighted(&hexahedron_shape(at.to_array()))
+                padded(hexahedron_shape(at.to_array()))
             }
         }
     }
@@ -895,6 +900,11 @@ fn part_groups(
         }
     }
     opened
+}
+
+/// Weights with 0 behind them.
+pub(super) fn padded<const N: usize>(weights: [f64; N]) -> [f64; 10] {
+    std::array::from_fn(|i| weights.get(i).copied().unwrap_or(0.0))
 }
 
 /// Those of four corners that there are.

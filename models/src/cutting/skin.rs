@@ -10,7 +10,8 @@ use sinew_engine::vertex::Velocity;
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::fine::{FineSurface, FineSurfaces, Grip, vertices_at_rest};
-use super::material::{Element, Material, NONE, Order};
+use super::hexahedra::tetrahedra;
+use super::material::{Element, Material, Order};
 use super::{CutError, material_of, places, prepared, row_of};
 use crate::body::present::Resection;
 
@@ -33,38 +34,64 @@ pub struct MaterialSkin {
     pub triangles: Vec<[u32; 3]>,
     /// Whether each was laid open by a cut.
     pub wound: Vec<bool>,
-    /// Number of the tetrahedron or copy behind each, of a membrane alone of the triangle that it is of.
+    /// Number of the solid element or copy behind each, of a membrane alone of the triangle that it is of.
     pub tetrahedra: Vec<u32>,
-    /// Tetrahedra of points that fill what is left of those that cuts parted, with the number of each or of its copy.
+    /// Tetrahedra of points that fill what is left of those that cuts parted, with the number of each or of its copy; none where elements
+    /// are no linear tetrahedra.
     pub cells: Vec<([u32; 4], u32)>,
-    /// Nodes of every point; none where elements are no linear tetrahedra, whose `depth` and `cells` are empty, too.
+    /// Nodes of every point.
     pub nodes: Vec<[u32; 4]>,
-    /// Their weights, which add up to 1; those of no weight come last, but for points of a surface, which also have some below 0 where they
-    /// lie outside of the mesh.
+    /// Their weights, which add up to 1 with those of `further`; those of no weight come last, but for points of a surface, which also have
+    /// some below 0 where they lie outside of the mesh.
     pub weights: Vec<[f64; 4]>,
+    /// The fifth and further nodes of every point with their weights, where elements are ten-node tetrahedra or hexahedra; none elsewhere.
+    pub further: Vec<([u32; 6], [f64; 6])>,
     /// Where a surface is carried, by points: points of that surface between which each lies at rest, and their shares; shares of 0 for all that is
     /// not on it. What an artist gave its points, such as texture coordinates, is known by them at those that cuts made.
     pub carried: Vec<([u32; 3], [f64; 3])>,
     /// The body, the count of its changes, and that of the surfaces given, that it is of.
     of: Option<(usize, u64, u64)>,
+    /// Points have further nodes.
+    is_curved: bool,
 }
 
+/// Nodes that move a point, and their weights.
+pub(super) type Moved = ([u32; 10], [f64; 10]);
+
 impl MaterialSkin {
+    /// Whether elements are ten-node tetrahedra or hexahedra, whose points have `further` nodes.
+    pub fn is_curved(&self) -> bool {
+        self.is_curved
+    }
+
     /// Numbers at the points from numbers at the nodes.
     pub fn mean<T>(&self, at: impl Fn(u32) -> T) -> impl Iterator<Item = T>
     where
         T: std::ops::Mul<f64, Output = T> + std::iter::Sum,
     {
-        self.nodes.iter().zip(&self.weights).map(move |(nodes, weights)| {
-            let used = nodes.iter().zip(weights).filter(|(_, w)| **w != 0.0);
+        self.nodes.iter().zip(&self.weights).enumerate().map(move |(point, (nodes, weights))| {
+            let further = self.further.get(point).into_iter();
+            let further = further.flat_map(|(nodes, weights)| nodes.iter().zip(weights));
+            let used = nodes.iter().zip(weights).chain(further).filter(|(_, w)| **w != 0.0);
             used.map(|(&node, &w)| at(node) * w).sum()
         })
     }
 
-    pub(super) fn add(&mut self, nodes: [u32; 4], weights: [f64; 4]) -> u32 {
-        self.nodes.push(nodes);
-        self.weights.push(weights);
+    pub(super) fn add(&mut self, (nodes, weights): Moved) -> u32 {
+        self.nodes.push([0, 1, 2, 3].map(|i| nodes[i]));
+        self.weights.push([0, 1, 2, 3].map(|i| weights[i]));
+        if self.is_curved {
+            let more = [4, 5, 6, 7, 8, 9];
+            self.further.push((more.map(|i| nodes[i]), more.map(|i| weights[i])));
+        }
         self.nodes.len() as u32 - 1
+    }
+
+    /// Adds a point that a node moves alone.
+    pub(super) fn add_node(&mut self, node: u32) -> u32 {
+        let mut weights = [0.0; 10];
+        weights[0] = 1.0;
+        self.add(([node; 10], weights))
     }
 }
 
@@ -111,10 +138,6 @@ pub fn update_skin<S: Scalar>(
         skin.of = of;
     }
     let at = places::<S>(world, body);
-    if skin.nodes.is_empty() {
-        curved(world, body, skin, &at)?;
-        return Ok(is_new);
-    }
     skin.points = skin.mean(|node| at[node as usize]).collect();
     Ok(is_new)
 }
@@ -129,29 +152,28 @@ fn build(
     let own = resection.bodies[body].as_ref().expect("it was prepared");
     let material = material_of(world, body, own);
     world.insert_resource(resection);
-    if !material.order.is_linear() {
-        *skin = MaterialSkin::default();
-        return Ok(());
-    }
     let rest = vertices_at_rest(world, body, material.vertices);
-    *skin = MaterialSkin::default();
+    *skin = MaterialSkin { is_curved: !material.order.is_linear(), ..MaterialSkin::default() };
     for vertex in 0..material.vertices {
-        skin.add([vertex; 4], [1.0, 0.0, 0.0, 0.0]);
+        skin.add_node(vertex);
     }
+    skin.rest.clone_from(&rest);
     let grip = surface.map(|surface| (surface, Grip::new(&material, &rest)));
     let holds = grip.as_ref().map(|(surface, grip)| surface.hang(grip, skin));
+    skin.rest.extend(surface.iter().flat_map(|surface| surface.points()));
     let mut known = BTreeMap::new();
-    // the vertices of the mesh behind each point
-    let mut origins: Vec<(u32, bool)> = (0..material.vertices).map(|v| (v, false)).collect();
-    origins.resize(skin.nodes.len(), (NONE, false));
+    let mut of_wounds = Vec::new();
     let mut place = |skin: &mut MaterialSkin, element: u32, wound: bool, point: u32| {
-        let (nodes, weights) = moved_by(&material, &material.elements[element as usize], point);
-        if nodes == [point; 4] {
+        let moved = moved_by(&material, &material.elements[element as usize], point);
+        if moved.0 == [point; 10] {
             return point;
         }
-        *known.entry((point, wound, nodes)).or_insert_with(|| {
-            origins.push((point, wound));
-            skin.add(nodes, weights)
+        *known.entry((point, wound, moved.0)).or_insert_with(|| {
+            let at = at_rest(&material, element, point, &rest);
+            skin.rest.push(at);
+            let own = skin.add(moved);
+            of_wounds.extend(wound.then_some(own));
+            own
         })
     };
     let outside = surface.map(|_| outer_faces(&material).collect::<BTreeSet<[u32; 3]>>());
@@ -172,22 +194,11 @@ fn build(
             skin.cells.push((corners, cell.element));
         }
     }
-    let at_rest = |point: u32| {
-        let point = &material.points[point as usize];
-        let used = point.vertices.iter().zip(point.weights).filter(|(_, w)| *w != 0.0);
-        used.map(|(&v, w)| w * rest[v as usize]).sum::<DVec3>()
-    };
-    let mut of_surface = surface.iter().flat_map(|surface| surface.points());
-    let place = |&(point, _): &(u32, bool)| match point {
-        NONE => of_surface.next().copied().unwrap_or_default(),
-        point => at_rest(point),
-    };
-    skin.rest = origins.iter().map(place).collect();
-    skin.depth = vec![0.0; origins.len()];
+    skin.depth = vec![0.0; skin.rest.len()];
     if skin.wound.contains(&true) {
         let surface = Surface::new(&material, &rest);
-        for (i, _) in origins.iter().enumerate().filter(|(_, (_, wound))| *wound) {
-            skin.depth[i] = surface.distance(skin.rest[i]);
+        for point in of_wounds {
+            skin.depth[point as usize] = surface.distance(skin.rest[point as usize]);
         }
     }
     if let (Some((surface, grip)), Some(holds)) = (&grip, &holds) {
@@ -196,44 +207,39 @@ fn build(
     Ok(())
 }
 
-/// The skin of a body whose elements are no linear tetrahedra: what moves its points is more than four nodes.
-fn curved(
-    world: &mut World,
-    body: usize,
-    skin: &mut MaterialSkin,
-    at: &[DVec3],
-) -> Result<(), CutError> {
-    let resection = prepared(world, body)?;
-    let own = resection.bodies[body].as_ref().expect("it was prepared");
-    let material = material_of(world, body, own);
-    world.insert_resource(resection);
-    let of = skin.of;
-    *skin = MaterialSkin { of, ..MaterialSkin::default() };
-    let mut known = BTreeMap::new();
-    for (face, cell, wound) in material.skin() {
-        let cell = &material.cells[cell as usize];
-        let triangle = face.map(|point| {
-            // at the end of a cut both sides have the same points
-            *known.entry((point, wound.then_some(cell.element))).or_insert_with(|| {
-                skin.points.push(material.place(cell, point, &|node| at[node as usize]));
-                skin.points.len() as u32 - 1
-            })
-        });
-        skin.triangles.push(triangle);
-        skin.wound.push(wound);
-        skin.tetrahedra.push(cell.element);
+/// Place (m) at rest of a point as one of an element. Of linear elements it is the same of all that have the point, to the last bit.
+fn at_rest(material: &Material, element: u32, point: u32, rest: &[DVec3]) -> DVec3 {
+    let point = &material.points[point as usize];
+    if material.order.is_linear() {
+        let used = point.vertices.iter().zip(point.weights).filter(|(_, w)| *w != 0.0);
+        return used.map(|(&v, w)| w * rest[v as usize]).sum();
     }
-    Ok(())
+    let element = &material.elements[element as usize];
+    let weights = material.weights(element, point);
+    let used = (0..material.order.size()).zip(weights).filter(|(_, w)| *w != 0.0);
+    used.map(|(i, w)| w * rest[element.vertex(i) as usize]).sum()
 }
 
-/// The nodes that move a point as one of an element, in the order of its vertices, with their weights.
-fn moved_by(material: &Material, element: &Element, point: u32) -> ([u32; 4], [f64; 4]) {
+/// The nodes that move a point as one of an element, in an order in which all elements have them, with their weights.
+fn moved_by(material: &Material, element: &Element, point: u32) -> Moved {
     let point = &material.points[point as usize];
-    let node = |v: u32| element.nodes[element.vertices.iter().position(|&w| w == v).unwrap_or(0)];
-    let first = node(point.vertices[0]);
-    let nodes =
-        [0, 1, 2, 3].map(|i| if point.weights[i] == 0.0 { first } else { node(point.vertices[i]) });
-    (nodes, point.weights)
+    let mut used: Vec<(u32, u32, f64)> = Vec::new();
+    if material.order.is_linear() {
+        let node =
+            |v: u32| element.nodes[element.vertices.iter().position(|&w| w == v).unwrap_or(0)];
+        let own = point.vertices.iter().zip(point.weights).filter(|(_, w)| *w != 0.0);
+        used.extend(own.map(|(&v, w)| (v, node(v), w)));
+    } else {
+        let weights = material.weights(element, point);
+        let own = (0..material.order.size()).zip(weights).filter(|(_, w)| *w != 0.0);
+        used.extend(own.map(|(i, w)| (element.vertex(i), element.node(i), w)));
+        used.sort_unstable_by_key(|(vertex, ..)| *vertex);
+    }
+    let mut moved = ([used.first().map_or(0, |own| own.1); 10], [0.0; 10]);
+    for (i, (_, node, w)) in used.into_iter().enumerate() {
+        (moved.0[i], moved.1[i]) = (node, w);
+    }
+    moved
 }
 
 /// The surface of the whole mesh at rest: corners (m) of its triangles, each with a ball round it.
@@ -266,7 +272,11 @@ impl Surface {
 
 /// Faces of the whole mesh that only one element has, by their vertices, ascending.
 fn outer_faces(material: &Material) -> impl Iterator<Item = [u32; 3]> {
-    let mut faces: Vec<[u32; 3]> = elements(material)
+    let whole = elements(material).flat_map(|element| match material.order {
+        Order::Hexahedra => tetrahedra(&element.all_vertices()).to_vec(),
+        _ => vec![element.vertices],
+    });
+    let mut faces: Vec<[u32; 3]> = whole
         .flat_map(|[a, b, c, d]| [[b, c, d], [a, d, c], [a, b, d], [a, c, b]])
         .map(|mut face| {
             face.sort_unstable();
@@ -288,8 +298,8 @@ fn lies_on(material: &Material, face: [u32; 3], faces: &BTreeSet<[u32; 3]>) -> b
     <[u32; 3]>::try_from(vertices).is_ok_and(|own| faces.contains(&own))
 }
 
-/// Corners of the elements of the mesh.
-pub(super) fn elements(material: &Material) -> impl Iterator<Item = [u32; 4]> {
+/// The elements of the mesh.
+pub(super) fn elements(material: &Material) -> impl Iterator<Item = &Element> {
     let own = (0..).zip(&material.elements).filter(|(e, element)| element.source == *e);
-    own.map(|(_, element): (u32, &Element)| element.vertices)
+    own.map(|(_, element): (u32, &Element)| element)
 }

@@ -197,7 +197,7 @@ fn carry(
     {
         Ok(own) if own.long > 0 => (
             format!(
-                "{} edges of its surface are longer than its tetrahedra: cuts through them are drawn roughly",
+                "{} edges of its surface are longer than its elements: cuts through them are drawn roughly",
                 own.long
             ),
             "take a finer surface",

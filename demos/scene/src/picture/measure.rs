@@ -45,12 +45,12 @@ pub(crate) struct MeasuredBody {
     rest: Vec<DVec3>,
 }
 
-/// A piece of a tetrahedron that a cut parted, or of a triangle of a body that is a membrane alone.
+/// A piece of a tetrahedron or hexahedron that a cut parted, or of a triangle of a body that is a membrane alone.
 pub(crate) struct Parted {
     /// The element of the mesh.
     pub source: u32,
-    /// Vertices that move it, of the mesh or made by cuts; of a triangle the first three.
-    pub nodes: [u32; 4],
+    /// Vertices that move it, of the mesh or made by cuts.
+    pub nodes: Vec<u32>,
     /// Part of its volume or area.
     pub share: f64,
 }
@@ -175,8 +175,8 @@ impl MeasuredBody {
         let solid: Vec<bool> = sums.iter().map(|s| s.1 > 0.0).collect();
         let whole = self.sheets.iter().filter(|s| sheet_left(s.element));
         let whole = whole.map(|sheet| (sheet, sheet.vertices, 1.0));
-        let parted = parted_sheets.iter().map(|&Parted { source, nodes: [a, b, c, _], share }| {
-            (&self.sheets[source as usize], [a, b, c], share)
+        let parted = parted_sheets.iter().map(|Parted { source, nodes, share }| {
+            (&self.sheets[*source as usize], [nodes[0], nodes[1], nodes[2]], *share)
         });
         for (sheet, nodes, share) in whole.chain(parted) {
             let rest = sheet.vertices.map(|v| self.rest[v as usize]);

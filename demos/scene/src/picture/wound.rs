@@ -75,23 +75,31 @@ impl Wound {
         };
         let rest = |&vertex: &u32| body.mesh.points[vertex as usize];
         u.extend(at[self.vertices..].iter().zip(&material.ghosts).map(|(x, of)| *x - rest(of)));
-        // of tetrahedra those that fill what is left of them, of a membrane alone its triangles
+        // of linear tetrahedra those that fill what is left of them, of others those behind its outside
+        let kind = solid_kind(body);
+        let is_linear = kind.is_some() && !self.skin.is_curved();
         let solid = self.skin.cells.iter().map(|(_, e)| *e);
-        let is_sheet = body.mesh.tetrahedra.is_empty();
-        let sheets = self.skin.tetrahedra.iter().copied().filter(|_| is_sheet);
-        let is_parted = |e: &u32| !is_sheet || material.is_parted(*e);
-        let pieces: BTreeSet<u32> = solid.chain(sheets).filter(is_parted).collect();
+        let others = self.skin.tetrahedra.iter().copied().filter(|_| !is_linear);
+        let is_parted = |e: &u32| is_linear || material.is_parted(*e);
+        let pieces: BTreeSet<u32> = solid.chain(others).filter(is_parted).collect();
+        let size = material.order.size();
         let parted = |e: u32| {
             let element = &material.elements[e as usize];
-            let place = |v| element.vertices.iter().position(|&own| own == v).unwrap_or(0);
+            let place = |v| (0..size).find(|&i| element.vertex(i) == v).unwrap_or(0);
             let source = element.source as usize;
-            let vertices = match body.membrane_triangles().get(source).filter(|_| is_sheet) {
-                Some(&[a, b, c]) => [a, b, c, a],
-                None => body.mesh.tetrahedra[source],
+            let vertices = match kind.and_then(|kind| body.mesh.cell(kind, source)) {
+                Some(own) => own.to_vec(),
+                None => body.membrane_triangles()[source].to_vec(),
             };
-            let nodes = vertices.map(|v| element.nodes[place(v)]);
+            let nodes = vertices.into_iter().map(|v| element.node(place(v))).collect();
             Parted { source: element.source, nodes, share: element.share() }
         };
         pieces.into_iter().map(parted).collect()
     }
+}
+
+/// Kind of the solid elements of a body; `None` of a membrane alone.
+fn solid_kind(body: &BuiltBody) -> Option<ElementKind> {
+    let kinds = [ElementKind::Tetrahedron, ElementKind::Hexahedron];
+    kinds.into_iter().find(|kind| body.mesh.count(*kind) > 0)
 }

@@ -1,6 +1,7 @@
 //! Carried meshes of bodies that can be cut: they are the surface that the body carries, and take what cuts make of it.
 
 use super::{By, Carried, Shape, SinewCarriedMesh};
+use crate::body::mean;
 use crate::{SinewBodyIndex, SinewSurface};
 use bevy_ecs::prelude::*;
 use bevy_math::{DAffine3, DVec3, Vec3};
@@ -19,11 +20,26 @@ pub(super) struct Cut {
     of: (u64, SinewCarriedMesh),
     /// Rows of the body, relative to its first, and weights by which each vertex moves.
     pub made: Vec<([u32; 4], [f64; 4])>,
+    /// Those behind the fourth.
+    further: Vec<([u32; 6], [f64; 6])>,
 }
 
 impl Cut {
     pub fn new(whole: &Mesh, to_rest: DAffine3) -> Self {
-        Self { whole: whole.clone(), to_rest, of: Default::default(), made: Vec::new() }
+        let (made, further) = (Vec::new(), Vec::new());
+        Self { whole: whole.clone(), to_rest, of: Default::default(), made, further }
+    }
+
+    /// Where a vertex is, from where rows are.
+    pub fn place(&self, vertex: usize, at: impl Fn(usize) -> DVec3) -> DVec3 {
+        mean((&self.made, &self.further), vertex, at)
+    }
+
+    /// The rows by which a vertex moves.
+    fn rows(&self, vertex: usize) -> [u32; 10] {
+        let ([a, b, c, d], _) = self.made[vertex];
+        let [e, f, g, h, i, j] = self.further.get(vertex).map_or([a; 6], |(rows, _)| *rows);
+        [a, b, c, d, e, f, g, h, i, j]
     }
 
     /// Lets a body carry it; else what is in the way.
@@ -70,6 +86,7 @@ impl Cut {
         self.of = (surface.revision, *style);
         let (first, count) = (body.mesh_vertices(), self.whole.count_vertices());
         self.made.clone_from(&surface.made);
+        self.further.clone_from(&surface.further);
         // what removals laid open has vertices of the tissue, which come last
         let mut points: Vec<usize> = (first..first + self.made.len()).collect();
         let mut of_tissue = HashMap::new();
@@ -129,7 +146,7 @@ impl Cut {
             mesh.insert_attribute(Mesh::ATTRIBUTE_COLOR, colours);
         }
         mesh.insert_indices(Indices::U32(triangles.into_iter().flatten().collect()));
-        let (shape, _) = Shape::of(&mesh, |v| self.made[v].0).ok()?;
+        let (shape, _) = Shape::of(&mesh, |v| self.rows(v)).ok()?;
         mesh.insert_attribute(Mesh::ATTRIBUTE_NORMAL, shape.normals.clone());
         Some((mesh, shape))
     }
