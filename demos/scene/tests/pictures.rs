@@ -83,6 +83,23 @@ fn fine_surfaces_of_ten_node_tetrahedra_are_drawn_through_cuts() {
     drawn_through_cuts("ten", "second_order = true\n", "tetrahedra");
 }
 
+/// Fibres are drawn at faces of what cuts left whole.
+#[test]
+fn fibres_of_bodies_that_are_cut_are_drawn_where_they_are_whole() {
+    let text = "name = \"fibres\"\ndt = 0.01\nduration = 0.08\n[[body]]\nname = \"one\"\n\
+         generate.box = { size = [0.06, 0.06, 0.06], cells = [4, 4, 4], elements = \"irregular\" }\n\
+         material = { young_modulus = 1e4, poisson_ratio = 0.3, density = 1e3 }\n\
+         fibres = [{ name = \"along\", direction = [1.0, 0.0, 0.0], modulus = 1e4 }]\n\
+         [[constraint]]\nname = \"wall\"\nbody = \"one\"\nselect = { group = \"x0\" }\n\
+         [[cut]]\nname = \"blade\"\nbody = \"one\"\ntime = 0.04\n\
+         strip = [[[0.031, -0.1, 0.1], [0.034, -0.1, -0.1]], [[0.031, 0.1, 0.1], [0.034, 0.1, -0.1]]]\n\
+         [output]\nframes_per_second = 50\n";
+    let scene = LoadedScene::parse(text, std::path::Path::new("fibres.toml")).unwrap();
+    let (recording, _) = record(&scene, 16, vec![Quantity::Displacement]);
+    let [first, last] = [0, recording.frames.len() - 1].map(|i| recording.frames[i].rods.len());
+    assert!(0 < last && last < first, "{first} {last}");
+}
+
 fn drawn_through_cuts(name: &str, more: &str, elements: &str) {
     let folder = std::env::temp_dir().join(format!("sinew-fine-{name}-{}", std::process::id()));
     std::fs::create_dir_all(&folder).unwrap();

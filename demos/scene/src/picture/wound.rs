@@ -29,9 +29,16 @@ impl Wound {
         let carried = body.carried.as_ref().filter(|_| simulation.carries_surface(body.handle));
         self.fixed = self.vertices + carried.map_or(0, |carried| carried.points.len());
         simulation.update_skin(body.handle, &mut self.skin).ok()?;
+        let material = cut_material(simulation.world(), body.handle.0);
+        let of_tetrahedra = !body.mesh.tetrahedra.is_empty();
+        // what cuts parted has no shape of its own that vertices of the mesh would tell
+        let is_whole = |vertices: &[u32; 3], e: u32| {
+            let is_parted = material.is_some_and(|material| material.is_parted(e));
+            of_tetrahedra && !is_parted && vertices.iter().all(|&v| (v as usize) < self.vertices)
+        };
         let face = |(&vertices, &e): (&[u32; 3], &u32)| Face {
             vertices,
-            element: (!body.mesh.tetrahedra.is_empty()).then_some((ElementKind::Tetrahedron, e)),
+            element: is_whole(&vertices, e).then_some((ElementKind::Tetrahedron, e)),
             second: false,
         };
         Some(self.skin.triangles.iter().zip(&self.skin.tetrahedra).map(face).collect())
