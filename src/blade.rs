@@ -10,7 +10,7 @@ use sinew_engine::order::Order;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::schedule::{StepSchedule, StepSystems};
 use sinew_engine::step::{StepClock, StepError, StepFailure};
-use sinew_engine::surface::{SurfacePoint, SurfaceReader};
+use sinew_engine::surface::SurfaceReader;
 use sinew_engine::topology::Topology;
 use sinew_models::cutting::blade::{self, BladeView, EdgeMove};
 use sinew_models::cutting::check_cut;
@@ -178,17 +178,17 @@ fn look<S: Scalar>(world: &mut World) -> Result<(), StepError> {
 /// Why an edge cannot cut a body that can be cut.
 fn check_edge(world: &World, body: usize, edge: &Edge) -> Result<(), String> {
     let rows = &world.resource::<Topology>().bodies[body];
-    let name = &rows.name;
-    match () {
-        () if !rows.tetrahedra().is_empty() => Ok(()),
-        () if !rows.tetrahedra10().is_empty() || !rows.hexahedra().is_empty() => {
-            Err(format!("body `{name}` has no linear tetrahedra; use `Simulation::cut`"))
-        }
-        () if edge.toughness > 0.0 => Err(format!(
-            "body `{name}` is a membrane alone, in which edges have no force yet; take toughness = 0"
-        )),
-        () => Ok(()),
+    if !rows.tetrahedra().is_empty()
+        || !rows.tetrahedra10().is_empty()
+        || !rows.hexahedra().is_empty()
+        || edge.toughness == 0.0
+    {
+        return Ok(());
     }
+    let name = &rows.name;
+    Err(format!(
+        "body `{name}` is a membrane alone, in which edges have no force yet; take toughness = 0"
+    ))
 }
 
 /// An error where an edge or needle along a line (m) goes through the surface of a body that it cannot enter.
@@ -210,9 +210,7 @@ pub(crate) fn cannot_enter(
     let row = |v: u32| at.get((first + v) as usize).copied().unwrap_or(DVec3::NAN);
     let place = |v: u32| match v.checked_sub(count).map(|made| surface.points[made as usize]) {
         None => row(v),
-        Some(SurfacePoint { rows, weights }) => {
-            rows.into_iter().zip(weights).map(|(v, w)| w * row(v)).sum()
-        }
+        Some(point) => point.shares().map(|(v, w)| w * row(v)).sum(),
     };
     let crosses = |[a, b]: [DVec3; 2]| {
         let triangles = surface.triangles.iter().chain(&surface.sheets);

@@ -182,7 +182,7 @@ impl Simulation {
             let made = |v: u32| v.checked_sub(own_rows).map(|made| surface.points[made as usize]);
             let at = |v: u32| places[(rows.vertices.start + v) as usize].0;
             let place = |v: u32| match made(v) {
-                Some(point) => point.rows.iter().zip(point.weights).map(|(v, w)| w * at(*v)).sum(),
+                Some(point) => point.shares().map(|(v, w)| w * at(v)).sum(),
                 None => at(v),
             };
             for triangle in surface.triangles.iter().chain(&surface.sheets) {
@@ -249,12 +249,13 @@ fn nearest_vertices(
 ) -> ([u32; 3], [f64; 3]) {
     let mut shares = BTreeMap::<u32, f64>::new();
     for (&corner, weight) in triangle.iter().zip(weights) {
-        let alone = SurfacePoint { rows: [corner; 4], weights: [1.0, 0.0, 0.0, 0.0] };
-        let of = made(corner).unwrap_or(alone);
-        for (row, own) in of.rows.into_iter().zip(of.weights) {
+        let of = made(corner).unwrap_or_else(|| SurfacePoint::of_row(corner));
+        for (row, own) in of.shares() {
             *shares.entry(row).or_default() += weight * own;
         }
     }
+    // those of corners of ten-node tetrahedra may be below 0
+    shares.retain(|_, share| *share > 0.0);
     let is_ghost = |row: u32| row as usize >= rows.vertex_order.len();
     let mut shares: Vec<(u32, f64)> = shares.into_iter().collect();
     shares.sort_by(|a, b| is_ghost(a.0).cmp(&is_ghost(b.0)).then(b.1.total_cmp(&a.1)));

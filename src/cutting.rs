@@ -3,11 +3,8 @@
 use crate::simulation::{Backend, BodyHandle, Simulation};
 use bevy_ecs::prelude::*;
 use glam::DVec3;
-use sinew_contact::pair::BodyContact;
-use sinew_contact::tool::Tool;
 use sinew_engine::by_precision;
 use sinew_engine::row::VertexRow;
-use sinew_engine::topology::{BodyRows, Topology};
 use sinew_models::cutting::glue::{GlueReport, glue_report};
 use sinew_models::cutting::{
     CutError, CutReport, FineSurface, MaterialSkin, carries_surface, carry_surface, check_cut,
@@ -66,19 +63,6 @@ impl Simulation {
         {
             let problem = "backend = \"gpu\" has no cuts; use backend = \"cpu\"".into();
             return Err(CutError::Body { body: rows.name.clone(), problem });
-        }
-        let world = self.world_mut();
-        let rows = world.resource::<Topology>().bodies.get(body.0);
-        let is_curved =
-            |rows: &&BodyRows| !rows.tetrahedra10().is_empty() || !rows.hexahedra().is_empty();
-        if let Some(name) = rows.filter(is_curved).map(|r| r.name.clone()) {
-            let tools = world.query_filtered::<(), With<Tool>>().iter(world).next().is_some();
-            let mut contacts = world.query::<&BodyContact>();
-            if tools || contacts.iter(world).any(|contact| contact.bodies.contains(&body.0)) {
-                let problem = "wounds of elements with Gauss points have no contact yet; take tools and its contacts \
-                               away, or remove elements";
-                return Err(CutError::Body { body: name, problem: problem.into() });
-            }
         }
         check_cut(self.world_mut(), body.0)
     }

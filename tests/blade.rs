@@ -16,8 +16,12 @@ fn block(cells: usize) -> Mesh {
 }
 
 /// A block without weight whose bottom is held, and a blade beside it whose edge stands upright in its upper half.
-fn scene(cells: usize, toughness: f64, precision: Precision) -> (Simulation, BodyHandle, Entity) {
-    let mesh = block(cells);
+fn scene(
+    (solid, cells): (Solid, usize),
+    toughness: f64,
+    precision: Precision,
+) -> (Simulation, BodyHandle, Entity) {
+    let mesh = solid.block(SIDE, cells);
     let mut simulation = Simulation::new(options(precision, 1)).unwrap();
     simulation.set_gravity(DVec3::ZERO);
     let description = BodyDescription::new("block", &mesh, soft(1e4, 0.3));
@@ -64,52 +68,64 @@ fn wound(simulation: &mut Simulation, body: BodyHandle) -> f64 {
 
 #[test]
 fn the_number_of_moves_decides_nothing() {
-    let mut found = Vec::new();
-    for (steps, precision) in
-        [(3, Precision::F64), (20, Precision::F64), (100, Precision::F64), (20, Precision::F32)]
-    {
-        let (mut simulation, body, blade) = scene(4, 0.0, precision);
-        simulation.step().unwrap();
-        draw(&mut simulation, blade, DVec3::Y * 0.04, steps, &mut |_| ());
-        // decisions of the last move take effect in the next step
-        simulation.step().unwrap();
-        let report = simulation.tool_report(blade).unwrap().clone();
-        assert_eq!((report.cut_area, report.fracture), (0.0, 0.0), "no force, no work");
-        found.push((report.separated, wound(&mut simulation, body)));
-    }
-    assert!(found[0].0 > 20, "{found:?}");
-    for own in &found {
-        assert_eq!(own.0, found[0].0);
-        assert!((own.1 / found[0].1 - 1.0).abs() < 1e-6, "{found:?}");
+    for solid in Solid::ALL {
+        let mut found = Vec::new();
+        for (steps, precision) in
+            [(3, Precision::F64), (20, Precision::F64), (100, Precision::F64), (20, Precision::F32)]
+        {
+            let (mut simulation, body, blade) = scene((solid, 4), 0.0, precision);
+            simulation.step().unwrap();
+            draw(&mut simulation, blade, DVec3::Y * 0.04, steps, &mut |_| ());
+            // decisions of the last move take effect in the next step
+            simulation.step().unwrap();
+            let report = simulation.tool_report(blade).unwrap().clone();
+            assert_eq!((report.cut_area, report.fracture), (0.0, 0.0), "no force, no work");
+            found.push((report.separated, wound(&mut simulation, body)));
+        }
+        assert!(found[0].0 > 5, "{solid:?}: {found:?}");
+        for own in &found {
+            assert_eq!(own.0, found[0].0, "{solid:?}");
+            assert!((own.1 / found[0].1 - 1.0).abs() < 1e-6, "{solid:?}: {found:?}");
+        }
     }
 }
 
 /// A blade that left the tissue and enters it elsewhere begins a new stroke, on the material as the last one left it.
 #[test]
 fn a_second_stroke_is_decided_anew() {
-    let (mut simulation, body, blade) = scene(4, 0.0, Precision::F64);
-    simulation.step().unwrap();
-    let planes = [0.031, 0.047];
-    for way in [DVec3::Y * 0.04, DVec3::Y * -0.045, DVec3::X * 0.016, DVec3::Y * 0.045] {
-        draw(&mut simulation, blade, way, 20, &mut |_| ());
-    }
-    simulation.step().unwrap();
-    let skin = simulation.skin(body).unwrap();
-    let mut found = [0; 2];
-    for triangle in skin.triangles.iter().zip(&skin.wound).filter(|(_, w)| **w).map(|(t, _)| t) {
-        for x in triangle.map(|v| skin.rest[v as usize].x) {
-            let on = planes.iter().position(|plane| (x - plane).abs() < 1e-6);
-            found[on.unwrap_or_else(|| panic!("a wound at {x} m"))] += 1;
+    for solid in Solid::ALL {
+        let (mut simulation, body, blade) = scene((solid, 4), 0.0, Precision::F64);
+        simulation.step().unwrap();
+        let planes = [0.031, 0.047];
+        for way in [DVec3::Y * 0.04, DVec3::Y * -0.045, DVec3::X * 0.016, DVec3::Y * 0.045] {
+            draw(&mut simulation, blade, way, 20, &mut |_| ());
         }
+        simulation.step().unwrap();
+        let skin = simulation.skin(body).unwrap();
+        let mut found = [0; 2];
+        let wound = skin.triangles.iter().zip(&skin.wound).filter(|(_, wound)| **wound);
+        for triangle in wound.map(|(t, _)| t) {
+            for x in triangle.map(|v| skin.rest[v as usize].x) {
+                let on = planes.iter().position(|plane| (x - plane).abs() < 1e-6);
+                found[on.unwrap_or_else(|| panic!("{solid:?}: a wound at {x} m"))] += 1;
+            }
+        }
+        assert!(found.iter().all(|count| *count > 50), "{solid:?}: {found:?}");
     }
-    assert!(found.iter().all(|count| *count > 50), "{found:?}");
 }
 
 /// Its force and its work are rows of `sinew validate`.
 #[test]
 fn a_blade_feels_its_toughness_on_its_way_forward_only() {
+    for solid in Solid::ALL {
+        feels_its_toughness(solid);
+    }
+}
+
+fn feels_its_toughness(solid: Solid) {
     let toughness = 50.0;
-    let (mut simulation, _, blade) = scene(6, toughness, Precision::F64);
+    let cells = if solid == Solid::TenNodes { 4 } else { 6 };
+    let (mut simulation, _, blade) = scene((solid, cells), toughness, Precision::F64);
     simulation.step().unwrap();
     draw(&mut simulation, blade, DVec3::Y * 0.045, 180, &mut |simulation| {
         let report = simulation.tool_report(blade).unwrap();
@@ -137,21 +153,24 @@ fn a_blade_feels_its_toughness_on_its_way_forward_only() {
 /// A cut in the middle of a stroke goes on from a snapshot, also in another simulation, and with other threads, to the bit.
 #[test]
 fn strokes_go_on_from_snapshots() {
-    let (mut simulation, _, blade) = scene(4, 50.0, Precision::F64);
-    simulation.step().unwrap();
-    draw(&mut simulation, blade, DVec3::Y * 0.03, 30, &mut |_| ());
-    let snapshot = simulation.snapshot().unwrap();
-    let bytes = snapshot.to_bytes();
-    draw(&mut simulation, blade, DVec3::Y * 0.02, 20, &mut |_| ());
-    let (hash, report) = (simulation.state_hash(), simulation.tool_report(blade).unwrap().clone());
-    assert!(report.separated > 20 && report.cut_area > 0.0, "{report:?}");
-    simulation.restore(&snapshot).unwrap();
-    draw(&mut simulation, blade, DVec3::Y * 0.02, 20, &mut |_| ());
-    assert_eq!(simulation.state_hash(), hash);
-    let (mut other, _, own) = scene(4, 50.0, Precision::F64);
-    other.restore(&Snapshot::from_bytes(&bytes).unwrap()).unwrap();
-    draw(&mut other, own, DVec3::Y * 0.02, 20, &mut |_| ());
-    assert_eq!((other.state_hash(), other.tool_report(own).unwrap().clone()), (hash, report));
+    for solid in Solid::ALL {
+        let (mut simulation, _, blade) = scene((solid, 4), 50.0, Precision::F64);
+        simulation.step().unwrap();
+        draw(&mut simulation, blade, DVec3::Y * 0.03, 30, &mut |_| ());
+        let snapshot = simulation.snapshot().unwrap();
+        let bytes = snapshot.to_bytes();
+        draw(&mut simulation, blade, DVec3::Y * 0.02, 20, &mut |_| ());
+        let hash = simulation.state_hash();
+        let report = simulation.tool_report(blade).unwrap().clone();
+        assert!(report.separated > 5 && report.cut_area > 0.0, "{solid:?}: {report:?}");
+        simulation.restore(&snapshot).unwrap();
+        draw(&mut simulation, blade, DVec3::Y * 0.02, 20, &mut |_| ());
+        assert_eq!(simulation.state_hash(), hash, "{solid:?}");
+        let (mut other, _, own) = scene((solid, 4), 50.0, Precision::F64);
+        other.restore(&Snapshot::from_bytes(&bytes).unwrap()).unwrap();
+        draw(&mut other, own, DVec3::Y * 0.02, 20, &mut |_| ());
+        assert_eq!((other.state_hash(), other.tool_report(own).unwrap().clone()), (hash, report));
+    }
 }
 
 /// A body of several pieces of rows with a coarse space: its preconditioner goes on from step to step while elements part, and so it does from
@@ -276,18 +295,22 @@ fn a_blade_says_what_it_cannot_cut() {
 /// A blade through a stretched block parts it, also where it goes through vertices of the mesh and lips spring away while it does.
 #[test]
 fn a_blade_leaves_no_bridges() {
-    for jitter in [0.0, 0.2] {
+    let meshes = [
+        box_tets(DVec3::splat(SIDE), [6; 3]).unwrap(),
+        block(6),
+        Solid::TenNodes.block(SIDE, 3),
+        Solid::Hexahedra.block(SIDE, 4),
+    ];
+    for (number, mesh) in meshes.iter().enumerate() {
         for (x, tilt) in [(0.03, 0.0), (0.0301, 0.0), (0.03, 0.15), (0.028, 0.15)] {
             for toughness in [0.0, 50.0] {
-                let mesh = box_tets(DVec3::splat(SIDE), [6; 3]).unwrap();
-                let mesh = jitter_interior(&mesh, jitter, 5).unwrap();
                 let mut simulation = Simulation::new(options(Precision::F64, 1)).unwrap();
                 simulation.set_gravity(DVec3::ZERO);
-                let description = BodyDescription::new("block", &mesh, soft(1e4, 0.3));
+                let description = BodyDescription::new("block", mesh, soft(1e4, 0.3));
                 let spare = 3 * mesh.points.len();
                 let body = simulation.add_body(&BodyDescription { spare, ..description }).unwrap();
                 let ends = [("x0", -0.006), ("x1", 0.006)].map(|(end, way)| {
-                    let rows = simulation.group_rows(body, &mesh, end).unwrap();
+                    let rows = simulation.group_rows(body, mesh, end).unwrap();
                     let motion = Motion::Translate(DVec3::X * way);
                     let ramp = Curve::Points(vec![[0.0, 0.0], [0.1, 1.0]]);
                     let row = rows[0];
@@ -308,7 +331,7 @@ fn a_blade_leaves_no_bridges() {
                 simulation.step().unwrap();
                 let rows = &simulation.topology().bodies[0];
                 let piece = ends.map(|row| rows.piece[rows.local(row).unwrap().0 as usize]);
-                assert!(piece[0] != piece[1], "{jitter} {x} {tilt} {toughness}");
+                assert!(piece[0] != piece[1], "{number} {x} {tilt} {toughness}");
             }
         }
     }
@@ -317,10 +340,17 @@ fn a_blade_leaves_no_bridges() {
 /// The sides of a blade hold the lips of its wound apart, each on its own side, and rub on them.
 #[test]
 fn flanks_hold_lips_apart() {
+    for solid in Solid::ALL {
+        holds_lips_apart(solid);
+    }
+}
+
+fn holds_lips_apart(solid: Solid) {
     const LENGTH: f64 = 0.03;
     let mut dragged = Vec::new();
+    let cells = if solid == Solid::TenNodes { 3 } else { 6 };
     for (thickness, friction) in [(0.0, 0.0), (0.002, 0.0), (0.002, 0.3)] {
-        let (mut simulation, body, blade) = scene(6, 0.0, Precision::F64);
+        let (mut simulation, body, blade) = scene((solid, cells), 0.0, Precision::F64);
         let blade = simulation.current(blade);
         let integrator = Integrator::Safe;
         simulation.set_solver(SolverSettings {
@@ -358,7 +388,7 @@ fn flanks_hold_lips_apart() {
                 sides[usize::from(outward.x < 0.0)] += 1;
             }
         }
-        assert!(sides.iter().all(|count| *count > 20), "{sides:?}");
+        assert!(sides.iter().all(|count| *count > 10), "{solid:?}: {sides:?}");
         assert!(most < 0.1 * 0.002, "{thickness}: {most} m");
         // what presses from both sides cancels: the blade is in the middle
         let pressing = report.pressure * report.area;
@@ -370,7 +400,9 @@ fn flanks_hold_lips_apart() {
     }
     // friction acts against the way, there and back
     assert_eq!(dragged[..2], [[0.0; 2]; 2]);
-    assert!(dragged[2][0] < -0.05 && dragged[2][1] > 0.05, "{dragged:?}");
+    // lips that are held apart by fewer points press less on it
+    let least = if solid == Solid::Linear { 0.05 } else { 0.02 };
+    assert!(dragged[2][0] < -least && dragged[2][1] > least, "{solid:?}: {dragged:?}");
     let edge = Edge::new(0.04, 0.0);
     for (length, thickness) in [(0.0, 1e-3), (0.01, f64::NAN)] {
         assert!(edge.flanks(length, thickness).unwrap_err().contains("must be positive"));

@@ -5,6 +5,8 @@ use crate::cutting_elements::{books, nothing_changed, rows};
 use glam::{DMat3, DVec2, DVec3};
 use sinew::engine::connectivity::ElementKind;
 use sinew::engine::mesh::generate::{quad_grid, triangle_grid};
+use sinew::engine::row::MeshVertex;
+use sinew::models::axes::description::{AxisFamily, FibreForm};
 use sinew::models::body::sheet::{Bending, MembraneDescription, MembraneModel};
 use sinew::models::resection::Region;
 use sinew::prelude::*;
@@ -35,6 +37,11 @@ fn body(mesh: &Mesh, model: MembraneModel) -> BodyDescription<'_> {
     BodyDescription { spare: 3 * mesh.points.len(), ..whole }
 }
 
+/// Fibres along a direction.
+fn fibres(along: &[DVec3; 1]) -> [AxisFamily<'_>; 1] {
+    [AxisFamily { form: FibreForm::Biquadratic, ..AxisFamily::new("f", along, 1e5) }]
+}
+
 /// Through all of it along x, oblique to the plane and to the edges.
 fn across() -> [[DVec3; 2]; 2] {
     let edge = |x: f64, y: f64| [DVec3::new(x, y, 0.03), DVec3::new(x, y + 0.01, -0.03)];
@@ -51,9 +58,15 @@ fn inward() -> [[DVec3; 2]; 2] {
 fn nothing_changes_at_the_instant() {
     for mesh in [film(5, 0.0), film(6, 0.01)] {
         let models = MembraneModel::ALL.into_iter().filter(|m| *m != MembraneModel::MassSpring);
-        for model in models {
+        let models = models.map(|model| (model, &[][..]));
+        // one law has fibres
+        let along = [DVec3::new(2.0, 1.0, 0.0)];
+        let fibres = fibres(&along);
+        for (model, fibres) in models.chain([(MembraneModel::Biquadratic, &fibres[..])]) {
             for (precision, tolerance) in [(Precision::F64, 1e-12), (Precision::F32, 3e-5)] {
-                let (mut simulation, film) = alone(options(precision, 2), &body(&mesh, model));
+                let mut description = body(&mesh, model);
+                description.membrane.as_mut().unwrap().fibres = fibres;
+                let (mut simulation, film) = alone(options(precision, 2), &description);
                 let n = mesh.points.len();
                 let u: Vec<DVec3> = random_field(n, 3).iter().map(|u| *u * 1e-3).collect();
                 simulation.set_state(film, &u, &random_field(n, 4)).unwrap();
@@ -81,10 +94,46 @@ fn nothing_changes_at_the_instant() {
                 let whole: f64 = mesh.triangles.iter().map(of_mesh).sum();
                 assert!((area(&skin.rest) / whole - 1.0).abs() < 1e-12 && simulation.is_cut(film));
                 assert!(skin.wound.iter().all(|wound| !wound) && skin.cells.is_empty());
-                assert!(skin.tetrahedra.len() == skin.triangles.len());
+                assert!(skin.elements.len() == skin.triangles.len());
             }
         }
     }
+}
+
+/// The pull of fibres on the end of a film is as large as what is left of its width.
+#[test]
+fn fibres_pull_with_what_is_left() {
+    let (mesh, fibres) = (film(6, 0.0), fibres(&[DVec3::X]));
+    let mut found = Vec::new();
+    for fibres in [&[][..], &fibres[..]] {
+        let mut description = body(&mesh, MembraneModel::Biquadratic);
+        description.membrane.as_mut().unwrap().fibres = fibres;
+        let (mut simulation, film) = alone(options(Precision::F64, 1), &description);
+        let u: Vec<DVec3> = mesh.points.iter().map(|x| 0.08 * DVec3::X * x.x).collect();
+        simulation.displace(film, &u);
+        let pull = |simulation: &mut Simulation| -> f64 {
+            let all = rows(simulation);
+            all.iter().filter(|row| row.1.x > SIDE - 1e-9).map(|row| row.4.x).sum()
+        };
+        let whole = pull(&mut simulation);
+        let edge = |x: f64| [DVec3::new(x, 0.0237, 0.03), DVec3::new(x, 0.0237, -0.03)];
+        let report = simulation.cut(film, &[edge(-0.02), edge(0.09)]).unwrap();
+        assert_eq!(report.pieces, 2);
+        assert!((pull(&mut simulation) / whole - 1.0).abs() < 1e-10);
+        assert_as_fresh(&mut simulation, film, "fibres");
+        // triangles of the piece below are taken out
+        let rows = simulation.topology().bodies[0].clone();
+        let corner = vertices(&mesh.points, |x| x.y < 1e-9)[0];
+        let low = rows.piece[rows.row_of_vertex[MeshVertex(corner)].unwrap().index()];
+        let numbers = rows.triangles().iter().zip(&rows.order.triangles);
+        let gone = numbers.filter(|(t, _)| rows.piece[t[0] as usize] == low).map(|(_, t)| *t);
+        simulation.remove(film, Region::Triangles(gone.collect()));
+        let left = pull(&mut simulation) / whole;
+        assert!((left / (1.0 - 0.0237 / SIDE) - 1.0).abs() < 1e-10, "{left}");
+        assert_as_fresh(&mut simulation, film, "half of the fibres");
+        found.push(whole);
+    }
+    assert!(found[1].abs() > 1.5 * found[0].abs(), "{found:?}");
 }
 
 /// The length of a cut right through a flat film, times the thickness; its marks are where the blade is.
@@ -445,14 +494,18 @@ fn films_that_cannot_be_cut() {
         assert!(error.contains("`sheet`") && error.contains(why), "{error}");
         assert_eq!(before, simulation.state_hash());
     }
-    // glue is of tetrahedra, and so is what a tear releases
-    let glued = BodyDescription { glue: 5.0, ..body(&mesh, MembraneModel::Biquadratic) };
-    assert!(refused(&glued).contains("linear tetrahedra"));
+    // what a tear releases is of tetrahedra
     let (mut simulation, film) =
         alone(options(Precision::F64, 1), &body(&mesh, MembraneModel::Biquadratic));
     let tear = Tear { toughness: Some(100.0), ..tear_of(film, 1e4, None) };
     let error = simulation.set_tear(tear).unwrap_err().to_string();
     assert!(error.contains("leave its toughness out"), "{error}");
+    // nobody knows what fibres bear
+    let (mut description, fibres) = (body(&mesh, MembraneModel::Biquadratic), fibres(&[DVec3::X]));
+    description.membrane.as_mut().unwrap().fibres = &fibres;
+    let (mut simulation, film) = alone(options(Precision::F64, 1), &description);
+    let error = simulation.set_tear(tear_of(film, 1e4, None)).unwrap_err().to_string();
+    assert!(error.contains("axes and fibres"), "{error}");
 }
 
 /// A blade through a film that is stretched: it takes energy, step by step, and decides as one that goes the same way at once; a film
@@ -461,8 +514,8 @@ fn films_that_cannot_be_cut() {
 fn a_blade_goes_through_a_stretched_film() {
     const BLADE: DVec3 = DVec3::new(0.0371, -0.004, -0.01);
     let mesh = film(8, 0.0);
-    let stretched = |toughness: f64| {
-        let description = body(&mesh, MembraneModel::Biquadratic);
+    let stretched = |toughness: f64, glue: f64| {
+        let description = BodyDescription { glue, ..body(&mesh, MembraneModel::Biquadratic) };
         let (mut simulation, film) = alone(options(Precision::F64, 1), &description);
         simulation.set_gravity(DVec3::ZERO);
         let u: Vec<DVec3> = mesh.points.iter().map(|x| DVec3::X * 0.15 * x.x).collect();
@@ -479,14 +532,18 @@ fn a_blade_goes_through_a_stretched_film() {
         let blade = simulation.add_tool(Tool::blade("scalpel", edge, BLADE)).unwrap();
         (simulation, film, blade)
     };
-    for (integrator, dt) in
-        [(Integrator::Safe, 0.005), (Integrator::Safe, 0.033), (Integrator::Newton, 0.01)]
-    {
-        let (mut simulation, film, blade) = stretched(0.0);
+    for (integrator, dt, glue) in [
+        (Integrator::Safe, 0.005, 0.0),
+        (Integrator::Safe, 0.033, 0.0),
+        (Integrator::Newton, 0.01, 0.0),
+        (Integrator::Safe, 0.005, 5.0),
+        (Integrator::Safe, 0.033, 5.0),
+    ] {
+        let (mut simulation, film, blade) = stretched(0.0, glue);
         simulation.integrate_by(integrator);
         simulation.set_dt(dt);
         let whole = simulation.evaluate();
-        let mut last = whole;
+        let (mut last, mut springs) = (whole, 0);
         for step in 0..40 {
             let way = DVec3::Y * f64::from(step) * 1.1e-3;
             simulation.move_tool(blade, BLADE + way).unwrap();
@@ -495,7 +552,9 @@ fn a_blade_goes_through_a_stretched_film() {
             let energy = report.elastic_energy + report.kinetic_energy;
             assert!(energy < last * (1.0 + 1e-9), "{integrator:?} {dt}: {energy} {last}");
             last = energy;
+            springs = simulation.glue_report(film).map_or(0, |own| own.springs).max(springs);
         }
+        assert_eq!(springs > 0, glue > 0.0);
         let report = simulation.tool_report(blade).unwrap();
         let pieces = simulation.topology().bodies[0].piece_count();
         assert!(report.separated > 8 && pieces == 1, "{report:?} {pieces}");
@@ -506,7 +565,7 @@ fn a_blade_goes_through_a_stretched_film() {
         let most = (mesh.points.len()..skin.rest.len()).map(off).fold(0.0, f64::max);
         assert!(most < 0.15, "{integrator:?} {dt}: {most}");
     }
-    let (mut simulation, _, blade) = stretched(100.0);
+    let (mut simulation, _, blade) = stretched(100.0, 0.0);
     simulation.step().unwrap();
     simulation.move_tool(blade, BLADE + DVec3::Y * 0.01).unwrap();
     let error = simulation.step().unwrap_err().to_string();

@@ -9,9 +9,23 @@ use glam::DVec3;
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SurfacePoint {
     /// Rows of the element.
-    pub rows: [u32; 4],
-    /// Their shares, which add up to 1.
-    pub weights: [f64; 4],
+    pub rows: [u32; 10],
+    /// Their shares, which add up to 1; those that elements have fewer come last, without any.
+    pub weights: [f64; 10],
+}
+
+impl SurfacePoint {
+    /// One that a row moves alone.
+    pub fn of_row(row: u32) -> Self {
+        let mut own = Self::default();
+        (own.rows[0], own.weights[0]) = (row, 1.0);
+        own
+    }
+
+    /// The rows that have a share, with these.
+    pub fn shares(&self) -> impl Iterator<Item = (u32, f64)> + use<> {
+        self.rows.into_iter().zip(self.weights).filter(|(_, weight)| *weight != 0.0)
+    }
 }
 
 /// The surface of what is left of a body. Rows are relative to the first vertex row of the body; corners of triangles that are

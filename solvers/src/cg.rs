@@ -505,11 +505,16 @@ impl<T: Scalar> ConjugateGradients<T> {
         let Self { matrix, product, coupled, .. } = self;
         let mut dot = 0.0;
         for (coupling, places) in matrix.couplings.iter().zip(&*coupled) {
-            let places = places.map(|place| place.map(|at| at as usize));
-            let x = places.map(|[piece, row]| product[piece].p[row].map(Scalar::to_f64));
-            for_off_diagonal(coupling, x, |i, y| {
+            let count = coupling.count as usize;
+            let place = |i: usize| places[i].map(|at| at as usize);
+            let mut x = [[0.0; 4]; COUPLED];
+            for (i, x) in x[..count].iter_mut().enumerate() {
+                let [piece, row] = place(i);
+                *x = product[piece].p[row].map(Scalar::to_f64);
+            }
+            for_off_diagonal(coupling, &x[..count], |i, y| {
                 let held = matrix.held[coupling.rows[i] as usize];
-                let [piece, row] = places[i];
+                let [piece, row] = place(i);
                 for k in (0..3).filter(|&k| !held.holds(k)) {
                     dot += x[i][k] * y[k];
                     product[piece].q[row][k] += T::from_f64(y[k]);

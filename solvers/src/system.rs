@@ -11,7 +11,7 @@
 use crate::state::{Rows, vector};
 use glam::{DMat3, DVec3};
 use serde::{Deserialize, Serialize};
-use sinew_contact::set::{COUPLED, ContactBlocks, Coupling};
+use sinew_contact::set::{ContactBlocks, Coupling};
 use sinew_engine::matrix::{BlockMatrix, LowRank, ProductSpans, in_pairs, rows_of, weighted};
 use sinew_engine::scalar::{Row, Scalar};
 use sinew_engine::topology::Topology;
@@ -679,16 +679,17 @@ fn is_narrow(couplings: &[Coupling], product: usize) -> bool {
     2 * solve <= 9 * product && factor <= 8 * 9 * product
 }
 
-/// Part of `A x` from a coupling without its diagonal blocks, for each of its rows: `w_a C (sum_b w_b x_b - w_a x_a)`.
+/// Part of `A x` from a coupling without its diagonal blocks, for each of its rows, of which `x` are the vectors:
+/// `w_a C (sum_b w_b x_b - w_a x_a)`.
 pub(crate) fn for_off_diagonal(
     coupling: &Coupling,
-    x: [[f64; 4]; COUPLED],
+    x: &[[f64; 4]],
     mut add: impl FnMut(usize, [f64; 3]),
 ) {
     let own = |i: usize| coupling.weights[i] * DVec3::new(x[i][0], x[i][1], x[i][2]);
-    let sum = (0..COUPLED).map(own).sum::<DVec3>();
-    for (i, weight) in coupling.weights.into_iter().enumerate().filter(|(_, w)| *w != 0.0) {
-        add(i, (weight * (coupling.block * (sum - own(i)))).to_array());
+    let sum = (0..x.len()).map(own).sum::<DVec3>();
+    for i in (0..x.len()).filter(|&i| coupling.weights[i] != 0.0) {
+        add(i, (coupling.weights[i] * (coupling.block * (sum - own(i)))).to_array());
     }
 }
 

@@ -9,7 +9,7 @@ use sinew::engine::law::{EvaluationRequest, TangentKind};
 use sinew::engine::load::Pressure;
 use sinew::engine::matrix::{ProductSpans, Tangent};
 use sinew::engine::mesh::Mesh;
-use sinew::engine::mesh::generate::{box_tets, jitter_interior};
+use sinew::engine::mesh::generate::{box_hexahedra, box_tets, jitter_interior};
 use sinew::engine::schedule::ForceSchedule;
 use sinew::engine::vertex::FixedAxes;
 use sinew::engine::workers::Workers;
@@ -62,6 +62,32 @@ pub fn jittered_box(size: [f64; 3], cells: [usize; 3]) -> Mesh {
 /// A material of water's density.
 pub fn soft(young_modulus: f64, poisson_ratio: f64) -> YoungPoisson {
     YoungPoisson { young_modulus, poisson_ratio, density: 1000.0 }
+}
+
+/// Kinds of solid elements that can be cut.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Solid {
+    Linear,
+    TenNodes,
+    Hexahedra,
+}
+
+impl Solid {
+    pub const ALL: [Self; 3] = [Self::Linear, Self::TenNodes, Self::Hexahedra];
+
+    /// A cube of so many cells along every edge, whose inner vertices are moved; those of hexahedra are not, so that wounds in them are plane.
+    pub fn block(self, side: f64, cells: usize) -> Mesh {
+        let size = DVec3::splat(side);
+        let tetrahedra = || {
+            let mesh = box_tets(size, [cells; 3]).unwrap();
+            jitter_interior(&mesh, 0.2, 5).unwrap()
+        };
+        match self {
+            Self::Linear => tetrahedra(),
+            Self::TenNodes => tetrahedra().with_second_order(),
+            Self::Hexahedra => box_hexahedra(size, [cells; 3]).unwrap(),
+        }
+    }
 }
 
 /// A simulation with one body made of a mesh.

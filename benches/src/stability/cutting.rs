@@ -129,7 +129,6 @@ fn drawn<'a>(
     stretch: f64,
     dt: f64,
 ) -> Result<(CaseRun<'a>, f64)> {
-    setting.of_tetrahedra()?;
     let mut run = cuttable(setting, mesh, "block")?;
     run.solver(|s| s.mass_damping = 20.0);
     for (side, sign) in [("x0", -0.5), ("x1", 0.5)] {
@@ -210,7 +209,6 @@ fn squeezed(setting: &CaseSetting, mesh: &Mesh, squeeze: f64) -> CaseOutcome {
 
 /// A ball presses a block that is cut from above beneath it, and goes away.
 fn touched(setting: &CaseSetting, mesh: &Mesh) -> CaseOutcome {
-    setting.of_tetrahedra()?;
     let mut run = cuttable(setting, mesh, "block")?;
     run.solver(|s| s.mass_damping = 10.0);
     run.simulation.set_dt(STEP);

@@ -314,19 +314,23 @@ impl Writer {
         }
         // only what is left, and in place of what cuts parted the tetrahedra, or triangles, of its material
         let mut made = Vec::new();
-        let mut parted = Vec::new();
+        // places in the file of triangles and of tetrahedra, their corners
+        let (mut films, mut solids) = (Vec::new(), Vec::new());
+        let mut count = ByKind::<usize>::default();
         let mut left = ByKind::<Vec<usize>>::default();
         let (mut j, mut of_body, mut index) = (Vec::new(), Vec::new(), Vec::new());
         for kind in ElementKind::IN_FILES {
             for (i, body) in built.bodies.iter().enumerate() {
                 for e in body.whole(simulation, kind) {
                     left[kind].push(self.start[i][kind] + e as usize);
+                    count[kind] += 1;
                     j.push(ratios[i][kind][e as usize]);
                     of_body.push(i as f64);
                     index.push(f64::from(e));
                 }
-                let is_film = body.mesh.tetrahedra.is_empty();
-                let of_cut = if is_film { ElementKind::Triangle } else { ElementKind::Tetrahedron };
+                let of_mesh = body.solid_kind().unwrap_or(ElementKind::Triangle);
+                let is_film = of_mesh == ElementKind::Triangle;
+                let of_cut = if is_film { of_mesh } else { ElementKind::Tetrahedron };
                 if kind != of_cut || !simulation.is_cut(body.handle) {
                     continue;
                 }
@@ -350,14 +354,18 @@ impl Writer {
                 };
                 let material = cut_material(simulation.world(), body.handle.0);
                 let is_parted = |e: &u32| material.is_some_and(|own| own.is_parted(*e));
-                let film = skin.triangles.iter().zip(&skin.tetrahedra).filter(|_| is_film);
+                let film = skin.triangles.iter().zip(&skin.elements).filter(|_| is_film);
                 let film = film.filter(|(_, e)| is_parted(e));
                 let film = film.map(|(&[a, b, c], e)| ([a, b, c, c], *e));
                 for (corners, e) in skin.cells.iter().copied().chain(film) {
-                    let source = simulation.topology().bodies[body.handle.0].source(kind, e);
-                    parted.push((kind, left[kind].len(), corners.map(|p| place(p) as u32)));
-                    left[kind].push(self.start[i][kind] + source as usize);
-                    j.push(ratios[i][kind][source as usize]);
+                    let source = simulation.topology().bodies[body.handle.0].source(of_mesh, e);
+                    let [a, b, c, d] = corners.map(|p| place(p) as u32);
+                    match is_film {
+                        true => films.push((count[kind], [a, b, c])),
+                        false => solids.push((count[kind], [a, b, c, d])),
+                    }
+                    count[kind] += 1;
+                    j.push(ratios[i][of_mesh][source as usize]);
                     of_body.push(i as f64);
                     index.push(f64::from(source));
                 }
@@ -366,12 +374,12 @@ impl Writer {
         let mut mesh = self.mesh.only(&left);
         mesh.points.extend(made);
         held.resize(mesh.points.len(), 0.0);
-        for (kind, at, [a, b, c, d]) in parted {
-            match kind {
-                ElementKind::Triangle => mesh.triangles[at] = [a, b, c],
-                _ => mesh.tetrahedra[at] = [a, b, c, d],
-            }
+        if !mesh.middles.is_empty() {
+            let straight = solids.iter().map(|(at, _)| (*at, LINEAR)).collect();
+            mesh.middles = merged(&mesh.middles, straight);
         }
+        (mesh.triangles, mesh.tetrahedra) =
+            (merged(&mesh.triangles, films), merged(&mesh.tetrahedra, solids));
         let points: Vec<DVec3> = mesh.points.iter().zip(&u).map(|(x, u)| x + u).collect();
         let name = format!("frames/{}_{:05}.vtu", self.stem, self.frames.len());
         let data = VtuData {
@@ -563,4 +571,16 @@ impl std::fmt::Display for CsvNumber {
             write!(f, "{:.8e}", self.0)
         }
     }
+}
+
+/// A list with more entries, which have these places in the result, ascending.
+fn merged<T: Copy>(list: &[T], more: Vec<(usize, T)>) -> Vec<T> {
+    let mut rest = list.iter().copied();
+    let mut all = Vec::with_capacity(list.len() + more.len());
+    for (place, own) in more {
+        all.extend(rest.by_ref().take(place - all.len()));
+        all.push(own);
+    }
+    all.extend(rest);
+    all
 }

@@ -76,7 +76,7 @@ pub struct BodyDescription<'a> {
     /// with ten-node tetrahedra more. What bodies can be cut is told [there](crate::cutting).
     pub spare: usize,
     /// Stiffness of what holds parts of wounds closed that a blade has not come to yet, in Young's moduli over the mean edge of the mesh:
-    /// 0 for none, as by default, 5 is a good value. Of linear tetrahedra; see [glue](crate::cutting::glue).
+    /// 0 for none, as by default, 5 is a good value; see [glue](crate::cutting::glue).
     pub glue: f64,
     /// Axes of anisotropy beside the model, or with [`Model::Axes`] instead of one.
     pub axes: Option<AxesDescription<'a>>,

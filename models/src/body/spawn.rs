@@ -181,7 +181,7 @@ fn spawn<S: Scalar>(world: &mut World, body: &BodyDescription) -> Result<Entity,
     if let Some(axes) = &body.axes {
         spawn_axes::<S>(world, axes, &part, evaluation);
     }
-    let glue = glue::spawn::<S>(world, body.glue, &layout.cells.edges, rest_of);
+    let glue = glue::spawn::<S>(world, body.glue, &layout.cells, rest_of);
     partition_laws::<S>(world);
     resection::install::<S>(world);
     world.insert_resource(ElementTables::of(world));
@@ -309,11 +309,12 @@ fn check_clusters(body: &BodyDescription, lame: &[LameParameters]) -> Result<(),
 
 /// What glue needs.
 fn check_glue(body: &BodyDescription) -> Result<(), BodyError> {
-    let linear = body.middles.is_empty() && body.hexahedra.is_empty();
+    let is_solid = !(body.tetrahedra.is_empty() && body.hexahedra.is_empty());
+    let is_film = body.membrane.as_ref().is_some_and(|sheet| !sheet.triangles.is_empty());
     let problem = if !(body.glue >= 0.0 && body.glue.is_finite()) {
         format!("is {}: it must be 0 or positive, and finite", body.glue)
-    } else if body.glue > 0.0 && (!linear || body.tetrahedra.is_empty()) {
-        "holds wounds of linear tetrahedra alone: leave it out, or take these".into()
+    } else if body.glue > 0.0 && !is_solid && !is_film {
+        "holds wounds of tetrahedra, hexahedra and triangles: leave it out, or take these".into()
     } else {
         return Ok(());
     };

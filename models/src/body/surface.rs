@@ -6,7 +6,7 @@ use crate::cutting::cut_faces;
 use bevy_ecs::prelude::*;
 use glam::DVec3;
 use sinew_engine::connectivity::{Connectivity, ElementKind};
-use sinew_engine::surface::{BodySurface, SurfacePoint};
+use sinew_engine::surface::BodySurface;
 use sinew_engine::topology::Topology;
 use sinew_engine::vertex::RestPosition;
 use std::borrow::Cow;
@@ -95,9 +95,8 @@ pub(super) fn read_surface(world: &mut World, body: usize) -> BodySurface {
     }
     let mut young_modulus: Vec<f64> =
         sum.iter().zip(&count).map(|(e, n)| e / f64::max(*n, 1.0)).collect();
-    for SurfacePoint { rows, weights } in &points {
-        let mean = rows.iter().zip(weights).map(|(row, w)| w * young_modulus[*row as usize]).sum();
-        young_modulus.push(mean);
+    for point in &points {
+        young_modulus.push(point.shares().map(|(row, w)| w * young_modulus[row as usize]).sum());
     }
     BodySurface { points, triangles, wounds, halves, sheets, sheet_halves, young_modulus }
 }

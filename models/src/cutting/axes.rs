@@ -1,10 +1,11 @@
-//! Axes, fibres, muscles and dampers in elements that a blade parts: the deformation of a linear tetrahedron is the same
-//! everywhere, so each piece has the axes of the whole element with its share of their stiffness.
+//! Axes, fibres, muscles and dampers in elements that a blade parts: the deformation of a linear tetrahedron, or of a membrane triangle, is
+//! the same everywhere, so each piece has the axes of the whole element with its share of their stiffness.
 
 use bevy_ecs::prelude::*;
 use sinew_engine::columns::copy_entity;
+use sinew_engine::connectivity::ElementKind;
 use sinew_engine::element::{
-    AxisBlocks, AxisTetrahedron, AxisVertices, ShapeGradient, shape_gradient_bundle,
+    AxisBlocks, AxisTetrahedron, AxisTriangle, AxisVertices, ShapeGradient, shape_gradient_bundle,
 };
 use sinew_engine::row::VertexRow;
 use sinew_engine::scalar::Scalar;
@@ -19,11 +20,13 @@ pub(super) struct Place<'a> {
     pub rows: &'a BodyRows,
     /// Its number.
     pub element: u32,
-    /// Vertex rows.
+    /// Its kind.
+    pub kind: ElementKind,
+    /// Vertex rows; of a triangle the last one twice.
     pub nodes: [u32; 4],
     /// Tangent blocks.
     pub blocks: [u32; 6],
-    /// Shape vectors (1/m) of its last three vertices.
+    /// Shape vectors (1/m) of its last three vertices; fibres of triangles have none.
     pub gradients: [[f64; 3]; 3],
 }
 
@@ -42,12 +45,15 @@ pub(super) fn share<S: Scalar>(world: &mut World, axes: Entity, place: &Place, f
     let Some(&AxisVertices(old)) = axes.get() else { return };
     let vertex = |row: u32| place.rows.vertex(VertexRow(row));
     let known = |row: u32| old.iter().position(|&own| vertex(own) == vertex(row)).unwrap_or(0);
-    let was = place.nodes.map(known);
-    axes.insert((
-        AxisVertices(place.nodes),
-        AxisBlocks(place.blocks),
-        AxisTetrahedron(place.element),
-    ));
+    let mut was = place.nodes.map(known);
+    axes.insert((AxisVertices(place.nodes), AxisBlocks(place.blocks)));
+    if place.kind == ElementKind::Triangle {
+        // what stands for a fourth vertex has no part in anything
+        was[3] = 3;
+        axes.insert(AxisTriangle(place.element));
+    } else {
+        axes.insert(AxisTetrahedron(place.element));
+    }
     if axes.contains::<ShapeGradient<S, 1, 0>>() {
         axes.insert(shape_gradient_bundle::<S>(place.gradients));
     }

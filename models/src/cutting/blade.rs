@@ -13,7 +13,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use super::glue::{self, BY};
-use super::material::{Cell, Material, Order, Point, real};
+use super::material::{Cell, Element, Material, Order, Point, real};
 use super::stroke::{BladeMove, Progress, Uncut, share};
 use super::tear::TearView;
 use super::{CutError, CutReport, cut_material, material_of, open_now, prepared, rest_of, row_of};
@@ -201,13 +201,14 @@ impl BladeView {
     /// Place (m) of a point of the material that elements on either side of a wound have: the middle between them.
     fn middle(&self, place: &Point, sides: [u32; 2], at: &[DVec3]) -> DVec3 {
         let own = |e: u32| &self.material.elements[e as usize];
-        let of = |e| place.moved_by(own(e), |node| self.node(node, at));
+        let of = |e| self.material.held_at(own(e), place, |node| self.node(node, at));
         0.5 * (of(sides[0]) + of(sides[1]))
     }
 
     /// Looks at what is in a box (m); a membrane alone has no volume in which something could be.
     pub fn focus(&mut self, [low, high]: [DVec3; 2]) {
-        if self.material.order != Order::Linear {
+        let size = self.material.order.size();
+        if self.material.order == Order::Triangles {
             return;
         }
         let inside = |x: [DVec3; 4]| {
@@ -217,17 +218,17 @@ impl BladeView {
         // material lies in the element that moves it
         let places = self.rows.iter().map(|row| self.places[*row as usize]);
         let beyond: Vec<u32> = places.map(|x| beyond([x; 2], [low, high])).collect();
-        let common = |nodes: [u32; 4]| nodes.iter().fold(!0, |all, n| all & beyond[*n as usize]);
-        let elements = self.material.elements.iter();
-        let near: Vec<bool> = elements.map(|own| common(own.nodes) == 0).collect();
+        let common =
+            |own: &Element| (0..size).fold(!0, |all, i| all & beyond[own.node(i) as usize]);
+        let near: Vec<bool> = self.material.elements.iter().map(|own| common(own) == 0).collect();
         let place = |cell: &Cell, p| self.material.place(cell, p, &|n| self.node(n, &self.places));
         let cells = (0..).zip(&self.material.cells).filter(|(_, c)| near[c.element as usize]);
         let cells = cells.map(|(number, cell)| (number, cell.corners.map(|p| place(cell, p))));
         self.focus = cells.filter(|(_, x)| inside(*x)).collect();
     }
 
-    /// The element in focus whose material has a place (m), the shares of its vertices there, which add up to 1 and give that place, and
-    /// its part of the volume of the whole element. `hint` is a place beside it that tells the side of a wound.
+    /// The element in focus whose material has a place (m), the shares of four of its vertices round it, which add up to 1 and give that
+    /// place, and its part of the volume of the whole element. `hint` is a place beside it that tells the side of a wound.
     pub fn locate(&self, at: DVec3, hint: DVec3) -> Option<([VertexRow; 4], [f64; 4], f64)> {
         let (found, _) = self.focus.iter().find(|(_, x)| {
             let [low, high] = bounds(*x);
@@ -237,7 +238,7 @@ impl BladeView {
         })?;
         let cell = &self.material.cells[*found as usize];
         let element = &self.material.elements[cell.element as usize];
-        let nodes = element.nodes;
+        let nodes = self.material.round(cell).map(|i| element.node(i));
         let rows = nodes.map(|node| VertexRow(self.first + self.rows[node as usize]));
         let own = shares(nodes.map(|node| self.node(node, &self.places)), at)?;
         Some((rows, own, element.share()))

@@ -91,8 +91,8 @@ pub(super) struct Changed<'a> {
     pub elements: (&'a [Element], &'a Material),
     /// Their numbers, ascending.
     pub numbers: &'a [u32],
-    /// Numbers of membrane triangles that are others now, ascending, and what they are made of.
-    pub sheets: (&'a [u32], Option<MembraneSettings>),
+    /// Membrane triangles as they were, the numbers of those that are others now, ascending, and what they are made of.
+    pub sheets: (&'a [Sheet], &'a [u32], Option<MembraneSettings>),
     /// Points of their own.
     pub points: BTreeMap<u32, (Points, Lumps)>,
     /// Rest positions (m) of all rows of the body.
@@ -194,9 +194,10 @@ fn places_of<const N: usize, const P: usize>(
 }
 
 impl Changed<'_> {
-    /// Membrane triangles. Their energies are proportional to the moduli, and only these: some know the shape by its area.
+    /// Membrane triangles and their fibres. Their energies are proportional to the moduli, and only these: some know the shape by its area.
     fn write_sheets<S: Scalar>(&self, world: &mut World) {
-        let (numbers, Some(settings)) = self.sheets else { return };
+        let (before, numbers, Some(settings)) = self.sheets else { return };
+        let share = |sheet: &Sheet| sheet.portion.iter().sum::<f64>();
         let (rows, own, kind) = (self.rows, self.own, ElementKind::Triangle);
         let LameParameters { lambda, mu } = settings.surface().0;
         for &t in numbers {
@@ -205,23 +206,41 @@ impl Changed<'_> {
             let (nodes, blocks) = places_of(world, rows, (kind, row), &TRIANGLE_EDGES);
             let at = |row: u32| self.rest[(row - rows.vertices.start) as usize].to_array();
             let rest = RestTriangle::new(nodes.map(at)).expect("the body was built with it");
-            let share: f64 = match rows.is_whole(kind, row) {
-                true => 1.0,
-                false => sheet.portion.iter().sum(),
+            let own_share = if rows.is_whole(kind, row) { 1.0 } else { share(sheet) };
+            let [bc, ac, ab] = blocks;
+            let [a, b, c] = nodes;
+            let place = axes::Place {
+                rows,
+                element: t,
+                kind,
+                nodes: [a, b, c, c],
+                blocks: [ab, ac, ac, bc, bc, bc],
+                gradients: Default::default(),
             };
+            let (was, parent) =
+                (before.get(t as usize), own.element_of[kind][sheet.parent as usize]);
+            match was {
+                Some(was) => {
+                    for entity in own.rows.axes(kind, row) {
+                        axes::share::<S>(world, entity, &place, share(sheet) / share(was));
+                    }
+                }
+                None => {
+                    let whole = share(&self.elements.1.sheets[sheet.parent as usize]);
+                    let of_parent: Vec<Entity> = own.rows.axes(kind, parent).collect();
+                    axes::copy::<S>(world, &of_parent, &place, share(sheet) / whole);
+                }
+            }
             let entity = match own.rows.elements[kind].get(row as usize) {
                 Some(&entity) => entity,
-                None => {
-                    let parent = own.element_of[kind][sheet.parent as usize];
-                    copy_entity(world, own.rows.elements[kind][parent as usize])
-                }
+                None => copy_entity(world, own.rows.elements[kind][parent as usize]),
             };
             world.entity_mut(entity).insert((
                 (MembraneVertices(nodes), MembraneBlocks(blocks), MembraneIndex(t)),
                 membrane_rest_bundle::<S>(rest.edges, rest.area),
-                MembraneFirstModulus(S::from_f64(share * lambda)),
-                MembraneShearModulus(S::from_f64(share * mu)),
-                MembraneCompressionModulus(S::from_f64(share * settings.compression())),
+                MembraneFirstModulus(S::from_f64(own_share * lambda)),
+                MembraneShearModulus(S::from_f64(own_share * mu)),
+                MembraneCompressionModulus(S::from_f64(own_share * settings.compression())),
             ));
         }
     }
@@ -246,8 +265,8 @@ impl Changed<'_> {
             shape_gradient_bundle::<S>(gradients),
             RestVolume(S::from_f64(share * shape.volume)),
         ));
-        let place = axes::Place { rows, element: e, nodes, blocks, gradients };
         let kind = rows.copies.kind;
+        let place = axes::Place { rows, element: e, kind, nodes, blocks, gradients };
         let element = &material.elements[e as usize];
         match before.get(e as usize) {
             Some(was) => {

@@ -438,7 +438,7 @@ impl Weave<'_> {
     fn push(&mut self, triangle: [u32; 3], hold: Hold) {
         self.skin.triangles.push(triangle);
         self.skin.wound.push(false);
-        self.skin.tetrahedra.push(hold);
+        self.skin.elements.push(hold);
     }
 
     /// The point of an end of an edge and of its other end where a wound goes through; `None` where none does.
@@ -525,8 +525,8 @@ impl Weave<'_> {
         let mut edges = BTreeSet::new();
         // what moves the points of wounds; where both sides meet it is not the same
         let mut behind = BTreeMap::<u32, BTreeSet<Hold>>::new();
-        let MaterialSkin { triangles, tetrahedra, wound: is_wound, .. } = &*self.skin;
-        let all = triangles.iter().zip(is_wound).zip(tetrahedra);
+        let MaterialSkin { triangles, elements, wound: is_wound, .. } = &*self.skin;
+        let all = triangles.iter().zip(is_wound).zip(elements);
         for ((t, _), &element) in all.filter(|(own, _)| wound(own)) {
             edges.extend([[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]]);
             t.iter().for_each(|&p| _ = behind.entry(p).or_default().insert(element));
@@ -557,7 +557,7 @@ impl Weave<'_> {
             copies.insert(lip, made);
             to.insert(p, made);
         }
-        let MaterialSkin { triangles, wound, tetrahedra, .. } = &mut *self.skin;
+        let MaterialSkin { triangles, wound, elements, .. } = &mut *self.skin;
         for (triangle, _) in triangles.iter_mut().zip(&*wound).filter(|(_, wound)| **wound) {
             *triangle = triangle.map(|p| to.get(&p).copied().unwrap_or(p));
         }
@@ -566,7 +566,7 @@ impl Weave<'_> {
         let keep: Vec<bool> = keep.collect();
         retain(triangles, &keep);
         retain(wound, &keep);
-        retain(tetrahedra, &keep);
+        retain(elements, &keep);
     }
 }
 

@@ -14,7 +14,8 @@
 //! - It goes when a blade passes its place. The energy that is in it then is released ([`GlueReport`]).
 //! - What a stroke leaves of it at its end, ahead of the blade and below its tip, goes on holding, until another one passes it or an element
 //!   that it is at is removed.
-//! - Linear tetrahedra; membranes on their faces are not held. Parts of a body that glue joins count as one piece.
+//! - In a membrane alone the wound is a line: `k = g E t L / (3 h)` at three points of every part of it, of length `L`, with its thickness
+//!   `t`. Membranes on faces of tetrahedra are held by the glue of these. Parts of a body that glue joins count as one piece.
 //! - Bodies with glue do not tear: a tear is brittle.
 //!
 //! Pairs of vertices that glue couples are in no element. The edge graph holds them from the cut on, marked as edges that no element uses,
@@ -27,10 +28,12 @@ use bytemuck::TransparentWrapper;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use sinew_engine::columns::single_table;
-use sinew_engine::connectivity::Connectivity;
+use sinew_engine::connectivity::{Connectivity, ElementKind};
+use sinew_engine::isoparametric::{CORNERS, HEXAHEDRON_PAIRS, TETRAHEDRON10_PAIRS};
 use sinew_engine::law::{
     DisabledLaws, EvaluationRequest, LawBuffer, LawBuffers, LawInfo, Span, TangentKind,
 };
+use sinew_engine::layout::Cells;
 use sinew_engine::resource::ensure;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::schedule::{ForceSystems, Input, activate_law_of_systems, declare_inputs};
@@ -39,9 +42,9 @@ use sinew_engine::stopwatch::Stopwatch;
 use sinew_engine::topology::{BodyRows, Topology};
 use sinew_engine::vertex::Displacement;
 use sinew_engine::workers::Workers;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
-use super::material::{Material, Point};
+use super::material::{Element, Material, Point};
 use super::stroke::crossing;
 use super::{kind_of, row_of};
 use crate::body::description::SoftBody;
@@ -191,23 +194,48 @@ fn activate_law<S: Scalar>(world: &mut World, law: PlacedLaw) {
     declare_inputs(world, law.row.info.name, &[Input::Watch(changed)]);
 }
 
-/// The glue of a body whose mesh has these edges, by the places (m) of their ends, none for a stiffness of 0; puts the law into the schedule, [`refresh`] finds
-/// its springs.
+/// The glue of a body of these cells, by the places (m) of its rows, none for a stiffness of 0; puts the law into the schedule,
+/// [`refresh`] finds its springs.
 pub(crate) fn spawn<S: Scalar>(
     world: &mut World,
     factor: f64,
-    edges: &[[u32; 2]],
+    cells: &Cells,
     rest: impl Fn(u32) -> DVec3,
 ) -> Option<Glue> {
     let glue = (factor > 0.0).then(|| {
-        let lengths = edges.iter().map(|&[a, b]| rest(a).distance(rest(b)));
-        Glue { factor, edge: lengths.sum::<f64>() / edges.len() as f64 }
+        let edges = sides(cells);
+        let length = |e: &u32| {
+            let [a, b] = cells.edges[*e as usize];
+            rest(a).distance(rest(b))
+        };
+        Glue { factor, edge: edges.iter().map(length).sum::<f64>() / edges.len() as f64 }
     })?;
     if !world.contains_resource::<Springs<S>>() {
         world.insert_resource(Springs::<S>::default());
         row::activate::<S>(world, &ROW);
     }
     Some(glue)
+}
+
+/// Edges of the elements of a body: of the pairs of their vertices those along their sides, from corner to corner.
+fn sides(cells: &Cells) -> BTreeSet<u32> {
+    let is_side =
+        |&[a, b]: &[usize; 2]| (0..3).filter(|&k| CORNERS[a][k] != CORNERS[b][k]).count() == 1;
+    let mut sides = BTreeSet::new();
+    for kind in ElementKind::ALL {
+        let all = &cells.edges_of[kind];
+        for own in (0..all.len() as u32).map(|e| all.of(e)) {
+            sides.extend(own.iter().enumerate().filter_map(|(i, &edge)| {
+                let is_own = match own.len() {
+                    45 => TETRAHEDRON10_PAIRS[i].iter().all(|v| *v < 4),
+                    28 => is_side(&HEXAHEDRON_PAIRS[i]),
+                    _ => true,
+                };
+                is_own.then_some(edge)
+            }));
+        }
+    }
+    sides
 }
 
 /// Rows of a body whose vertices are in elements that are left, in pairs, with their weights.
@@ -220,8 +248,9 @@ impl Bond {
             return Vec::new();
         }
         let [a, b] = self.sides.map(|e| &material.elements[e as usize]);
-        let all = (0..4).zip(self.place.weights_in(a.vertices)).filter(|(_, w)| *w != 0.0);
-        let both = all.map(|(i, w)| (row_of(rows, a.nodes[i]), row_of(rows, b.nodes[i]), w));
+        let row = |element: &Element, i| row_of(rows, element.node(i));
+        let all = material.held_by(a, &self.place);
+        let both = all.map(|(i, w)| (row(a, i), row(b, i), w));
         both.filter(|(a, b, _)| a != b).collect()
     }
 }
@@ -231,7 +260,7 @@ pub(super) struct Present<'a> {
     pub connectivity: &'a Connectivity,
     /// Row of every element.
     pub rows: &'a [u32],
-    pub kind: sinew_engine::connectivity::ElementKind,
+    pub kind: ElementKind,
 }
 
 impl Present<'_> {
@@ -447,7 +476,7 @@ pub(super) fn cross<S: Scalar>(world: &mut World, body: usize, strip: &[[DVec3; 
     let node = |node: u32| at[node as usize];
     let passed = |i: &usize| {
         let bond = &material.bonds[*i];
-        let of = |e: u32| bond.place.moved_by(&material.elements[e as usize], node);
+        let of = |e: u32| material.held_at(&material.elements[e as usize], &bond.place, node);
         let [a, b] = bond.sides.map(of);
         let x = 0.5 * (a + b);
         strip.windows(2).any(|two| {
@@ -480,19 +509,28 @@ pub(crate) fn sweep_alike(from: &World, body: usize, to: &mut World) {
     }
 }
 
-/// The stiffness (N/m) of glue at each of the nine points of a triangle of the wound, by its element of the mesh and its corners.
+/// The stiffness (N/m) of all the glue in a triangle of the wound, or in a line of that of a membrane, by its element of the mesh and its corners.
 pub(super) fn gluing(
     soft: &SoftBody,
     rest: impl Fn(u32) -> DVec3,
-) -> Option<impl Fn(u32, [Point; 3]) -> f64> {
+) -> Option<impl Fn(u32, &[Point]) -> f64> {
     let Glue { factor, edge } = soft.glue?;
-    Some(move |element: u32, corners: [Point; 3]| {
-        let [a, b, c] = corners.map(|point| -> DVec3 {
+    Some(move |element: u32, corners: &[Point]| {
+        let place = |point: &Point| -> DVec3 {
             let all = point.vertices.iter().zip(point.weights).filter(|(_, w)| *w != 0.0);
             all.map(|(&v, w)| w * rest(v)).sum()
-        });
-        let area = 0.5 * (b - a).cross(c - a).length();
-        factor * soft.field().at(element as usize).young_modulus / edge * area / 9.0
+        };
+        match *corners {
+            [a, b] => {
+                let film = soft.membrane.map_or(0.0, |m| m.material.young_modulus * m.thickness);
+                factor * film / edge * place(&a).distance(place(&b))
+            }
+            _ => {
+                let [a, b, c] = [0, 1, 2].map(|i| place(&corners[i]));
+                let area = 0.5 * (b - a).cross(c - a).length();
+                factor * soft.field().at(element as usize).young_modulus / edge * area
+            }
+        }
     })
 }
 

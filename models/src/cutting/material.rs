@@ -37,10 +37,10 @@ impl Point {
         Self { vertices: [vertex; 4], weights: [1.0, 0.0, 0.0, 0.0] }
     }
 
-    /// The point at `(1 - t) a + t b`.
-    fn between(a: &Self, b: &Self, t: f64) -> Self {
+    /// A mean of points of one cell.
+    fn mean<'a>(of: impl IntoIterator<Item = (&'a Self, f64)>) -> Self {
         let mut sum = BTreeMap::<u32, f64>::new();
-        for (point, part) in [(a, 1.0 - t), (b, t)] {
+        for (point, part) in of {
             for (&v, w) in point.vertices.iter().zip(point.weights) {
                 if w != 0.0 {
                     *sum.entry(v).or_default() += part * w;
@@ -58,12 +58,6 @@ impl Point {
     pub fn weights_in(&self, vertices: [u32; 4]) -> [f64; 4] {
         let of = |v| (0..4).filter(|&i| self.vertices[i] == v).map(|i| self.weights[i]).sum();
         vertices.map(of)
-    }
-
-    /// Where a linear element moves it, when `at` says where vertices and ghosts are.
-    pub(super) fn moved_by(&self, element: &Element, at: impl Fn(u32) -> DVec3) -> DVec3 {
-        let weights = self.weights_in(element.vertices);
-        element.nodes.iter().zip(weights).map(|(&node, w)| w * at(node)).sum()
     }
 }
 
@@ -136,6 +130,11 @@ impl Order {
     /// Whether a point moves as the corners of its element do, by the weights that it has of them.
     pub fn is_linear(self) -> bool {
         matches!(self, Self::Linear | Self::Triangles)
+    }
+
+    /// Cells of an element that is whole.
+    pub(super) fn cells(self) -> usize {
+        if self == Self::Hexahedra { 6 } else { 1 }
     }
 }
 
@@ -210,6 +209,9 @@ pub struct Material {
     pub sheets: Vec<Sheet>,
     /// What glue holds, swept since or not; that of earlier strokes first.
     pub bonds: Vec<Bond>,
+    /// Points in the middles of edges of wounds, by the ends of these: of ten-node tetrahedra, whose lips would bulge into each other between
+    /// corners. They are corners of no cell.
+    middles: BTreeMap<[u32; 2], u32>,
 }
 
 /// Places that a copy of a material has to spare: it is made for a cut.
@@ -233,6 +235,7 @@ impl Clone for Material {
             order: self.order,
             sheets: self.sheets.clone(),
             bonds: self.bonds.clone(),
+            middles: self.middles.clone(),
         }
     }
 }
@@ -253,8 +256,11 @@ const SAMPLES: [[f64; 3]; 9] = {
     ]
 };
 
-/// Stiffness (N/m) of the glue at each of nine points of a triangle of a wound, by the element of the mesh and the corners.
-pub type Gluing<'a> = &'a dyn Fn(u32, [Point; 3]) -> f64;
+/// The same in a line of a wound of a membrane: middles of three equal parts.
+const LINE_SAMPLES: [[f64; 2]; 3] = [[5.0 / 6.0, 1.0 / 6.0], [0.5, 0.5], [1.0 / 6.0, 5.0 / 6.0]];
+
+/// Stiffness (N/m) of all the glue in a triangle, or line, of a wound, by the element of the mesh and the corners.
+pub type Gluing<'a> = &'a dyn Fn(u32, &[Point]) -> f64;
 
 impl Material {
     /// Of a whole mesh.
@@ -358,18 +364,24 @@ impl Material {
         let size = self.order.size();
         if own.weights[0] == 1.0 {
             // to the last bit
-            let i = (0..size).find(|&i| element.vertex(i) == own.vertices[0]).unwrap_or(0);
-            return at(element.node(i));
-        }
-        if self.order == Order::Linear {
-            return own.moved_by(element, at);
+            return at(element.node(self.place_of(element, own.vertices[0])));
         }
         let weights = self.weights(element, own);
         (0..size).zip(weights).map(|(i, w)| w * at(element.node(i))).sum()
     }
 
+    /// Place of a vertex in an element.
+    fn place_of(&self, element: &Element, vertex: u32) -> usize {
+        (0..self.order.size()).find(|&i| element.vertex(i) == vertex).unwrap_or(0)
+    }
+
     /// Shape functions of an element at a point that lies in it.
     pub(super) fn weights(&self, element: &Element, point: &Point) -> [f64; 10] {
+        if point.weights[0] == 1.0 {
+            let mut weights = [0.0; 10];
+            weights[self.place_of(element, point.vertices[0])] = 1.0;
+            return weights;
+        }
         match self.order {
             Order::Linear | Order::Triangles => padded(point.weights_in(element.vertices)),
             Order::TenNodes => tetrahedron10_shape(point.weights_in(element.vertices)),
@@ -377,6 +389,66 @@ impl Material {
                 let at = hexahedra::local(&element.all_vertices(), point);
                 padded(hexahedron_shape(at.to_array()))
             }
+        }
+    }
+
+    /// Where a point of an element is, when `at` says where vertices and ghosts are.
+    pub(super) fn held_at(
+        &self,
+        element: &Element,
+        point: &Point,
+        at: impl Fn(u32) -> DVec3,
+    ) -> DVec3 {
+        let held = self.held_by(element, point);
+        held.map(|(i, w)| w * at(element.node(i))).sum()
+    }
+
+    /// Places in an element of the vertices that move a point of it, ascending, and their weights.
+    pub(super) fn held_by(
+        &self,
+        element: &Element,
+        point: &Point,
+    ) -> impl Iterator<Item = (usize, f64)> + use<> {
+        let weights = self.weights(element, point);
+        weights.into_iter().enumerate().take(self.order.size()).filter(|(_, w)| *w != 0.0)
+    }
+
+    /// Places in its element of four vertices round a cell: its own corners, or those of the tetrahedron of a hexahedron that it is a part of.
+    pub(super) fn round(&self, cell: &Cell) -> [usize; 4] {
+        let mut places = [0, 1, 2, 3];
+        if self.order == Order::Hexahedra {
+            let element = &self.elements[cell.element as usize];
+            let points = cell.corners.iter().map(|p| &self.points[*p as usize]);
+            let all = points.flat_map(|point| point.vertices.into_iter().zip(point.weights));
+            let all: BTreeSet<u32> = all.filter(|(_, w)| *w != 0.0).map(|(v, _)| v).collect();
+            // a cell with a volume has points of all corners of its tetrahedron
+            for (to, v) in places.iter_mut().zip(all) {
+                *to = (0..8).find(|&i| element.vertex(i) == v).unwrap_or(0);
+            }
+        }
+        places
+    }
+
+    /// A face of what is left of an element in triangles, which have as corners the vertices of the mesh on its edges, too, and the middles
+    /// of edges of wounds.
+    pub(super) fn with_middles(&self, [a, b, c]: [u32; 3], element: u32) -> Vec<[u32; 3]> {
+        let own = &self.elements[element as usize];
+        let middle = |edge| match self.middle_on(own, edge) {
+            Some(place) => Some(own.vertex(place)),
+            None => self.middles.get(&sorted(edge)).copied(),
+        };
+        if self.order != Order::TenNodes {
+            return vec![[a, b, c]];
+        }
+        match [[a, b], [b, c], [c, a]].map(middle) {
+            [None, None, None] => vec![[a, b, c]],
+            [Some(x), None, None] => vec![[a, x, c], [x, b, c]],
+            [None, Some(y), None] => vec![[b, y, a], [y, c, a]],
+            [None, None, Some(z)] => vec![[c, z, b], [z, a, b]],
+            [Some(x), Some(y), None] => vec![[x, b, y], [a, x, y], [a, y, c]],
+            [None, Some(y), Some(z)] => vec![[y, c, z], [b, y, z], [b, z, a]],
+            [Some(x), None, Some(z)] => vec![[z, a, x], [c, z, x], [c, x, b]],
+            [Some(x), Some(y), Some(z)] => vec![[a, x, z], [b, y, x], [c, z, y], [x, y, z]],
         }
     }
 
@@ -399,7 +471,7 @@ impl Material {
         let first = self.points.len() as u32;
         for Mark { edge, at, .. } in &stroke.marks {
             let [a, b] = edge.map(|p| self.points[p as usize]);
-            self.points.push(Point::between(&a, &b, *at));
+            self.points.push(Point::mean([(&a, 1.0 - at), (&b, *at)]));
         }
         let new = |edge: &[u32; 2]| stroke.marks.binary_search_by_key(edge, |m| m.edge).ok();
         let mut is_end = vec![false; first as usize];
@@ -455,6 +527,7 @@ impl Material {
             self.bind(&opened, glue);
         }
         self.part_points(uncut.points);
+        self.add_middles();
         self.uncut = Some(uncut);
         let origins = self.part_nodes(&touched);
         match self.order {
@@ -494,6 +567,28 @@ impl Material {
         for (cell, from, to) in moves {
             let corners = &mut self.cells[cell as usize].corners;
             corners.iter_mut().filter(|p| **p == from).for_each(|p| *p = to);
+        }
+    }
+
+    /// Adds points in the middles of edges of wounds through ten-node tetrahedra.
+    fn add_middles(&mut self) {
+        if self.order != Order::TenNodes {
+            return;
+        }
+        let mut edges = BTreeSet::new();
+        for cell in &self.cells {
+            let element = &self.elements[cell.element as usize];
+            for [a, b, c] in (0..4).filter(|&i| cell.wound[i]).map(|i| cell.face(i)) {
+                let own = [[a, b], [b, c], [c, a]].map(sorted);
+                edges.extend(own.into_iter().filter(|edge| {
+                    !self.middles.contains_key(edge) && self.middle_on(element, *edge).is_none()
+                }));
+            }
+        }
+        for edge in edges {
+            let [a, b] = edge.map(|p| self.points[p as usize]);
+            self.middles.insert(edge, self.points.len() as u32);
+            self.points.push(Point::mean([(&a, 0.5), (&b, 0.5)]));
         }
     }
 
@@ -571,23 +666,27 @@ impl Material {
         own.into_keys().chain(copies..self.elements.len() as u32).collect()
     }
 
-    /// Glues triangles that were opened, by the cells on either side.
+    /// Glues triangles, or lines, that were opened, by the cells on either side.
     fn bind(&mut self, opened: &[([u32; 3], [usize; 2])], glue: Gluing) {
+        let is_line = self.order == Order::Triangles;
+        let samples: Vec<&[f64]> = match is_line {
+            true => LINE_SAMPLES.iter().map(|part| &part[..]).collect(),
+            false => SAMPLES.iter().map(|part| &part[..]).collect(),
+        };
         for &(face, cells) in opened {
             let sides = cells.map(|cell| self.cells[cell].element);
             if sides[0] == sides[1] {
                 continue;
             }
-            let places = face.map(|p| self.points[p as usize]);
-            let source = self.elements[sides[0] as usize];
-            let stiffness = glue(source.source, places);
-            let corners = places.map(|place| place.weights_in(source.vertices));
-            for part in SAMPLES {
-                let weight = |i: usize| (0..3).map(|k| part[k] * corners[k][i]).sum::<f64>();
-                let weights = [0, 1, 2, 3].map(weight);
-                let place = Point { vertices: source.vertices, weights };
-                self.bonds.push(Bond { place, sides, stiffness });
-            }
+            // the corner that triangles do not have comes last
+            let real = if is_line { &face[..2] } else { &face[..] };
+            let corners: Vec<Point> = real.iter().map(|p| self.points[*p as usize]).collect();
+            let source = self.elements[sides[0] as usize].source;
+            let stiffness = glue(source, &corners) / samples.len() as f64;
+            self.bonds.extend(samples.iter().map(|part| {
+                let place = Point::mean(corners.iter().zip(part.iter().copied()));
+                Bond { place, sides, stiffness }
+            }));
         }
     }
 
@@ -608,19 +707,24 @@ impl Material {
             }
         }
         let inside = |place: &Point, cell: &Cell| {
-            let vertices = self.elements[cell.element as usize].vertices;
-            let at = |point: &Point| {
-                let [_, x, y, z] = point.weights_in(vertices);
-                DVec3::new(x, y, z)
+            let element = &self.elements[cell.element as usize];
+            let at = |point: &Point| match self.order {
+                Order::Hexahedra => hexahedra::local(&element.all_vertices(), point),
+                _ => {
+                    let [_, x, y, z] = point.weights_in(element.vertices);
+                    DVec3::new(x, y, z)
+                }
             };
-            let corners = cell.corners.map(|p| at(&self.points[p as usize]));
-            let shares = shares(corners, at(place));
+            // beside a triangle there is nothing
+            let beside = |p: u32| if p == NONE { DVec3::Z } else { at(&self.points[p as usize]) };
+            let shares = shares(cell.corners.map(beside), at(place));
             shares.map_or(f64::NEG_INFINITY, |own| own.into_iter().fold(f64::INFINITY, f64::min))
         };
-        for Bond { place, sides, .. } in &mut self.bonds {
-            for side in sides {
+        for bond in &mut self.bonds {
+            for side in &mut bond.sides {
                 let own = parts.get(side).into_iter().flatten();
-                let best = own.max_by(|a, b| inside(place, a).total_cmp(&inside(place, b)));
+                let best =
+                    own.max_by(|a, b| inside(&bond.place, a).total_cmp(&inside(&bond.place, b)));
                 *side = best.map_or(*side, |cell| cell.element);
             }
         }

@@ -7,7 +7,7 @@
 //!
 //! What can be cut: bodies of linear tetrahedra, with axes, fibres and muscles, with clusters of volume and with membranes on their
 //! faces; bodies of ten-node tetrahedra with straight sides; bodies of hexahedra with full integration; bodies that are a membrane of
-//! triangles alone. Not membranes beside the faces of a body and those that bend or have fibres, two kinds of solid elements in one
+//! triangles alone. Not membranes beside the faces of a body and those that bend, two kinds of solid elements in one
 //! body, axes in elements with Gauss points, hexahedra that are filled in part, pooled springs and models of springs.
 //!
 //! - The vertices of the mesh stay where they are and mean what they meant: constraints, loads, pulls and lists of positions
@@ -79,7 +79,7 @@ use std::time::Duration;
 use self::columns::{Changed, points_of};
 use self::faces::Sheet;
 pub use self::fine::{FineSurface, carries_surface, carry_surface, drop_surface};
-use self::material::{Element, Material, NONE, Order};
+use self::material::{Element, Material, Order};
 pub use self::skin::{
     MaterialSkin, cut_material, is_cut, node_places, node_velocities, update_skin,
 };
@@ -336,9 +336,6 @@ fn sheet_problem(kinds: &[ElementKind], order: Order, soft: &SoftBody) -> Option
         }
         () if sheet.is_some_and(|m| m.bending.is_some()) => {
             "bending of its membrane has no share of an area; build that without bending"
-        }
-        () if !soft.sheet_fibres.is_empty() => {
-            "fibres of its membrane have no share of an area; build that without fibres"
         }
         () => return None,
     })
@@ -609,7 +606,7 @@ fn divide<S: Scalar>(
     let elements = (&before.elements[..], &material);
     let rest = &rest_of(world, body);
     let (rows, numbers) = (&new, &changed[..]);
-    let sheets = (&sheets[..], soft.as_ref().and_then(|soft| soft.membrane));
+    let sheets = (&before.sheets[..], &sheets[..], soft.as_ref().and_then(|soft| soft.membrane));
     columns::write::<S>(world, Changed { rows, own, elements, numbers, sheets, points, rest });
     own.material = Some(Arc::new(material));
     partition_laws::<S>(world);
@@ -906,7 +903,7 @@ pub(crate) struct CutFaces {
 /// What a body shows where its elements are not whole; `None` before it is cut.
 pub(crate) fn cut_faces(world: &World, body: usize) -> Option<CutFaces> {
     let own = world.get_resource::<Resection>()?.bodies.get(body)?.as_ref()?;
-    own.material.as_ref().filter(|material| material.order.is_linear())?;
+    own.material.as_ref()?;
     let material = material_of(world, body, own);
     let rows = &world.resource::<Topology>().bodies[body];
     let first = rows.row_count() as u32;
@@ -916,27 +913,32 @@ pub(crate) fn cut_faces(world: &World, body: usize) -> Option<CutFaces> {
     material.cells.iter().for_each(|cell| cells[cell.element as usize] += 1);
     let mut divided = vec![false; cells.len()];
     for (e, cells) in (0..).zip(cells) {
-        divided[row(e) as usize] = cells > 1 || !rows.is_whole(kind, row(e));
+        divided[row(e) as usize] =
+            cells as usize > material.order.cells() || !rows.is_whole(kind, row(e));
     }
     let mut points = vec![SurfacePoint::default(); material.points.len() - rows.mesh_vertices()];
     let (mut triangles, mut wounds) = (Vec::new(), 0);
     let mut skin = material.skin_of(|cell| divided[row(cell.element) as usize]);
     skin.sort_by_key(|(_, _, wound)| !wound);
     for (face, cell, wound) in skin {
-        let element = &material.elements[material.cells[cell as usize].element as usize];
-        wounds += usize::from(wound);
-        // the corner that a triangle does not have has no weight
-        let node = |i: usize| element.nodes[if element.nodes[i] == NONE { 0 } else { i }];
-        let nodes = [0, 1, 2, 3].map(|i| row_of(rows, node(i)));
-        triangles.push(face.map(|point| match point.checked_sub(material.vertices) {
+        let number = material.cells[cell as usize].element;
+        let element = &material.elements[number as usize];
+        let mut corner = |point: u32| match point.checked_sub(material.vertices) {
             // whoever holds a vertex is moved by it
             None => row_of(rows, point),
             Some(made) => {
-                let weights = material.points[point as usize].weights_in(element.vertices);
-                points[made as usize] = SurfacePoint { rows: nodes, weights };
+                let mut own = SurfacePoint::default();
+                let held = material.held_by(element, &material.points[point as usize]);
+                for (k, (i, weight)) in held.enumerate() {
+                    (own.rows[k], own.weights[k]) = (row_of(rows, element.node(i)), weight);
+                }
+                points[made as usize] = own;
                 first + made
             }
-        }));
+        };
+        let own = material.with_middles(face, number);
+        wounds += if wound { own.len() } else { 0 };
+        triangles.extend(own.into_iter().map(|face| face.map(&mut corner)));
     }
     Some(CutFaces { points, triangles, wounds, kind, divided })
 }

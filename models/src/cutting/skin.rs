@@ -35,9 +35,9 @@ pub struct MaterialSkin {
     /// Whether each was laid open by a cut.
     pub wound: Vec<bool>,
     /// Number of the solid element or copy behind each, of a membrane alone of the triangle that it is of.
-    pub tetrahedra: Vec<u32>,
-    /// Tetrahedra of points that fill what is left of those that cuts parted, with the number of each or of its copy; none where elements
-    /// are no linear tetrahedra.
+    pub elements: Vec<u32>,
+    /// Tetrahedra of points that fill what is left of elements that cuts parted, with the number of each or of its copy. Their edges are
+    /// straight.
     pub cells: Vec<([u32; 4], u32)>,
     /// Nodes of every point.
     pub nodes: Vec<[u32; 4]>,
@@ -95,9 +95,9 @@ impl MaterialSkin {
     }
 }
 
-/// Whether a body of linear tetrahedra, or of a membrane alone, was cut: its material is no longer that of its elements, and is drawn.
+/// Whether a body was cut: its material is no longer that of its elements, and is drawn.
 pub fn is_cut(world: &World, body: usize) -> bool {
-    cut_material(world, body).is_some_and(|material| material.order.is_linear())
+    cut_material(world, body).is_some()
 }
 
 /// The material of a body that was cut, with that of elements that were removed since.
@@ -182,12 +182,14 @@ fn build(
         if !wound && outside.as_ref().is_some_and(|outside| lies_on(&material, face, outside)) {
             continue;
         }
-        let triangle = face.map(|point| place(skin, element, wound, point));
-        skin.triangles.push(triangle);
-        skin.wound.push(wound);
-        skin.tetrahedra.push(element);
+        for face in material.with_middles(face, element) {
+            let triangle = face.map(|point| place(skin, element, wound, point));
+            skin.triangles.push(triangle);
+            skin.wound.push(wound);
+            skin.elements.push(element);
+        }
     }
-    let solid = material.cells.iter().filter(|_| material.order == Order::Linear);
+    let solid = material.cells.iter().filter(|_| material.order != Order::Triangles);
     for cell in solid {
         if material.is_parted(cell.element) {
             let corners = cell.corners.map(|point| place(skin, cell.element, true, point));

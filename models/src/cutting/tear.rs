@@ -167,7 +167,7 @@ pub fn check_tear(world: &mut World, tear: &Tear) -> Result<Tear, CutError> {
     if film.is_none() && soft.membrane.is_some() {
         return refuse("what its membrane bears is not known; build it without".into());
     }
-    if soft.axes.is_some() {
+    if soft.axes.is_some() || !soft.sheet_fibres.is_empty() {
         return refuse(
             "the stress of its axes and fibres is not known; take a model without".into(),
         );

@@ -72,7 +72,7 @@ pub struct ContactBlocks {
 }
 
 /// Most vertex rows of a point between bodies: those of an element on either side, where both were cut.
-pub const COUPLED: usize = 8;
+pub const COUPLED: usize = 20;
 
 /// A point of several rows: it adds the blocks `w_a w_b (C + s s^T)`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -81,6 +81,8 @@ pub struct Coupling {
     pub rows: [u32; COUPLED],
     /// Their shares, 0 for unused ones.
     pub weights: [f64; COUPLED],
+    /// Number of the used ones, which come first.
+    pub count: u32,
     /// `C` (N/m).
     pub block: DMat3,
     /// `s`: the normal times the root of the stiffness along it (N/m)^(1/2).
@@ -98,13 +100,15 @@ impl Coupling {
             weights[at] += weight;
         }
         let first = rows[0];
+        let count = rows.iter().filter(|row| **row != u32::MAX).count() as u32;
         rows.iter_mut().filter(|row| **row == u32::MAX).for_each(|row| *row = first);
-        Self { rows, weights, block, stiff }
+        Self { rows, weights, count, block, stiff }
     }
 
     /// Rows that it uses, with their shares.
     pub fn used(&self) -> impl Iterator<Item = (u32, f64)> + '_ {
-        self.rows.iter().copied().zip(self.weights).filter(|(_, weight)| *weight != 0.0)
+        let all = self.rows.iter().copied().zip(self.weights).take(self.count as usize);
+        all.filter(|(_, weight)| *weight != 0.0)
     }
 
     /// `C + s s^T`.
@@ -343,7 +347,7 @@ impl ContactSet {
             rows.extend(used.map(|(row, w)| (row, w * point.area * point.k, w * damping)));
             if let Against::Faces(range) = &point.against {
                 let faces = self.faces[range.clone()].iter().flat_map(|face| face.rows);
-                let faces = faces.flat_map(|of| self.made.rows(of));
+                let faces = faces.flat_map(|of| self.made.rows(of)).filter(|(_, w)| *w > 0.0);
                 rows.extend(faces.map(|(row, w)| (row, w * point.area * point.k, 0.0)));
             }
         }

@@ -5,7 +5,7 @@ use crate::point::outer;
 use crate::standing::encloses;
 use glam::{DMat3, DVec3};
 use sinew_engine::row::VertexRow;
-use sinew_engine::surface::{BodySurface, SurfacePoint};
+use sinew_engine::surface::BodySurface;
 
 /// Vertices per box of the broad phase. Vertex order is local, so a block is a patch.
 const BLOCK: usize = 64;
@@ -17,8 +17,10 @@ const MADE: u32 = 1 << 31;
 #[derive(Clone, Debug)]
 pub(crate) struct MadePoints {
     first: u32,
-    /// Rows of each and their shares.
-    shares: Vec<([VertexRow; 4], [f64; 4])>,
+    /// Where those of each start in `shares`; one more than points.
+    start: Vec<u32>,
+    /// Rows of all and their shares.
+    shares: Vec<(VertexRow, f64)>,
 }
 
 impl Default for MadePoints {
@@ -30,22 +32,27 @@ impl Default for MadePoints {
 impl MadePoints {
     /// None, in a world of so many rows.
     pub fn none(rows: usize) -> Self {
-        Self { first: rows as u32, shares: Vec::new() }
+        Self { first: rows as u32, start: vec![0], shares: Vec::new() }
     }
 
     /// Adds those of a body with this first row; the number of the first of them.
     pub fn push(&mut self, surface: &BodySurface, first: VertexRow) -> u32 {
-        let from = self.first + self.shares.len() as u32;
-        let of = |p: &SurfacePoint| (p.rows.map(|row| VertexRow(row + first.0)), p.weights);
-        self.shares.extend(surface.points.iter().map(of));
+        let from = self.first + self.start.len() as u32 - 1;
+        for point in &surface.points {
+            self.shares.extend(point.shares().map(|(row, own)| (VertexRow(row + first.0), own)));
+            self.start.push(self.shares.len() as u32);
+        }
         from
     }
 
     /// Rows that a row or point is a mean of, with their shares.
     pub fn rows(&self, of: VertexRow) -> impl Iterator<Item = (VertexRow, f64)> {
-        let made = of.0.checked_sub(self.first).and_then(|made| self.shares.get(made as usize));
-        let (rows, weights) = made.copied().unwrap_or(([of; 4], [1.0, 0.0, 0.0, 0.0]));
-        rows.into_iter().zip(weights).filter(|(_, weight)| *weight != 0.0)
+        let range = of.0.checked_sub(self.first).and_then(|made| {
+            let ends = self.start.get(made as usize..made as usize + 2)?;
+            Some(ends[0] as usize..ends[1] as usize)
+        });
+        let alone = range.is_none().then_some((of, 1.0));
+        self.shares[range.unwrap_or(0..0)].iter().copied().chain(alone)
     }
 
     /// Calls `f` with all rows that some rows and points with their shares are means of; one may come several times.

@@ -135,6 +135,12 @@ impl BuiltBody {
         }
     }
 
+    /// Kind of its solid elements, if it is of one; none of a membrane alone.
+    pub fn solid_kind(&self) -> Option<ElementKind> {
+        let kinds = [ElementKind::Tetrahedron, ElementKind::Hexahedron];
+        kinds.into_iter().find(|kind| self.element_count(*kind) > 0)
+    }
+
     /// Elements of a kind that are left and no cut parted, by their indices in the mesh.
     pub fn whole(&self, simulation: &Simulation, kind: ElementKind) -> Vec<u32> {
         let rows = &simulation.topology().bodies[self.handle.0];

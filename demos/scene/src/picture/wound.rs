@@ -5,7 +5,6 @@ use super::boundary::Face;
 use super::measure::Parted;
 use crate::assemble::BuiltBody;
 use glam::DVec3;
-use sinew::engine::connectivity::ElementKind;
 use sinew::models::cutting::{MaterialSkin, cut_material};
 use sinew::simulation::Simulation;
 use std::collections::BTreeSet;
@@ -30,18 +29,18 @@ impl Wound {
         self.fixed = self.vertices + carried.map_or(0, |carried| carried.points.len());
         simulation.update_skin(body.handle, &mut self.skin).ok()?;
         let material = cut_material(simulation.world(), body.handle.0);
-        let of_tetrahedra = !body.mesh.tetrahedra.is_empty();
+        let kind = body.solid_kind();
         // what cuts parted has no shape of its own that vertices of the mesh would tell
         let is_whole = |vertices: &[u32; 3], e: u32| {
             let is_parted = material.is_some_and(|material| material.is_parted(e));
-            of_tetrahedra && !is_parted && vertices.iter().all(|&v| (v as usize) < self.vertices)
+            !is_parted && vertices.iter().all(|&v| (v as usize) < self.vertices)
         };
         let face = |(&vertices, &e): (&[u32; 3], &u32)| Face {
             vertices,
-            element: is_whole(&vertices, e).then_some((ElementKind::Tetrahedron, e)),
+            element: kind.filter(|_| is_whole(&vertices, e)).map(|kind| (kind, e)),
             second: false,
         };
-        Some(self.skin.triangles.iter().zip(&self.skin.tetrahedra).map(face).collect())
+        Some(self.skin.triangles.iter().zip(&self.skin.elements).map(face).collect())
     }
 
     /// Where a point is among those recorded, if a cut made it.
@@ -82,13 +81,12 @@ impl Wound {
         };
         let rest = |&vertex: &u32| body.mesh.points[vertex as usize];
         u.extend(at[self.vertices..].iter().zip(&material.ghosts).map(|(x, of)| *x - rest(of)));
-        // of linear tetrahedra those that fill what is left of them, of others those behind its outside
-        let kind = solid_kind(body);
-        let is_linear = kind.is_some() && !self.skin.is_curved();
+        // of solid elements those that fill what is left of them, of a membrane alone its triangles
+        let kind = body.solid_kind();
         let solid = self.skin.cells.iter().map(|(_, e)| *e);
-        let others = self.skin.tetrahedra.iter().copied().filter(|_| !is_linear);
-        let is_parted = |e: &u32| is_linear || material.is_parted(*e);
-        let pieces: BTreeSet<u32> = solid.chain(others).filter(is_parted).collect();
+        let sheets = self.skin.elements.iter().copied().filter(|_| kind.is_none());
+        let is_parted = |e: &u32| kind.is_some() || material.is_parted(*e);
+        let pieces: BTreeSet<u32> = solid.chain(sheets).filter(is_parted).collect();
         let size = material.order.size();
         let parted = |e: u32| {
             let element = &material.elements[e as usize];
@@ -103,10 +101,4 @@ impl Wound {
         };
         pieces.into_iter().map(parted).collect()
     }
-}
-
-/// Kind of the solid elements of a body; `None` of a membrane alone.
-fn solid_kind(body: &BuiltBody) -> Option<ElementKind> {
-    let kinds = [ElementKind::Tetrahedron, ElementKind::Hexahedron];
-    kinds.into_iter().find(|kind| body.mesh.count(*kind) > 0)
 }

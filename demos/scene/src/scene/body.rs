@@ -67,7 +67,7 @@ pub struct BodyEntry {
     /// Vertices kept for what cuts make of the body; without, as many as a few planes across it need where the scene cuts it.
     pub spare: Option<u32>,
     /// Stiffness of what holds wounds closed that a blade has not come to yet, in Young's moduli over the mean edge of the mesh; none
-    /// without. Linear tetrahedra.
+    /// without.
     #[serde(default)]
     pub glue: f64,
     /// Under how much tension it tears. Dynamic scenes.

@@ -120,25 +120,6 @@ impl ContactSet {
         if versions.iter().enumerate().all(known) {
             return Ok(());
         }
-        let touched = |body: usize| {
-            let pair = self.pairs.iter().find(|pair| pair.of.bodies.contains(&body));
-            pair.map(|pair| &pair.of.name).or(self.tools.first().map(|tool| &tool.name))
-        };
-        let other = |own: &BodyRows| {
-            let curved = !own.tetrahedra10().is_empty() || !own.hexahedra().is_empty();
-            !own.copies.sources.is_empty() && curved
-        };
-        let cut = topology.bodies.iter().enumerate().find(|(_, own)| other(own));
-        if let Some((body, own)) = cut
-            && let Some(name) = touched(body)
-        {
-            let problem = format!(
-                "body `{}` was cut, and wounds of elements with Gauss points have no contact: take tools and its \
-                 contacts away, or remove elements in place of cuts",
-                own.name
-            );
-            return Err(StepError::InvalidContact { name: name.clone(), problem });
-        }
         self.fitted = false;
         // new faces may be nearer than those that went
         self.kept.pairs.values_mut().for_each(|state| state.clear = 0.0);
