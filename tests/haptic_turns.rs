@@ -2,10 +2,14 @@
 
 #![allow(clippy::print_stdout, reason = "figures beside their bars are shown")]
 
-use crate::haptics::block;
+use crate::common::random_numbers;
+use crate::haptics::{block, block_with};
 use allocation_counter::measure;
 use glam::{DMat3, DQuat, DVec3};
-use sinew::haptics::{DeviceMotion, Feedback, HapticDevice, HapticOptions, HapticTissue};
+use sinew::engine::mesh::generate::box_tets;
+use sinew::haptics::{
+    DeviceMotion, Feedback, HapticDevice, HapticOptions, HapticReport, HapticTissue,
+};
 use sinew::prelude::*;
 
 /// A cycle of the device (s).
@@ -43,45 +47,111 @@ fn the_local_model_is_what_equilibria_differ_by() {
             (DVec3::new(0.0, 0.01, -0.01), DVec3::new(-0.4, 0.0, 0.3)),
         ];
         for (x, turn) in places {
-            let found = settle(x, turn).compliance;
-            assert!(found.solved && !found.with_inertia, "{found:?}");
-            // about axes of the world
-            let turned = |by: DVec3| {
-                (DQuat::from_scaled_axis(by) * DQuat::from_scaled_axis(turn)).to_scaled_axis()
-            };
-            // of the way of the patch's rim about as much as that of the hand
-            let (step, angle) = (2e-4, 0.01);
-            let mut worst = [[0.0_f64; 2]; 2];
-            let mut size = worst;
-            for axis in 0..6 {
-                let (kind, e) = (axis / 3, DVec3::AXES[axis % 3]);
-                let h = [step, angle][kind];
-                let mut side = |sign: f64| match kind {
-                    0 => settle(x + sign * h * e, turn),
-                    _ => settle(x, turned(sign * h * e)),
-                };
-                let [plus, minus] = [side(1.0), side(-1.0)];
-                let exact = [plus.force - minus.force, plus.torque - minus.torque];
-                for (row, exact) in exact.map(|change| -change / (2.0 * h)).into_iter().enumerate()
-                {
-                    let own: DMat3 = found.stiffness[row][kind];
-                    let off = own.col(axis % 3).distance(exact);
-                    worst[row][kind] = worst[row][kind].max(off);
-                    size[row][kind] = size[row][kind].max(exact.length());
-                }
-            }
-            println!(
-                "{precision:?} at {x}, {turn}: off {worst:?} of {size:?}, {} iterations",
-                found.iterations
-            );
-            // of what forces and torques of the same work have: couplings of both may be as good as nothing
-            for row in 0..2 {
-                for kind in 0..2 {
-                    let whole = (size[row][row] * size[kind][kind]).sqrt();
-                    assert!(worst[row][kind] < 0.01 * whole, "{precision:?} at {x}, {turn}");
-                }
-            }
-            assert!(size[0][0] > 50.0 && size[1][1] > 5e-3, "{size:?}");
+            check_model(&mut settle, x, turn, &format!("{precision:?}"));
+        }
+    }
+}
+
+/// Differences of equilibria about a place (m) and turn (rad) of the hand against the model there, within a hundredth.
+fn check_model(
+    settle: &mut dyn FnMut(DVec3, DVec3) -> HapticReport,
+    x: DVec3,
+    turn: DVec3,
+    what: &str,
+) {
+    let found = settle(x, turn).compliance;
+    assert!(found.solved && !found.with_inertia, "{found:?}");
+    // about axes of the world
+    let turned =
+        |by: DVec3| (DQuat::from_scaled_axis(by) * DQuat::from_scaled_axis(turn)).to_scaled_axis();
+    // of the way of the patch's rim about as much as that of the hand
+    let (step, angle) = (2e-4, 0.01);
+    let mut worst = [[0.0_f64; 2]; 2];
+    let mut size = worst;
+    for axis in 0..6 {
+        let (kind, e) = (axis / 3, DVec3::AXES[axis % 3]);
+        let h = [step, angle][kind];
+        let mut side = |sign: f64| match kind {
+            0 => settle(x + sign * h * e, turn),
+            _ => settle(x, turned(sign * h * e)),
+        };
+        let [plus, minus] = [side(1.0), side(-1.0)];
+        let exact = [plus.force - minus.force, plus.torque - minus.torque];
+        for (row, exact) in exact.map(|change| -change / (2.0 * h)).into_iter().enumerate() {
+            let own: DMat3 = found.stiffness[row][kind];
+            let off = own.col(axis % 3).distance(exact);
+            worst[row][kind] = worst[row][kind].max(off);
+            size[row][kind] = size[row][kind].max(exact.length());
+        }
+    }
+    println!("{what} at {x}, {turn}: off {worst:?} of {size:?}, {} iterations", found.iterations);
+    // of what forces and torques of the same work have: couplings of both may be as good as nothing
+    for row in 0..2 {
+        for kind in 0..2 {
+            let whole = (size[row][row] * size[kind][kind]).sqrt();
+            assert!(worst[row][kind] < 0.01 * whole, "{what} at {x}, {turn}");
+        }
+    }
+    assert!(size[0][0] > 50.0 && size[1][1] > 5e-3, "{size:?}");
+}
+
+/// Right through the block beside the middle of the patch, from above to 15 mm over the table: it parts what the hand holds.
+const BLADE: [[DVec3; 2]; 2] = [
+    [DVec3::new(0.0657, -0.05, 0.2), DVec3::new(0.0613, -0.05, 0.015)],
+    [DVec3::new(0.0657, 0.2, 0.2), DVec3::new(0.0613, 0.2, 0.015)],
+];
+
+/// Before and after a cut through the patch, and with a tool that the tissue touches.
+#[test]
+fn the_local_model_knows_cuts_and_contacts() {
+    let places = [
+        (DVec3::ZERO, DVec3::ZERO),
+        (DVec3::new(0.003, -0.002, 0.004), DVec3::new(0.1, 0.05, -0.15)),
+    ];
+    let whole = {
+        let (mut simulation, mut tissue, mut device, _) =
+            turning(Precision::F64, Integrator::QuasiStatic);
+        device.exchange_pose(&at(DVec3::ZERO, DVec3::ZERO), TICK);
+        tissue.step(&mut simulation).unwrap().compliance
+    };
+    for precision in [Precision::F64, Precision::F32] {
+        let (mut simulation, body, patch) =
+            block_with(600, precision, Integrator::QuasiStatic, true);
+        let options = HapticOptions { turns: true, ..HapticOptions::new(body, patch) };
+        let (mut tissue, mut device) = simulation.haptic_handle(options).unwrap();
+        let mut settle = |x: DVec3, turn: DVec3| {
+            device.exchange_pose(&at(x, turn), TICK);
+            tissue.step(&mut simulation).unwrap()
+        };
+        check_model(&mut settle, DVec3::ZERO, DVec3::ZERO, &format!("first, {precision:?}"));
+        assert!(simulation.cut(body, &BLADE).unwrap().copies.len() > 50);
+        let mut settle = |x: DVec3, turn: DVec3| {
+            device.exchange_pose(&at(x, turn), TICK);
+            tissue.step(&mut simulation).unwrap()
+        };
+        for (x, turn) in places {
+            check_model(&mut settle, x, turn, &format!("cut, {precision:?}"));
+        }
+        let open = settle(DVec3::ZERO, DVec3::ZERO).compliance;
+        let change = (open.stiffness[1][1] - whole.stiffness[1][1]).y_axis.length();
+        assert!(change > 0.02 * whole.stiffness[1][1].y_axis.length(), "{open:?} {whole:?}");
+    }
+    for precision in [Precision::F64, Precision::F32] {
+        let (mut simulation, body, patch) = block(precision, Integrator::QuasiStatic, true);
+        let options = HapticOptions { turns: true, ..HapticOptions::new(body, patch) };
+        let (mut tissue, mut device) = simulation.haptic_handle(options).unwrap();
+        // 4 mm into its side, below the patch
+        let ball = Shape::Sphere { radius: 0.02 };
+        let ball = Tool::new("ball", ball, DVec3::new(0.136, 0.06, 0.045));
+        let ball = simulation.add_tool(ball).unwrap();
+        let mut settle = |x: DVec3, turn: DVec3| {
+            device.exchange_pose(&at(x, turn), TICK);
+            let report = tissue.step(&mut simulation).unwrap();
+            assert!(simulation.tool_report(ball).unwrap().force.length() > 0.05);
+            report
+        };
+        for (x, turn) in places {
+            check_model(&mut settle, x, turn, &format!("touched, {precision:?}"));
         }
     }
 }
@@ -94,13 +164,19 @@ struct Turner {
     spin: DVec3,
     late: std::collections::VecDeque<DVec3>,
     measured: (DQuat, DVec3),
+    /// Where somebody moves it (m), and how fast (m/s).
+    moved: [DVec3; 2],
+    /// Stiffness (N m) and damping (N m s) of a hand, and the turn (rad) that it wants.
+    hand: ([f64; 2], DVec3),
 }
 
 impl Turner {
     fn new(inertia: f64, damping: f64, delay: usize) -> Self {
         let late = vec![DVec3::ZERO; delay].into();
         let measured = (DQuat::IDENTITY, DVec3::ZERO);
-        Self { inertia, damping, rotation: DQuat::IDENTITY, spin: DVec3::ZERO, late, measured }
+        let (moved, hand) = ([DVec3::ZERO; 2], ([0.0; 2], DVec3::ZERO));
+        let (rotation, spin) = (DQuat::IDENTITY, DVec3::ZERO);
+        Self { inertia, damping, rotation, spin, late, measured, moved, hand }
     }
 
     /// A cycle; where somebody holds it, it stays there.
@@ -116,13 +192,16 @@ impl Turner {
         let rate = (read * before.inverse()).to_scaled_axis() / TICK;
         let spin = spin + (1.0 - (-1.0_f64).exp()) * (rate - spin);
         self.measured = (read, spin);
-        let motion = DeviceMotion { rotation: read, angular_velocity: spin, ..Default::default() };
+        let [position, velocity] = self.moved;
+        let motion = DeviceMotion { position, velocity, rotation: read, angular_velocity: spin };
         let felt = handle.exchange_pose(&motion, TICK);
         self.late.push_back(felt.torque);
         let torque = self.late.pop_front().unwrap_or_default();
         let h = TICK / 20.0;
+        let ([stiffness, damping], wish) = self.hand;
         for _ in 0..if held.is_some() { 0 } else { 20 } {
-            self.spin += h / self.inertia * (torque - self.damping * self.spin);
+            let hand = stiffness * (wish - self.rotation.to_scaled_axis()) - damping * self.spin;
+            self.spin += h / self.inertia * (torque + hand - self.damping * self.spin);
             self.rotation = DQuat::from_scaled_axis(h * self.spin) * self.rotation;
         }
         felt
@@ -162,6 +241,124 @@ fn a_device_that_is_let_go_comes_to_rest() {
         assert!(late < 2e-3 * turn.length(), "{late} rad");
         assert!(least >= -1e-4, "{least} J");
         assert!(felt.force.is_finite() && !felt.flags.bad_input);
+    }
+}
+
+/// A hand that moves and turns a device at random, at so many steps a second with one of latency; `at` is called before each step.
+/// Nothing becomes anything but a number, and the device gets no energy.
+fn at_random(
+    (mut simulation, mut tissue, mut handle): (Simulation, HapticTissue, HapticDevice),
+    rate: u64,
+    what: &str,
+    at: &mut dyn FnMut(u64, &mut Simulation),
+) {
+    simulation.set_dt(1.0 / rate as f64);
+    let mut next = random_numbers(11);
+    let mut chance = move || DVec3::from([0; 3].map(|_| next(2001) as f64 * 1e-3 - 1.0));
+    let mut device = Turner::new(1e-5, 1e-5, 1);
+    // as stiff as a hand of 100 N/m at 1 cm
+    device.hand.0 = [1e-2, 2e-4];
+    let (mut aim, mut turn, mut steps) = (DVec3::ZERO, DVec3::ZERO, None);
+    let (mut least, mut peak, mut furthest) = (0.0_f64, [0.0_f64; 2], 0.0_f64);
+    for tick in 0..10_000 {
+        if tick % 200 == 0 {
+            (aim, turn) = (0.008 * chance(), 0.5 * chance());
+        }
+        device.hand.1 += (turn - device.hand.1) * (TICK / 0.06);
+        let way = (aim - device.moved[0]) * (TICK / 0.06);
+        device.moved = [device.moved[0] + way, way / TICK];
+        let due = tick * rate / 1000;
+        if steps != Some(due) {
+            if steps.is_some() {
+                tissue.after_step(&mut simulation).unwrap();
+            }
+            at(due, &mut simulation);
+            tissue.before_step(&mut simulation).unwrap();
+            simulation.step().unwrap();
+            steps = Some(due);
+        }
+        let felt = device.go(None, &mut handle);
+        least = least.min(felt.energy);
+        peak = [peak[0].max(felt.force.length()), peak[1].max(felt.torque.length())];
+        furthest = furthest.max(device.rotation.to_scaled_axis().length());
+        assert!(felt.force.is_finite() && felt.torque.is_finite(), "{what}: {felt:?}");
+        assert!(felt.energy.is_finite() && !felt.flags.bad_input, "{what}: {felt:?}");
+    }
+    let felt = handle.felt();
+    println!(
+        "{what}, {rate}: least {least:.2e} J, end {:.2e} J, peaks {peak:?}, furthest {furthest:.3} rad, dampings {}",
+        felt.energy, felt.dampings
+    );
+    assert!(simulation.positions(BodyHandle(0)).iter().all(|x| x.is_finite()));
+    assert!(peak[0] > 0.1 && peak[1] > 1e-3 && furthest > 0.1, "{what}: {peak:?} {furthest}");
+    assert!(least >= -1e-4, "{what}, {rate}: {least} J");
+}
+
+fn hold(
+    (mut simulation, body, patch): (Simulation, BodyHandle, Vec<u32>),
+) -> (Simulation, HapticTissue, HapticDevice) {
+    let options = HapticOptions { turns: true, ..HapticOptions::new(body, patch) };
+    let (tissue, device) = simulation.haptic_handle(options).unwrap();
+    (simulation, tissue, device)
+}
+
+#[test]
+fn a_device_that_turns_gets_no_energy_when_its_tissue_is_cut() {
+    for rate in [60, 100] {
+        let block = block_with(600, Precision::F64, Integrator::Safe, true);
+        let (body, mut copies) = (block.1, 0);
+        at_random(hold(block), rate, "cut", &mut |step, simulation| {
+            if step == 3 * rate {
+                copies = simulation.cut(body, &BLADE).unwrap().copies.len();
+            }
+        });
+        assert!(copies > 50, "{copies}");
+    }
+}
+
+/// Steps in which a thing that is touched feels nothing, and others.
+fn both(touched: &mut [u32; 2], force: Option<DVec3>) {
+    touched[usize::from(force.is_some_and(|force| force.length() > 1e-3))] += 1;
+}
+
+#[test]
+fn a_device_that_turns_gets_no_energy_beside_a_rigid_tool() {
+    for rate in [60, 100] {
+        let mut block = block(Precision::F64, Integrator::Safe, true);
+        let wall = Tool::ground("wall", DVec3::X * 0.1202, -DVec3::X).with_friction(0.3);
+        let (wall, mut touched) = (block.0.add_tool(wall).unwrap(), [0; 2]);
+        at_random(hold(block), rate, "touched", &mut |_, simulation| {
+            both(&mut touched, simulation.tool_report(wall).map(|own| own.force));
+        });
+        assert!(touched[0] > 20 && touched[1] > 20, "{touched:?}");
+    }
+}
+
+#[test]
+fn a_device_that_turns_gets_no_energy_beside_another_body() {
+    for rate in [60, 100] {
+        let mut block = block(Precision::F64, Integrator::Safe, true);
+        let mesh = box_tets(DVec3::new(0.05, 0.12, 0.06), [2, 5, 3]).unwrap();
+        let mesh = mesh.transformed(1.0, DQuat::IDENTITY, DVec3::X * 0.1202);
+        let (simulation, body) = (&mut block.0, block.1);
+        let other = BodyDescription::new("other", &mesh, preset("liver").unwrap().material);
+        let other = simulation.add_body(&other).unwrap();
+        let low = simulation.group_rows(other, &mesh, "z0").unwrap();
+        simulation.add_constraint(Constraint::hold("other", low));
+        let pair = simulation.add_body_contact(BodyContact::new("pair", [body, other]));
+        let mut touched = [0; 2];
+        at_random(hold(block), rate, "beside", &mut |_, simulation| {
+            both(&mut touched, simulation.body_contact_report(pair).map(|own| own.force));
+        });
+        assert!(touched[0] > 20 && touched[1] > 20, "{touched:?}");
+    }
+}
+
+#[test]
+fn a_device_that_turns_gets_no_energy_from_a_body_that_nothing_else_holds() {
+    for rate in [60, 100] {
+        let block = block(Precision::F64, Integrator::Safe, false);
+        at_random(hold(block), rate, "free", &mut |_, _| ());
     }
 }
 

@@ -46,6 +46,16 @@ pub fn block(
     integrator: Integrator,
     hold: bool,
 ) -> (Simulation, BodyHandle, Vec<u32>) {
+    block_with(0, precision, integrator, hold)
+}
+
+/// The same with vertices to spare for cuts.
+pub fn block_with(
+    spare: usize,
+    precision: Precision,
+    integrator: Integrator,
+    hold: bool,
+) -> (Simulation, BodyHandle, Vec<u32>) {
     let size = DVec3::new(0.12, 0.12, 0.06);
     let mesh = box_tets(size, [6, 6, 3]).unwrap();
     let options = SimulationOptions { precision, threads: 1, ..Default::default() };
@@ -53,6 +63,7 @@ pub fn block(
     let material = preset("liver").unwrap().material;
     let description = BodyDescription {
         model: Model::NeoHookean,
+        spare,
         ..BodyDescription::new("liver", &mesh, material)
     };
     let body = simulation.add_body(&description).unwrap();

@@ -60,6 +60,10 @@ pub struct PatchCompliance {
     pub iterations: u32,
 }
 
+/// Part of the residual to which systems are solved that begin from nothing: what is left of those is in soft directions, where it counts
+/// most. Without, models just after a cut were up to 1.6 % off.
+const COLD: f64 = 0.3;
+
 /// Finds the compliance of one pull step after step. It has a preconditioner of its own, since that of the steps belongs to
 /// another matrix, and since nobody who feels at a simulation is to change it.
 #[derive(Clone, Debug, Default)]
@@ -73,6 +77,8 @@ pub struct PatchSolver<S: Scalar> {
     supported: Option<(Vec<FixedAxes>, bool)>,
     /// The last solutions (m/m) and the forces (N/m) that they take, of the rows of the group.
     ways: Vec<Rows<S>>,
+    /// They are nothing yet, as at first and after a cut.
+    is_cold: bool,
     products: Vec<Rows<S>>,
     /// What was found last, if anything was.
     last: PatchCompliance,
@@ -129,7 +135,8 @@ impl<S: Scalar> PatchSolver<S> {
             });
             world.run_schedule(ForceSchedule);
             found.projected = kind == TangentKind::Projected;
-            let matrix = (blocks.as_ref(), with_inertia, tolerance);
+            let part = if self.is_cold { COLD } else { 1.0 };
+            let matrix = (blocks.as_ref(), with_inertia, part * tolerance);
             match self.solve(world, group, &forces, matrix, &mut found.iterations) {
                 Ok(work) => {
                     let new = found.of(&ends, &work, pull.stiffness);
@@ -137,14 +144,16 @@ impl<S: Scalar> PatchSolver<S> {
                     break;
                 }
                 Err(CgStatus::Indefinite) => {
-                    self.ways.iter_mut().for_each(|way| way.fill([S::ZERO; 4]))
+                    self.ways.iter_mut().for_each(|way| way.fill([S::ZERO; 4]));
+                    self.is_cold = true;
                 }
                 Err(_) => break,
             }
         }
         if found.solved {
-            (self.last, self.is_known) = (found, true);
+            (self.last, self.is_known, self.is_cold) = (found, true, false);
         } else {
+            self.is_cold = true;
             self.ways.iter_mut().for_each(|way| way.fill([S::ZERO; 4]));
         }
         found
@@ -157,6 +166,7 @@ impl<S: Scalar> PatchSolver<S> {
         if self.revision != Some(revision) {
             read_rest(world, &mut self.rest);
             self.ways.iter_mut().for_each(Vec::clear);
+            self.is_cold = true;
             (self.revision, self.supported) = (Some(revision), None);
         }
         // nothing but their inertia holds vertices without elements
