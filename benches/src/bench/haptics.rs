@@ -2,6 +2,8 @@
 //! comes to rest, and what it costs. The handle of the engine takes turns with the two ways that are usual: a spring in the
 //! step whose far end stays where it is between steps, and tissue that is held at a proxy whose reaction is fed back.
 
+mod turns;
+
 use crate::toolbox::aim::BenchAim;
 use crate::toolbox::meshes::{demo_mesh, refined};
 use crate::toolbox::prelude::*;
@@ -539,7 +541,7 @@ fn cost_table(rows: Vec<CostRow>) -> Table {
     )
 }
 
-/// Accuracy, closed loops and cost.
+/// Accuracy and closed loops, without turns and with them, and cost.
 ///
 /// # Errors
 /// When the liver cannot be read or stepped.
@@ -547,7 +549,9 @@ pub fn run(quick: bool, mut tell: impl FnMut(&str)) -> Result<(Vec<Table>, Vec<B
     let mesh = demo_mesh("liver.msh")?;
     let mut aims = Vec::new();
     let accuracy = accuracy(&mesh, &mut aims, &mut tell)?;
-    let closed = closed_loop(&mesh, if quick { 10 } else { 60 }, &mut aims, &mut tell)?;
+    let seconds = if quick { 10 } else { 60 };
+    let closed = closed_loop(&mesh, seconds, &mut aims, &mut tell)?;
+    let [turns, turning] = turns::run(&mesh, seconds, &mut aims, &mut tell)?;
     // the steps of larger bodies are longer than a frame
     let mut meshes = vec![mesh, refined(&demo_mesh("liver_medium.msh")?)];
     if !quick {
@@ -558,5 +562,5 @@ pub fn run(quick: bool, mut tell: impl FnMut(&str)) -> Result<(Vec<Table>, Vec<B
         tell(&format!("haptics: cost, {} tetrahedra", mesh.tetrahedra.len()));
         costs.extend(cost(mesh, if quick { 3 } else { 20 }, &mut aims)?);
     }
-    Ok((vec![accuracy, closed, cost_table(costs)], aims))
+    Ok((vec![accuracy, closed, turns, turning, cost_table(costs)], aims))
 }
