@@ -82,7 +82,8 @@ fn the_number_of_moves_decides_nothing() {
             assert_eq!((report.cut_area, report.fracture), (0.0, 0.0), "no force, no work");
             found.push((report.separated, wound(&mut simulation, body)));
         }
-        assert!(found[0].0 > 5, "{solid:?}: {found:?}");
+        let least = if solid == Solid::Linear { 20 } else { 5 };
+        assert!(found[0].0 > least, "{solid:?}: {found:?}");
         for own in &found {
             assert_eq!(own.0, found[0].0, "{solid:?}");
             assert!((own.1 / found[0].1 - 1.0).abs() < 1e-6, "{solid:?}: {found:?}");
@@ -162,7 +163,8 @@ fn strokes_go_on_from_snapshots() {
         draw(&mut simulation, blade, DVec3::Y * 0.02, 20, &mut |_| ());
         let hash = simulation.state_hash();
         let report = simulation.tool_report(blade).unwrap().clone();
-        assert!(report.separated > 5 && report.cut_area > 0.0, "{solid:?}: {report:?}");
+        let least = if solid == Solid::Linear { 20 } else { 5 };
+        assert!(report.separated > least && report.cut_area > 0.0, "{solid:?}: {report:?}");
         simulation.restore(&snapshot).unwrap();
         draw(&mut simulation, blade, DVec3::Y * 0.02, 20, &mut |_| ());
         assert_eq!(simulation.state_hash(), hash, "{solid:?}");
@@ -388,7 +390,8 @@ fn holds_lips_apart(solid: Solid) {
                 sides[usize::from(outward.x < 0.0)] += 1;
             }
         }
-        assert!(sides.iter().all(|count| *count > 10), "{solid:?}: {sides:?}");
+        let least = if solid == Solid::TenNodes { 10 } else { 20 };
+        assert!(sides.iter().all(|count| *count > least), "{solid:?}: {sides:?}");
         assert!(most < 0.1 * 0.002, "{thickness}: {most} m");
         // what presses from both sides cancels: the blade is in the middle
         let pressing = report.pressure * report.area;

@@ -77,6 +77,8 @@ pub struct PatchSolver<S: Scalar> {
     supported: Option<(Vec<FixedAxes>, bool)>,
     /// The last solutions (m/m) and the forces (N/m) that they take, of the rows of the group.
     ways: Vec<Rows<S>>,
+    /// Rows that they are of, and their number.
+    of: Option<(Range<usize>, usize)>,
     /// They are nothing yet, as at first and after a cut.
     is_cold: bool,
     products: Vec<Rows<S>>,
@@ -114,9 +116,10 @@ impl<S: Scalar> PatchSolver<S> {
         let ends = self.ends(pull, turns);
         let forces = self.forces(&ends, &rows);
         let with_inertia = !self.is_supported(world, group);
-        self.ways.resize(forces.len(), Vec::new());
-        for way in &mut self.ways {
-            way.resize(rows.len(), [S::ZERO; 4]);
+        if self.of != Some((rows.clone(), forces.len())) {
+            self.of = Some((rows.clone(), forces.len()));
+            self.ways = vec![vec![[S::ZERO; 4]; rows.len()]; forces.len()];
+            self.is_cold = true;
         }
         let mut found = PatchCompliance { with_inertia, solved: false, ..self.last };
         (found.projected, found.iterations) = (false, 0);
@@ -165,8 +168,7 @@ impl<S: Scalar> PatchSolver<S> {
         let revision = world.resource::<Topology>().revision;
         if self.revision != Some(revision) {
             read_rest(world, &mut self.rest);
-            self.ways.iter_mut().for_each(Vec::clear);
-            self.is_cold = true;
+            self.of = None;
             (self.revision, self.supported) = (Some(revision), None);
         }
         // nothing but their inertia holds vertices without elements

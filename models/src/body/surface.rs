@@ -96,7 +96,11 @@ pub(super) fn read_surface(world: &mut World, body: usize) -> BodySurface {
     let mut young_modulus: Vec<f64> =
         sum.iter().zip(&count).map(|(e, n)| e / f64::max(*n, 1.0)).collect();
     for point in &points {
-        young_modulus.push(point.shares().map(|(row, w)| w * young_modulus[row as usize]).sum());
+        // some shares in ten-node tetrahedra are below 0, no stiffness is
+        let own = || point.shares().map(|(row, w)| (row, w.max(0.0)));
+        let sum: f64 = own().map(|(_, w)| w).sum();
+        let mean = own().map(|(row, w)| w * young_modulus[row as usize]).sum::<f64>();
+        young_modulus.push(if sum > 0.0 { mean / sum } else { 0.0 });
     }
     BodySurface { points, triangles, wounds, halves, sheets, sheet_halves, young_modulus }
 }

@@ -192,8 +192,11 @@ impl BladeView {
         match point.checked_sub(self.material.vertices) {
             None => self.node(point, at),
             Some(made) => {
-                let cell = &self.material.cells[self.holders[made as usize] as usize];
-                self.material.place(cell, point, &|node| self.node(node, at))
+                let cell = self.material.cells.get(self.holders[made as usize] as usize);
+                // where all is gone there is nothing
+                cell.map_or(DVec3::NAN, |cell| {
+                    self.material.place(cell, point, &|node| self.node(node, at))
+                })
             }
         }
     }
@@ -215,9 +218,11 @@ impl BladeView {
             let [least, most] = bounds(x);
             least.cmple(high).all() && low.cmple(most).all()
         };
-        // material lies in the element that moves it
+        // material lies in the element that moves it; sides of ten-node tetrahedra bulge by less than half an edge
+        let more = if self.material.order == Order::TenNodes { 0.5 * self.edge } else { 0.0 };
+        let (least, most) = (low - more, high + more);
         let places = self.rows.iter().map(|row| self.places[*row as usize]);
-        let beyond: Vec<u32> = places.map(|x| beyond([x; 2], [low, high])).collect();
+        let beyond: Vec<u32> = places.map(|x| beyond([x; 2], [least, most])).collect();
         let common =
             |own: &Element| (0..size).fold(!0, |all, i| all & beyond[own.node(i) as usize]);
         let near: Vec<bool> = self.material.elements.iter().map(|own| common(own) == 0).collect();
@@ -228,7 +233,8 @@ impl BladeView {
     }
 
     /// The element in focus whose material has a place (m), the shares of four of its vertices round it, which add up to 1 and give that
-    /// place, and its part of the volume of the whole element. `hint` is a place beside it that tells the side of a wound.
+    /// place now, and its part of the volume of the whole element. `hint` is a place beside it that tells the side of a wound. In elements
+    /// of more than four vertices it moves on as a linear one between those four would.
     pub fn locate(&self, at: DVec3, hint: DVec3) -> Option<([VertexRow; 4], [f64; 4], f64)> {
         let (found, _) = self.focus.iter().find(|(_, x)| {
             let [low, high] = bounds(*x);

@@ -8,7 +8,7 @@
 //! ```
 //!
 //! between the same point `y` of the material in either copy, nine in every triangle of the wound in it, of area `A`, with `g` the glue of
-//! the body, `E` Young's modulus of the element and `h` the mean edge of the mesh. Copies are created in place, so that it comes without
+//! the body, `E` Young's modulus of the element and `h` the mean side of the elements. Copies are created in place, so that it comes without
 //! energy; it is convex, knows displacements alone, and a rigid motion of both copies does nothing to it.
 //!
 //! - It goes when a blade passes its place. The energy that is in it then is released ([`GlueReport`]).

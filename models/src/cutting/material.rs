@@ -209,10 +209,14 @@ pub struct Material {
     pub sheets: Vec<Sheet>,
     /// What glue holds, swept since or not; that of earlier strokes first.
     pub bonds: Vec<Bond>,
-    /// Points in the middles of edges of wounds, by the ends of these: of ten-node tetrahedra, whose lips would bulge into each other between
-    /// corners. They are corners of no cell.
-    middles: BTreeMap<[u32; 2], u32>,
+    /// Points in the middles of edges of wounds: of ten-node tetrahedra, whose lips would bulge into each other between corners. They are
+    /// corners of no cell.
+    middles: BTreeMap<Middle, u32>,
 }
+
+/// What tells the middle of an edge of a wound from others: the ends of the edge, and the nodes that move it. At the end of a wound both lips
+/// have the same ends, and not all nodes.
+type Middle = ([u32; 2], [u32; 10]);
 
 /// Places that a copy of a material has to spare: it is made for a cut.
 const ROOM: usize = 256;
@@ -433,9 +437,11 @@ impl Material {
     /// of edges of wounds.
     pub(super) fn with_middles(&self, [a, b, c]: [u32; 3], element: u32) -> Vec<[u32; 3]> {
         let own = &self.elements[element as usize];
-        let middle = |edge| match self.middle_on(own, edge) {
-            Some(place) => Some(own.vertex(place)),
-            None => self.middles.get(&sorted(edge)).copied(),
+        let is_there = |p: &u32| self.points[*p as usize].weights == [0.5, 0.5, 0.0, 0.0];
+        let middle = |edge: [u32; 2]| match self.middle_on(own, edge) {
+            // an edge that ends there has no middle
+            Some(place) => (!edge.iter().any(is_there)).then(|| own.vertex(place)),
+            None => self.middle(own, edge).1,
         };
         if self.order != Order::TenNodes {
             return vec![[a, b, c]];
@@ -527,9 +533,9 @@ impl Material {
             self.bind(&opened, glue);
         }
         self.part_points(uncut.points);
-        self.add_middles();
         self.uncut = Some(uncut);
         let origins = self.part_nodes(&touched);
+        self.add_middles();
         match self.order {
             Order::Triangles => self.spread_sheets(),
             _ => self.part_sheets(&covers, known),
@@ -575,21 +581,34 @@ impl Material {
         if self.order != Order::TenNodes {
             return;
         }
-        let mut edges = BTreeSet::new();
+        let mut new = BTreeSet::new();
         for cell in &self.cells {
             let element = &self.elements[cell.element as usize];
             for [a, b, c] in (0..4).filter(|&i| cell.wound[i]).map(|i| cell.face(i)) {
-                let own = [[a, b], [b, c], [c, a]].map(sorted);
-                edges.extend(own.into_iter().filter(|edge| {
-                    !self.middles.contains_key(edge) && self.middle_on(element, *edge).is_none()
-                }));
+                let own = [[a, b], [b, c], [c, a]].into_iter();
+                let own = own.filter(|edge| self.middle_on(element, *edge).is_none());
+                new.extend(own.map(|edge| self.middle(element, edge).0));
             }
         }
-        for edge in edges {
-            let [a, b] = edge.map(|p| self.points[p as usize]);
-            self.middles.insert(edge, self.points.len() as u32);
+        new.retain(|key| !self.middles.contains_key(key));
+        for key in new {
+            self.middles.insert(key, self.points.len() as u32);
+            let [a, b] = key.0.map(|p| self.points[p as usize]);
             self.points.push(Point::mean([(&a, 0.5), (&b, 0.5)]));
         }
+    }
+
+    /// What tells the middle of an edge of a wound from others, and the number that it has.
+    fn middle(&self, element: &Element, edge: [u32; 2]) -> (Middle, Option<u32>) {
+        let edge = sorted(edge);
+        let [a, b] = edge.map(|p| &self.points[p as usize]);
+        let middle = Point::mean([(a, 0.5), (b, 0.5)]);
+        let mut nodes = [NONE; 10];
+        for (to, (place, _)) in nodes.iter_mut().zip(self.held_by(element, &middle)) {
+            *to = element.node(place);
+        }
+        let key = (edge, sorted(nodes));
+        (key, self.middles.get(&key).copied())
     }
 
     /// Sets of cells among some that hang together by faces for which `place` gives the place of the cell.

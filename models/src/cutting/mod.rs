@@ -7,7 +7,7 @@
 //!
 //! What can be cut: bodies of linear tetrahedra, with axes, fibres and muscles, with clusters of volume and with membranes on their
 //! faces; bodies of ten-node tetrahedra with straight sides; bodies of hexahedra with full integration; bodies that are a membrane of
-//! triangles alone. Not membranes beside the faces of a body and those that bend, two kinds of solid elements in one
+//! triangles alone; membranes with fibres, too. Not membranes beside the faces of a body and those that bend, two kinds of solid elements in one
 //! body, axes in elements with Gauss points, hexahedra that are filled in part, pooled springs and models of springs.
 //!
 //! - The vertices of the mesh stay where they are and mean what they meant: constraints, loads, pulls and lists of positions
@@ -21,7 +21,7 @@
 //! - A body at its rest shape does not gape when it is cut: what opens wounds is tension, from loads, muscles or a shape at
 //!   rest that the scene does not let it have.
 //!
-//! - Axes, fibres and muscles go with the volume, too. Where volume is kept by clusters, copies stay in the cluster of their
+//! - Axes, fibres and muscles go with the volume, or area, too. Where volume is kept by clusters, copies stay in the cluster of their
 //!   element as long as material joins them; a cluster that falls apart becomes several, so that the sides of a wound have
 //!   pressures of their own. In linear tetrahedra this is the one thing that changes the energy
 //!   ([`CutReport::elastic_energy`]).

@@ -95,6 +95,7 @@ impl Coupling {
         let (mut rows, mut weights) = ([u32::MAX; COUPLED], [0.0; COUPLED]);
         for (row, weight) in used {
             let known = rows.iter().position(|own| *own == row.0 || *own == u32::MAX);
+            debug_assert!(known.is_some(), "more rows than two elements have");
             let at = known.unwrap_or(COUPLED - 1);
             rows[at] = row.0;
             weights[at] += weight;
@@ -342,13 +343,18 @@ impl ContactSet {
                 Against::Hand(hand) => hand.damping * point.area,
                 _ => 0.0,
             };
-            // vertices of the face on the other side bear at most as much
-            let used = self.made.expand(point.rows, point.weights).filter(|(_, w)| *w > 0.0);
-            rows.extend(used.map(|(row, w)| (row, w * point.area * point.k, w * damping)));
+            // vertices of the face on the other side bear at most as much; of ten-node tetrahedra some shares are below 0
+            let used = || self.made.expand(point.rows, point.weights);
+            let all = |sum: f64| sum.max(1.0);
+            let sum = all(used().map(|(_, w)| w.abs()).sum());
+            let [rate, damping] = [point.area * point.k * sum, damping * sum];
+            rows.extend(used().map(|(row, w)| (row, w.abs() * rate, w.abs() * damping)));
             if let Against::Faces(range) = &point.against {
-                let faces = self.faces[range.clone()].iter().flat_map(|face| face.rows);
-                let faces = faces.flat_map(|of| self.made.rows(of)).filter(|(_, w)| *w > 0.0);
-                rows.extend(faces.map(|(row, w)| (row, w * point.area * point.k, 0.0)));
+                for of in self.faces[range.clone()].iter().flat_map(|face| face.rows) {
+                    let sum = all(self.made.rows(of).map(|(_, w)| w.abs()).sum());
+                    let rate = point.area * point.k * sum;
+                    rows.extend(self.made.rows(of).map(|(row, w)| (row, w.abs() * rate, 0.0)));
+                }
             }
         }
         rows.extend(self.line_rates());

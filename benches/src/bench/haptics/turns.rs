@@ -260,11 +260,13 @@ fn move_at_random(
         }
         before = felt;
         if let Coupling::Handle(both) = &rig.coupling {
-            worst.energy = worst.energy.min(both.1.felt().energy);
+            let own = both.1.felt().energy;
+            worst.energy = worst.energy.min(if own.is_finite() { own } else { f64::NEG_INFINITY });
         }
     }
     for i in 0..2 {
-        worst.jump[i] = worst.jump[i].max(jumps[i] / peaks[i]);
+        let jump = jumps[i] / peaks[i];
+        worst.jump[i] = worst.jump[i].max(if jump.is_finite() { jump } else { f64::INFINITY });
     }
     worst.failed += usize::from(rig.failed);
     if let Coupling::Handle(both) = &rig.coupling {
@@ -297,6 +299,8 @@ fn closed_loop(
             let of = format!("with turns, {rate} steps a second, hand: {hand}");
             let at_rest = worst.at_rest as f64;
             aims.push(BenchAim::at_least(format!("devices at rest, {of}"), 8.0, "", at_rest));
+            let failed = worst.failed as f64;
+            aims.push(BenchAim::at_most(format!("devices that failed, {of}"), 0.0, "", failed));
             if hand {
                 let energy = 1e3 * worst.energy;
                 aims.push(BenchAim::at_least(format!("energy, {of}"), -0.1, "mJ", energy));

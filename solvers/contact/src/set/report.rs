@@ -36,13 +36,17 @@ impl ContactSet {
         let mut pressures: Vec<(VertexRow, f64)> = Vec::new();
         for (point, active) in self.points.iter().zip(&self.active).filter(|(_, a)| a.on) {
             let force = active.push + active.rub;
-            for (row, weight) in self.made.expand(active.rows, active.weights) {
-                forces.push((row, weight * force));
-                if active.pressure > 0.0 && !matches!(point.against, Against::Hand(_)) {
+            let used = active.rows.into_iter().zip(active.weights).filter(|(_, w)| *w != 0.0);
+            for (of, weight) in used {
+                // what corners of ten-node tetrahedra have below 0 is no pressure
+                let above = self.made.rows(of).map(|(_, own)| own.max(0.0)).sum::<f64>().max(1.0);
+                for (row, own) in self.made.rows(of) {
+                    forces.push((row, weight * own * force));
                     let area = self.vertex_area(row);
-                    if area > 0.0 {
-                        let share = weight.abs() * point.area * active.pressure / area;
-                        pressures.push((row, share));
+                    let is_surface = !matches!(point.against, Against::Hand(_));
+                    if active.pressure > 0.0 && is_surface && area > 0.0 && own > 0.0 {
+                        let share = weight.abs() * own / above;
+                        pressures.push((row, share * point.area * active.pressure / area));
                     }
                 }
             }
