@@ -153,7 +153,7 @@ pub struct SinewSurface {
 }
 
 impl SinewSurface {
-    /// Where a point of `made` is, from where rows are.
+    /// Where a point of `made` is (m), from where rows of the body are (m).
     pub fn place(&self, point: usize, at: impl Fn(usize) -> DVec3) -> DVec3 {
         mean((&self.made, &self.further), point, at)
     }

@@ -59,11 +59,6 @@ pub struct MaterialSkin {
 pub(super) type Moved = ([u32; 10], [f64; 10]);
 
 impl MaterialSkin {
-    /// Whether elements are ten-node tetrahedra or hexahedra, whose points have `further` nodes.
-    pub fn is_curved(&self) -> bool {
-        self.is_curved
-    }
-
     /// Numbers at the points from numbers at the nodes.
     pub fn mean<T>(&self, at: impl Fn(u32) -> T) -> impl Iterator<Item = T>
     where
