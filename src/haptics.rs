@@ -6,6 +6,10 @@
 //! ([`sinew_solvers::compliance`]). The device feels `f = -K (x - p) - B v` at its own rate with that model, which it
 //! moves over to evenly when the next one comes. Steps are taken for where the device will be at their end.
 //!
+//! A tool in the hand ([`HapticOptions::of_tool`]) hangs on the same spring ([`Tool::spring`]): it is where that and all that it touches
+//! are in balance, within the step. The device feels nothing while it touches nothing, and is pushed away by what it touches, never
+//! drawn to it.
+//!
 //! A device that turns, too, has the patch turn with it about its middle ([`HapticOptions::turns`],
 //! [`HapticDevice::exchange_pose`]): as if jaws held it. `G` has six directions then, and the device feels a torque.
 //!
@@ -48,30 +52,40 @@ use bevy_ecs::prelude::*;
 use glam::{DMat3, DQuat, DVec3};
 use sinew_contact::pull::{Pull, PullReport};
 use sinew_contact::set::ContactSet;
+use sinew_contact::tool::{Tool, ToolError, ToolPose, ToolReport};
 use sinew_engine::columns::single_table;
 use sinew_engine::load::Pose;
+use sinew_engine::order::Order;
 use sinew_engine::precision::Precision;
 use sinew_engine::row::VertexRow;
 use sinew_engine::step::{StepClock, StepError};
 use sinew_engine::topology::Topology;
 use sinew_engine::vertex::Position;
-use sinew_solvers::compliance::{PatchCompliance, PatchSolver};
+use sinew_solvers::compliance::{self as solvers, PatchCompliance, PatchSolver};
 use std::ops::Range;
 
 /// Time (s) in which the force of a model that is too old falls to zero.
 const FALL: f64 = 0.05;
 /// Rate (N/s) at which the force may rise at the first contact, and when a simulation answers again.
 const FIRST_RISE: f64 = 50.0;
+/// Part of the push of a model below which what a tool feels along a surface goes down with it.
+const FADES: f64 = 0.5;
+/// Way (m) of the spring from which a tool that touches is damped in full: below, damping would set in at once.
+const FIRM: f64 = 1e-3;
 
-/// How a device holds a patch. The defaults are for soft organs, some 20 to 200 N/m at a tool, and light devices.
+/// How a device holds a patch or tool. The defaults are for soft organs, some 20 to 200 N/m at a tool, and light devices.
 #[derive(Clone, Debug, PartialEq)]
 pub struct HapticOptions {
     /// Name of the [`Pull`], for reports and errors.
     pub name: String,
-    /// Body.
+    /// Body of the patch.
     pub body: BodyHandle,
     /// Vertices of the patch in the user's order. They share the stiffness evenly, each by a spring of its own.
     pub vertices: Vec<u32>,
+    /// The tool that it holds in place of a patch: one that follows its targets, which are the device's from then on. The handle
+    /// gives it its [spring](Tool::spring). It opens as its target says, and turns with a device that
+    /// [turns](Self::turns), whose torque it is not given.
+    pub tool: Option<Entity>,
     /// Stiffness `K` (N/m) of the coupling; 300 by default, and at most 1000 for what light devices render stably.
     pub stiffness: f64,
     /// Damping `B` (N s/m) of the motion of the device; 2 by default. Turns are damped as if it were shared out over the patch.
@@ -105,6 +119,7 @@ impl HapticOptions {
             name: "haptic device".into(),
             body,
             vertices,
+            tool: None,
             stiffness: 300.0,
             damping: 2.0,
             limit: 3.3,
@@ -116,6 +131,11 @@ impl HapticOptions {
             device_inertia: 1e-5,
             tolerance: 0.1,
         }
+    }
+
+    /// Defaults for a tool, by what `add_tool` returned.
+    pub fn of_tool(tool: Entity) -> Self {
+        Self { tool: Some(tool), ..Self::new(BodyHandle(0), Vec::new()) }
     }
 
     /// What of it cannot be used, if anything; whether there are such a body and such vertices is not looked at.
@@ -142,7 +162,11 @@ impl HapticOptions {
         if !(self.tolerance > 0.0 && self.tolerance < 1.0) {
             return Some(format!("tolerance is {}: it must be between 0 and 1", self.tolerance));
         }
-        self.vertices.is_empty().then(|| "it holds no vertex: name those of the patch".into())
+        match (self.tool, self.vertices.is_empty()) {
+            (None, true) => Some("it holds no vertex: name those of the patch, or a tool".into()),
+            (Some(_), false) => Some("it holds vertices and a tool: make it two handles".into()),
+            _ => None,
+        }
     }
 }
 
@@ -171,11 +195,12 @@ pub enum HapticError {
         "haptic handle `{0}` on backend = \"gpu\": pulls are computed on the processor; use backend = \"cpu\""
     )]
     Gpu(String),
-    /// The pull was taken away, or holds nothing any more.
-    #[error(
-        "haptic handle `{0}`: what it pulled by is gone, or acted in no step; make a new handle"
-    )]
+    /// The pull or tool was taken away, or holds nothing any more.
+    #[error("haptic handle `{0}`: what it held by is gone, or acted in no step; make a new handle")]
     Released(String),
+    /// A tool that no device can hold.
+    #[error(transparent)]
+    Tool(#[from] ToolError),
     /// A vertex of the patch.
     #[error(transparent)]
     Simulation(#[from] SimulationError),
@@ -281,8 +306,26 @@ pub struct HapticReport {
     pub torque: DVec3,
     /// How the patch follows the hand.
     pub compliance: PatchCompliance,
+    /// Unit vector in which tissue pushes a tool away that it does not hold; else zero.
+    pub push: DVec3,
     /// The step did not converge.
     pub unconverged: bool,
+}
+
+/// What a device holds by.
+#[derive(Clone, Copy, Debug)]
+enum Held {
+    Pull(Entity),
+    /// A tool, its pose when it was taken, and the stiffness (N/m) of its spring.
+    Tool(Entity, ToolPose, f64),
+}
+
+impl Held {
+    fn entity(self) -> Entity {
+        match self {
+            Self::Pull(entity) | Self::Tool(entity, ..) => entity,
+        }
+    }
 }
 
 #[derive(Debug)]
@@ -295,7 +338,7 @@ enum Solver {
 #[derive(Debug)]
 pub struct HapticTissue {
     name: String,
-    pull: Entity,
+    held: Held,
     tolerance: f64,
     solver: Solver,
     poses: WordReader,
@@ -309,9 +352,10 @@ pub struct HapticTissue {
     last: PatchCompliance,
 }
 
-/// Words of a [`DeviceMotion`]. Of a model: step, time, notes, way and turn of the hand, force and torque, stiffness, arms.
+/// Words of a [`DeviceMotion`]. Of a model: step, time, notes, way and turn of the hand, force and torque, stiffness, arms, the
+/// direction in which tissue pushes.
 const POSE_WORDS: usize = 13;
-const MODEL_WORDS: usize = 61;
+const MODEL_WORDS: usize = 64;
 
 /// # Haptic devices
 impl Simulation {
@@ -320,7 +364,7 @@ impl Simulation {
     /// second one goes to the thread of the device.
     ///
     /// # Errors
-    /// When an option, the body or a vertex cannot be used, or the backend has no pulls.
+    /// When an option, the body, a vertex or the tool cannot be used, or the backend has no pulls.
     pub fn haptic_handle(
         &mut self,
         options: HapticOptions,
@@ -331,6 +375,15 @@ impl Simulation {
         }
         if self.backend() == Backend::Gpu {
             return Err(HapticError::Gpu(name));
+        }
+        if let Some(tool) = options.tool {
+            let tool = self.current(tool);
+            let with = (self.precision(), self.topology().vertex_count());
+            let at = stands(self.world(), tool);
+            let missing = || HapticError::Tool(ToolError::NoTool(tool));
+            let mut own = self.world_mut().get_mut::<Tool>(tool).ok_or_else(missing)?;
+            let at = at.unwrap_or(own.start);
+            return Ok(HapticTissue::holding_tool((tool, &mut own), at, options, with)?);
         }
         if options.body.0 >= self.topology().bodies.len() {
             return Err(HapticError::NoBody { name, body: options.body.0 });
@@ -350,6 +403,31 @@ impl HapticTissue {
         options: HapticOptions,
         precision: Precision,
     ) -> (Self, HapticDevice) {
+        Self::with(Held::Pull(pull), options, precision)
+    }
+
+    /// Both ends of a handle of a tool, which gets its [spring](Tool::spring) and is held from where it stands, `at`, in a world of so
+    /// many vertex `rows`.
+    ///
+    /// # Errors
+    /// When it cannot be held so; it is unchanged then.
+    pub fn holding_tool(
+        (entity, tool): (Entity, &mut Tool),
+        at: ToolPose,
+        options: HapticOptions,
+        (precision, rows): (Precision, usize),
+    ) -> Result<(Self, HapticDevice), ToolError> {
+        let mut held = tool.clone();
+        held.spring = Some(options.stiffness);
+        if let Some(problem) = held.problem(rows) {
+            return Err(ToolError::Invalid { name: held.name, problem });
+        }
+        held.set_target(at)?;
+        *tool = held;
+        Ok(Self::with(Held::Tool(entity, at, options.stiffness), options, precision))
+    }
+
+    fn with(held: Held, options: HapticOptions, precision: Precision) -> (Self, HapticDevice) {
         let solver = match precision {
             Precision::F64 => Solver::F64(Box::default()),
             Precision::F32 => Solver::F32(Box::default()),
@@ -358,9 +436,10 @@ impl HapticTissue {
         let (models, to_device) = word_slots(MODEL_WORDS);
         let (name, tolerance) = (options.name.clone(), options.tolerance);
         let (hand, last) = (Pose::IDENTITY, PatchCompliance::default());
-        let (turns, has_centre) = (options.turns, !options.turns);
+        let (turns, is_tool) = (options.turns, options.tool.is_some());
+        let has_centre = is_tool || !turns;
         let tissue =
-            Self { name, pull, tolerance, solver, poses, models, turns, hand, has_centre, last };
+            Self { name, held, tolerance, solver, poses, models, turns, hand, has_centre, last };
         (tissue, HapticDevice::new(options, to_tissue, to_device))
     }
 
@@ -397,8 +476,15 @@ impl HapticTissue {
                 self.hand.rotation = (turn * own.rotation).normalize();
             }
         }
-        let entity = crate::snapshot::current(world, self.pull);
+        let entity = crate::snapshot::current(world, self.held.entity());
         let released = || HapticError::Released(self.name.clone());
+        if let Held::Tool(_, start, _) = self.held {
+            let mut tool = world.get_mut::<Tool>(entity).ok_or_else(released)?;
+            let opening = tool.target().0.map_or(start.opening, |target| target.opening);
+            let position = start.position + self.hand.translation;
+            let rotation = (self.hand.rotation * start.rotation).normalize();
+            return Ok(tool.set_target(ToolPose { position, rotation, opening })?);
+        }
         if !self.has_centre {
             self.hand.centre = middle(world, entity).ok_or_else(released)?;
             self.has_centre = true;
@@ -421,49 +507,99 @@ impl HapticTissue {
     /// When the handle was taken away, or acted in no step yet.
     pub fn after_step_in(&mut self, world: &mut World) -> Result<HapticReport, HapticError> {
         let released = || HapticError::Released(self.name.clone());
-        let entity = crate::snapshot::current(world, self.pull);
-        let own = world.get::<PullReport>(entity).copied().ok_or_else(released)?;
-        let pull = world.get::<Pull>(entity).cloned().ok_or_else(released)?;
-        let group = acts_on(world, &pull).ok_or_else(released)?;
-        let turns = self.turns;
-        let clock = *world.resource::<StepClock>();
+        let entity = crate::snapshot::current(world, self.held.entity());
         let hand = self.hand.translation;
         let mut report = HapticReport {
             hand,
             rotation: self.hand.rotation,
-            patch: hand + own.force / pull.stiffness,
-            force: own.force,
-            torque: if self.turns { own.torque } else { DVec3::ZERO },
             compliance: self.last,
-            unconverged: own.unconverged,
+            ..HapticReport::default()
+        };
+        // what is held, and the bodies that the model is of
+        let pull = world.get::<Pull>(entity).cloned();
+        let (held, group) = match self.held {
+            Held::Pull(_) => {
+                let own = world.get::<PullReport>(entity).copied().ok_or_else(released)?;
+                let pull = pull.as_ref().ok_or_else(released)?;
+                report.force = own.force;
+                report.torque = if self.turns { own.torque } else { DVec3::ZERO };
+                report.unconverged = own.unconverged;
+                report.patch = hand + own.force / pull.stiffness;
+                let group = acts_on(world, pull).ok_or_else(released)?;
+                (solvers::Held::Patch(pull, self.turns), Some(group))
+            }
+            Held::Tool(_, _, stiffness) => {
+                let own = world.get::<ToolReport>(entity).ok_or_else(released)?;
+                report.force = stiffness * own.yields;
+                report.unconverged = own.unconverged;
+                report.patch = hand + own.yields;
+                let bodies = world.resource::<Topology>().bodies.len();
+                let contact = world.get_resource::<ContactSet>().ok_or_else(released)?;
+                report.push = contact.push_on(entity).unwrap_or_default();
+                (solvers::Held::Tool(entity, stiffness), contact.group_at(entity, bodies))
+            }
+        };
+        let clock = *world.resource::<StepClock>();
+        let Some(group) = group else {
+            // nothing touches it
+            match &mut self.solver {
+                Solver::F64(solver) => solver.forget(),
+                Solver::F32(solver) => solver.forget(),
+            }
+            self.last = PatchCompliance::free();
+            report.compliance = self.last;
+            tell(&mut self.models, &clock, &report);
+            return Ok(report);
         };
         if self.last.solved {
             // where the patch is comes in time even beside a body whose model does not
             tell(&mut self.models, &clock, &report);
         }
         self.last = match &mut self.solver {
-            Solver::F64(solver) => solver.find(world, &pull, turns, &group, self.tolerance),
-            Solver::F32(solver) => solver.find(world, &pull, turns, &group, self.tolerance),
+            Solver::F64(solver) => solver.find(world, held, &group, self.tolerance),
+            Solver::F32(solver) => solver.find(world, held, &group, self.tolerance),
         };
         report.compliance = self.last;
         tell(&mut self.models, &clock, &report);
         Ok(report)
     }
 
-    /// The pull by which the device holds the patch.
-    pub fn pull(&self) -> Entity {
-        self.pull
+    /// The pull by which the device holds the patch, or the tool that it holds.
+    pub fn held(&self) -> Entity {
+        self.held.entity()
     }
 
-    /// Lets go. The force of the device falls as if the simulation had stopped.
+    /// Lets go. The force of the device falls as if the simulation had stopped. A tool stays where it is.
     pub fn release(self, simulation: &mut Simulation) {
-        simulation.remove_contact(self.pull);
+        let entity = simulation.current(self.held.entity());
+        if let Held::Pull(_) = self.held {
+            simulation.remove_contact(entity);
+            return;
+        }
+        let pose = stands(simulation.world(), entity);
+        if let Some(mut tool) = simulation.world_mut().get_mut::<Tool>(entity) {
+            Self::let_go(&mut tool, pose);
+        }
     }
+
+    /// A tool that no device holds any more stays where it stands, or has its first place where it acted in no step.
+    pub fn let_go(tool: &mut Tool, at: Option<ToolPose>) {
+        tool.spring = None;
+        let opening = tool.target().0.map(|target| target.opening);
+        let at = at.map(|own| ToolPose { opening: opening.unwrap_or(own.opening), ..own });
+        tool.aim(at, false);
+    }
+}
+
+/// Where a tool stands that acted in a step.
+fn stands(world: &World, tool: Entity) -> Option<ToolPose> {
+    let order = world.get::<Order>(tool).copied()?;
+    world.get_resource::<ContactSet>()?.pose_of_tool(order)
 }
 
 /// Gives a model to the device.
 fn tell(models: &mut WordWriter, clock: &StepClock, report: &HapticReport) {
-    let HapticReport { hand, rotation, force, torque, compliance, unconverged, .. } = report;
+    let HapticReport { hand, rotation, force, torque, compliance, unconverged, push, .. } = report;
     let note = |on: bool, word: u64| if on { word } else { 0 };
     let notes = note(compliance.with_inertia, WITH_INERTIA)
         | note(compliance.projected, PROJECTED)
@@ -476,7 +612,8 @@ fn tell(models: &mut WordWriter, clock: &StepClock, report: &HapticReport) {
         let blocks = compliance.stiffness.as_flattened().iter().chain([&compliance.arms]);
         let numbers = hand.to_array().into_iter().chain(rotation.to_array());
         let numbers = numbers.chain(force.to_array()).chain(torque.to_array());
-        numbers.chain(blocks.flat_map(DMat3::to_cols_array)).for_each(|x| put(x.to_bits()));
+        let numbers = numbers.chain(blocks.flat_map(DMat3::to_cols_array));
+        numbers.chain(push.to_array()).for_each(|x| put(x.to_bits()));
     });
 }
 
@@ -518,29 +655,47 @@ struct LocalModel {
     stiffness: [[DMat3; 2]; 2],
     /// See [`PatchCompliance::arms`].
     arms: DMat3,
+    /// See [`HapticReport::push`].
+    push: DVec3,
 }
 
 impl LocalModel {
-    /// Force and torque where the hand is elsewhere.
+    /// Nothing acts.
+    fn is_silent(&self) -> bool {
+        self.wrench == [DVec3::ZERO; 2] && self.stiffness == [[DMat3::ZERO; 2]; 2]
+    }
+
+    /// Force and torque where the hand is elsewhere. What pushes does not draw: there the tool has left.
     fn at(&self, hand: DVec3, rotation: DQuat) -> [DVec3; 2] {
         let (way, turn) = (hand - self.hand, turned(self.rotation, rotation));
         let [of_force, of_torque] = self.stiffness;
         let [force, torque] = self.wrench;
-        [
-            force - of_force[0] * way - of_force[1] * turn,
-            torque - of_torque[0] * way - of_torque[1] * turn,
-        ]
+        let mut force = force - of_force[0] * way - of_force[1] * turn;
+        let (pushed, before) = (force.dot(self.push), self.wrench[0].dot(self.push));
+        if pushed < 0.0 {
+            return [DVec3::ZERO; 2];
+        }
+        if pushed < FADES * before {
+            // what it feels along the surface ends with the pressure
+            let along = force - pushed * self.push;
+            force -= (1.0 - pushed / (FADES * before)) * along;
+        }
+        [force, torque - of_torque[0] * way - of_torque[1] * turn]
     }
 
     /// What lies a part of the way from this to another one, about the pose of that.
     fn towards(&self, to: &Self, part: f64) -> Self {
         let here = self.at(to.hand, to.rotation);
+        let left = self.push != DVec3::ZERO && here[0] == DVec3::ZERO;
+        let before = if left { [[DMat3::ZERO; 2]; 2] } else { self.stiffness };
         let mix = |a: DMat3, b: DMat3| a * (1.0 - part) + b * part;
-        let row = |i: usize| [0, 1].map(|j| mix(self.stiffness[i][j], to.stiffness[i][j]));
+        let row = |i: usize| [0, 1].map(|j| mix(before[i][j], to.stiffness[i][j]));
         Self {
             wrench: [0, 1].map(|i| here[i].lerp(to.wrench[i], part)),
             stiffness: [row(0), row(1)],
             arms: mix(self.arms, to.arms),
+            // one that touched until now falls off in the old direction
+            push: if to.push == DVec3::ZERO { self.push } else { to.push },
             ..*to
         }
     }
@@ -673,7 +828,8 @@ impl HapticDevice {
             wrench = [0, 1].map(|i| before[i] + changes[i] * (most / change));
             flags.rising = true;
         } else {
-            self.rising = flags.waiting;
+            // the force of a model that has just come is not all there yet
+            self.rising = flags.waiting || self.rising && self.part() < 1.0;
         }
         if !wrench.iter().all(|own| own.is_finite()) {
             (wrench, self.rising, flags.bad_input) = (none, true, true);
@@ -711,7 +867,10 @@ impl HapticDevice {
         let wrench = [(); 2].map(|()| take_vector(&mut numbers));
         let stiffness = [(); 2].map(|()| [(); 2].map(|()| take_matrix(&mut numbers)));
         let arms = take_matrix(&mut numbers);
-        let new = LocalModel { hand, rotation, wrench, stiffness, arms };
+        let push = take_vector(&mut numbers);
+        let new = LocalModel { hand, rotation, wrench, stiffness, arms, push };
+        // a tool comes into touch
+        self.rising |= self.options.tool.is_some() && new.is_silent() != before.is_silent();
         self.models_of = [if is_first { new } else { before }, new];
         (self.notes, self.felt.age) = (notes, 0.0);
         (self.felt.step, self.felt.time) = (step, time);
@@ -726,7 +885,14 @@ impl HapticDevice {
         let most = damping * (now.arms.x_axis.x + now.arms.y_axis.y + now.arms.z_axis.z);
         let part = (device_inertia / (4.0 * seconds * most)).min(1.0);
         let resists = if most > 0.0 { part * damping * (now.arms * spin) } else { DVec3::ZERO };
-        [force - damping * velocity, torque - resists]
+        if self.options.tool.is_none() {
+            return [force - damping * velocity, torque - resists];
+        }
+        // a tool is damped by what it touches, and sets in with it
+        let firm = (force.length() / (self.options.stiffness * FIRM)).min(1.0);
+        let damped = force - firm * damping * velocity;
+        let drawn = damped.dot(now.push).min(0.0);
+        [damped - drawn * now.push, torque]
     }
 
     /// What was given back last.

@@ -53,7 +53,7 @@ use std::sync::Arc;
 const MAGIC: &[u8; 8] = b"SinewSnp";
 /// Number of the format. It is raised whenever something that is stored changes, which a stored snapshot in the tests
 /// notices; other numbers are refused by name.
-const FORMAT: u32 = 12;
+const FORMAT: u32 = 13;
 
 /// A snapshot that cannot be taken, read or restored. The simulation is what it was before.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]

@@ -503,7 +503,7 @@ fn handles_that_cannot_be_are_refused_by_name() {
     let (mut tissue, _device) = simulation.haptic_handle(good).unwrap();
     assert!(matches!(tissue.after_step(&mut simulation), Err(HapticError::Released(_))));
     tissue.step(&mut simulation).unwrap();
-    assert!(simulation.remove_contact(tissue.pull()));
+    assert!(simulation.remove_contact(tissue.held()));
     let error = tissue.step(&mut simulation).unwrap_err();
     assert!(error.to_string().contains("make a new handle"), "{error}");
 }

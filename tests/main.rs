@@ -20,6 +20,7 @@ mod elements;
 mod explicit;
 mod fine_surface;
 mod glue;
+mod haptic_tools;
 mod haptic_turns;
 mod haptics;
 mod host;

@@ -546,7 +546,7 @@ namespace Sinew
         public void Step(int n) { Native.Demand(Native.sinew_step(own, checked((uint)n))); }
 
         /// <summary>Lets a haptic device hold vertices by a spring (N/m, 0: 300) from the next step on, and turn them where it says so;
-        /// every Step serves it. The handle is a pull, which Remove lets go.</summary>
+        /// every Step serves it. The handle is a pull, which Remove lets go. A tool in place of the body, without vertices, is held itself.</summary>
         public ulong AddHaptic(string name, ulong body, uint[] vertices, out HapticDevice device, double stiffness = 0.0,
             bool turns = false)
         {

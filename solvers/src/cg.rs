@@ -15,7 +15,10 @@ use crate::cholesky::{FactorPiece, FactorValues, IncompleteCholesky};
 use crate::coarse::{CoarseSpace, CoarseValues, Motion};
 use crate::low_rank::Correction;
 use crate::settings::Preconditioner;
-use crate::system::{Pattern, ShiftedTangent, SystemMatrix, add4, dot, for_off_diagonal, ranges};
+use crate::state::dot3;
+use crate::system::{
+    Pattern, ShiftedTangent, SystemMatrix, add4, dot, for_off_diagonal, ranges, scale4,
+};
 use glam::DVec3;
 use memory::SharedValues;
 use serde::{Deserialize, Serialize};
@@ -105,6 +108,8 @@ pub struct ConjugateGradients<T: Scalar> {
     shared: SharedValues<T>,
     /// Pieces, and rows in them, of the couplings of the matrix.
     coupled: Vec<[[u32; 2]; COUPLED]>,
+    /// The same of the vectors that contact takes off.
+    given: Vec<[u32; 2]>,
 }
 
 /// The matrix that the kept values of the preconditioner were computed for, and the iterations since.
@@ -195,6 +200,8 @@ impl<T: Scalar> ConjugateGradients<T> {
         self.coupled.clear();
         self.coupled
             .extend(self.matrix.couplings.iter().map(|c| c.rows.map(|row| pattern.place(row))));
+        self.given.clear();
+        self.given.extend(self.matrix.given.rows.iter().map(|row| pattern.place(*row)));
         self.take_in(pattern);
         let mut inner = Inner {
             status: CgStatus::Cap,
@@ -494,10 +501,33 @@ impl<T: Scalar> ConjugateGradients<T> {
                 *q = add4(*q, *more);
             });
         }
-        if self.matrix.couplings.is_empty() {
+        if self.matrix.couplings.is_empty() && self.matrix.given.is_empty() {
             return curvature;
         }
-        curvature + self.multiply_couplings()
+        curvature + self.multiply_couplings() - self.take_off_given()
+    }
+
+    /// Takes what tools on springs give back off `q`; its part of `p . q`.
+    fn take_off_given(&mut self) -> f64 {
+        let Self { matrix, product, given, .. } = self;
+        let mut dot = 0.0;
+        for vector in 0..matrix.given.len() {
+            let range = matrix.given.range(vector);
+            let both = || given[range.clone()].iter().zip(&matrix.given.entries[range.clone()]);
+            let place = |&[piece, row]: &[u32; 2]| [piece as usize, row as usize];
+            let mut along = 0.0;
+            for (at, v) in both() {
+                let [piece, row] = place(at);
+                along += dot3(&product[piece].p[row], v);
+            }
+            for (at, v) in both() {
+                let [piece, row] = place(at);
+                let q = &mut product[piece].q[row];
+                *q = add4(*q, scale4(*v, T::from_f64(-along)));
+            }
+            dot += along * along;
+        }
+        dot
     }
 
     /// Adds what contact couples beside the diagonal to `q`; its part of `p . q`.

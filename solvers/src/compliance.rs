@@ -14,6 +14,10 @@
 //!
 //! the last of it because the forces `F_a` of the springs go on with their arms.
 //!
+//! A tool on a spring `K` ([`Tool::spring`](sinew_contact::tool::Tool::spring)) has the tangents `H_i` of its points in place of springs: with
+//! `P k = sum_i B_i^T H_i`, `B_i` being the shares of a point, the tool feels `S = sum_i H_i - (P k)^T K'^-1 P k`, follows the
+//! hand by `G = (K + S)^-1 K`, and the hand feels `K (1 - G)`.
+//!
 //! A solve for each direction gives the columns `U` of `K'^-1 P k` up to residuals `R = P k - K' U`. `k G = U^T (P k + R)` is
 //! then off by `R^T K'^-1 R` alone, the square of what the columns are off by, so that loose solves are good enough.
 
@@ -30,7 +34,6 @@ use sinew_contact::set::{ContactBlocks, ContactSet};
 use sinew_engine::law::{EvaluationRequest, TangentKind};
 use sinew_engine::layout::UNUSED;
 use sinew_engine::matrix::Tangent;
-use sinew_engine::row::VertexRow;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::schedule::ForceSchedule;
 use sinew_engine::step::StepClock;
@@ -87,33 +90,52 @@ pub struct PatchSolver<S: Scalar> {
     is_known: bool,
 }
 
-/// The springs of a patch, and the directions of its hand: three motions, and three turns where it turns.
-struct SpringEnds {
-    springs: Vec<SpringEnd>,
-    directions: usize,
+/// What the hand holds, or the tool in it.
+#[derive(Clone, Copy, Debug)]
+pub enum Held<'a> {
+    /// The patch of a pull; the hand turns, or does not.
+    Patch(&'a Pull, bool),
+    /// A tool by its entity, on a spring of that stiffness (N/m).
+    Tool(Entity, f64),
+}
+
+/// Forces on rows of the world (N/m, N/rad) for each direction of the hand or tool, and what they have back of it, were the tissue held.
+struct Ends {
+    forces: Vec<Vec<(usize, DVec3)>>,
+    springs: Pairs,
+    arms: DMat3,
 }
 
 /// Sums over pairs of directions.
 type Pairs = [[f64; 6]; 6];
 
 impl<S: Scalar> PatchSolver<S> {
-    /// The compliance at the end of the last step, in which `pull` acted on bodies of `group`, for a hand that turns or does
-    /// not. `tolerance` is the relative residual of the linear systems.
+    /// The compliance at the end of the last step, in which what is held acted on bodies of `group`. `tolerance` is the relative
+    /// residual of the linear systems.
     ///
     /// The tangent is evaluated at that state, so that any integrator may have led there; forces and energies stay those
     /// that the step left.
     pub fn find(
         &mut self,
         world: &mut World,
-        pull: &Pull,
-        turns: bool,
+        held: Held,
         group: &Range<usize>,
         tolerance: f64,
     ) -> PatchCompliance {
         self.read(world);
-        let blocks = world.get_resource::<ContactSet>().map(|contact| contact.blocks(group));
+        let (ends, stiffness) = match held {
+            Held::Patch(pull, turns) => (self.ends_of_patch(pull, turns), pull.stiffness),
+            Held::Tool(tool, stiffness) => (ends_of_tool(world, tool), stiffness),
+        };
+        let of = |found: &PatchCompliance, work: &Pairs| match held {
+            Held::Patch(..) => found.of_patch(&ends, work, stiffness),
+            Held::Tool(..) => found.of_tool(&ends, work, stiffness),
+        };
+        let blocks = world.get_resource::<ContactSet>().map(|contact| match held {
+            Held::Patch(..) => contact.blocks(group),
+            Held::Tool(tool, _) => contact.blocks_with_held(group, tool),
+        });
         let rows = ranges(world.resource::<Topology>(), group).0;
-        let ends = self.ends(pull, turns);
         let forces = self.forces(&ends, &rows);
         let with_inertia = !self.is_supported(world, group);
         if self.of != Some((rows.clone(), forces.len())) {
@@ -124,12 +146,9 @@ impl<S: Scalar> PatchSolver<S> {
         let mut found = PatchCompliance { with_inertia, solved: false, ..self.last };
         (found.projected, found.iterations) = (false, 0);
         if !self.is_known {
-            // as if the patch were held, until a model is found
-            found = PatchCompliance {
-                with_inertia,
-                solved: false,
-                ..found.of(&ends, &Pairs::default(), pull.stiffness)
-            };
+            // as if the tissue were held, until a model is found
+            let held = of(&found, &Pairs::default());
+            found = PatchCompliance { with_inertia, solved: false, ..held };
         }
         for kind in [TangentKind::Exact, TangentKind::Projected] {
             world.insert_resource(EvaluationRequest {
@@ -138,11 +157,13 @@ impl<S: Scalar> PatchSolver<S> {
             });
             world.run_schedule(ForceSchedule);
             found.projected = kind == TangentKind::Projected;
-            let part = if self.is_cold { COLD } else { 1.0 };
+            // what touches a tool is never quite what touched it before
+            let is_new = self.is_cold || matches!(held, Held::Tool(..));
+            let part = if is_new { COLD } else { 1.0 };
             let matrix = (blocks.as_ref(), with_inertia, part * tolerance);
             match self.solve(world, group, &forces, matrix, &mut found.iterations) {
                 Ok(work) => {
-                    let new = found.of(&ends, &work, pull.stiffness);
+                    let new = of(&found, &work);
                     found = if new.solved { new } else { found };
                     break;
                 }
@@ -160,6 +181,11 @@ impl<S: Scalar> PatchSolver<S> {
             self.ways.iter_mut().for_each(|way| way.fill([S::ZERO; 4]));
         }
         found
+    }
+
+    /// Forgets the last solutions: what is held is another thing, or nothing was.
+    pub fn forget(&mut self) {
+        self.of = None;
     }
 
     /// Reads columns, and what follows from the layout where it is new.
@@ -191,30 +217,51 @@ impl<S: Scalar> PatchSolver<S> {
     }
 
     /// The springs of a pull to a hand that turns or does not.
-    fn ends(&self, pull: &Pull, turns: bool) -> SpringEnds {
+    fn ends_of_patch(&self, pull: &Pull, turns: bool) -> Ends {
         let sum: f64 = pull.weights.iter().sum();
-        let (arms, centre) = (pull.arms(), pull.moved_centre());
-        let springs = pull.rows.iter().zip(&pull.weights).zip(arms);
-        let of = |((row, weight), arm): ((&VertexRow, &f64), DVec3)| {
+        let centre = pull.moved_centre();
+        let directions = if turns { 6 } else { 3 };
+        let mut ends = Ends {
+            forces: vec![Vec::new(); directions],
+            springs: Pairs::default(),
+            arms: DMat3::ZERO,
+        };
+        for ((row, weight), arm) in pull.rows.iter().zip(&pull.weights).zip(pull.arms()) {
             let stiffness = pull.stiffness * weight / sum;
             let place = self.rest[row.index()] + vector(&self.node.u[row.index()]);
+            // on the hand
             let force = stiffness * (place - (centre + arm));
-            SpringEnd { row: row.index(), stiffness, arm, force }
-        };
-        SpringEnds { springs: springs.map(of).collect(), directions: if turns { 6 } else { 3 } }
+            let ways = ways(arm);
+            for i in 0..directions {
+                ends.forces[i].push((row.index(), stiffness * ways[i]));
+                for j in 0..directions {
+                    ends.springs[i][j] += stiffness * ways[i].dot(ways[j]);
+                    if i >= 3 && j >= 3 {
+                        ends.springs[i][j] -= ways[j].cross(force)[i - 3];
+                    }
+                }
+            }
+            if turns {
+                let outer = DMat3::from_cols(arm.x * arm, arm.y * arm, arm.z * arm);
+                let square = DMat3::from_diagonal(DVec3::splat(arm.length_squared()));
+                ends.arms += weight / sum * (square - outer);
+            }
+        }
+        ends
     }
 
     /// Forces on the rows of the group (N/m, N/rad) for a motion of the hand along each direction, were these held.
-    fn forces(&self, ends: &SpringEnds, rows: &Range<usize>) -> Vec<Rows<S>> {
-        let mut forces = vec![vec![[S::ZERO; 4]; rows.len()]; ends.directions];
-        for end in &ends.springs {
-            for (force, way) in forces.iter_mut().zip(end.ways()) {
-                for k in self.node.free_axes(end.row) {
-                    force[end.row - rows.start][k] += S::from_f64(end.stiffness * way[k]);
+    fn forces(&self, ends: &Ends, rows: &Range<usize>) -> Vec<Rows<S>> {
+        let of = |own: &Vec<(usize, DVec3)>| {
+            let mut forces = vec![[S::ZERO; 4]; rows.len()];
+            for &(row, force) in own.iter().filter(|(row, _)| rows.contains(row)) {
+                for k in self.node.free_axes(row) {
+                    forces[row - rows.start][k] += S::from_f64(force[k]);
                 }
             }
-        }
-        forces
+            forces
+        };
+        ends.forces.iter().map(of).collect()
     }
 
     /// `(P k)^T K'^-1 P k` (N/m, N/rad, N m/rad), symmetric.
@@ -272,54 +319,64 @@ impl<S: Scalar> PatchSolver<S> {
     }
 }
 
-/// A spring from a vertex of a patch to the hand.
-struct SpringEnd {
-    row: usize,
-    /// Stiffness (N/m).
-    stiffness: f64,
-    /// From the centre about which the hand turns to its end at the hand (m).
-    arm: DVec3,
-    /// Force (N) on the hand.
-    force: DVec3,
+/// How the end of a spring at the hand moves along with each direction of the hand: motions (m/m), then turns (m/rad).
+fn ways(arm: DVec3) -> [DVec3; 6] {
+    let [x, y, z] = DVec3::AXES;
+    let [a, b, c] = DVec3::AXES.map(|axis| axis.cross(arm));
+    [x, y, z, a, b, c]
 }
 
-impl SpringEnd {
-    /// How its end at the hand moves along with each direction of the hand: motions (m/m), then turns (m/rad).
-    fn ways(&self) -> [DVec3; 6] {
-        let [x, y, z] = DVec3::AXES;
-        let [a, b, c] = DVec3::AXES.map(|axis| axis.cross(self.arm));
-        [x, y, z, a, b, c]
+/// The points that touch a tool, which moves.
+fn ends_of_tool(world: &mut World, tool: Entity) -> Ends {
+    let mut ends =
+        Ends { forces: vec![Vec::new(); 3], springs: Pairs::default(), arms: DMat3::ZERO };
+    let Some(mut contact) = world.get_resource_mut::<ContactSet>() else { return ends };
+    let Some(index) = contact.with_exact_tangents(tool) else { return ends };
+    for (axis, way) in DVec3::AXES.into_iter().enumerate() {
+        let mut all = DVec3::ZERO;
+        contact.for_motion(index, way, |row, force| ends.forces[axis].push((row, force)));
+        contact.for_motion(index, way, |_, force| all += force);
+        for i in 0..3 {
+            ends.springs[i][axis] = all[i];
+        }
     }
+    ends
 }
 
 impl PatchCompliance {
-    /// With what the springs do over the motions of the hand, of which the tissue gives back `work`.
-    fn of(&self, ends: &SpringEnds, work: &Pairs, stiffness: f64) -> Self {
-        let mut own = Self { arms: DMat3::ZERO, ..*self };
-        let mut springs = Pairs::default();
-        for end in &ends.springs {
-            let ways = end.ways();
-            for i in 0..ends.directions {
-                for j in 0..ends.directions {
-                    springs[i][j] += end.stiffness * ways[i].dot(ways[j]);
-                    if i >= 3 && j >= 3 {
-                        springs[i][j] -= ways[j].cross(end.force)[i - 3];
-                    }
-                }
-            }
-            if ends.directions > 3 {
-                let SpringEnd { arm, .. } = *end;
-                let outer = DMat3::from_cols(arm.x * arm, arm.y * arm, arm.z * arm);
-                let square = DMat3::from_diagonal(DVec3::splat(arm.length_squared()));
-                own.arms += end.stiffness / stiffness * (square - outer);
-            }
+    /// Of a tool that touches nothing.
+    pub fn free() -> Self {
+        Self {
+            gain: DMat3::IDENTITY,
+            stiffness: [[DMat3::ZERO; 2]; 2],
+            arms: DMat3::ZERO,
+            solved: true,
+            ..Self::default()
         }
-        let left = |i: usize, j: usize| springs[i][j] - work[i][j];
-        own.stiffness = [0, 1].map(|i| [0, 1].map(|j| block(left, [i, j])));
-        own.gain = block(|i, j| work[i][j], [0, 0]) * (1.0 / stiffness);
-        let blocks = own.stiffness.as_flattened();
-        own.solved = own.gain.is_finite() && blocks.iter().all(|block| block.is_finite());
-        own
+    }
+
+    /// With what the springs do over the motions of the hand, of which the tissue gives back `work`.
+    fn of_patch(&self, ends: &Ends, work: &Pairs, stiffness: f64) -> Self {
+        let left = |i: usize, j: usize| ends.springs[i][j] - work[i][j];
+        let gain = block(|i, j| work[i][j], [0, 0]) * (1.0 / stiffness);
+        let of_all = [0, 1].map(|i| [0, 1].map(|j| block(left, [i, j])));
+        self.found(gain, of_all, ends.arms)
+    }
+
+    /// The same of a tool between tissue and hand.
+    fn of_tool(&self, ends: &Ends, work: &Pairs, stiffness: f64) -> Self {
+        let felt = block(|i, j| ends.springs[i][j] - work[i][j], [0, 0]);
+        let spring = DMat3::from_diagonal(DVec3::splat(stiffness));
+        let gain = (spring + felt).inverse() * stiffness;
+        let mut of_all = [[DMat3::ZERO; 2]; 2];
+        of_all[0][0] = (DMat3::IDENTITY - gain) * stiffness;
+        self.found(gain, of_all, DMat3::ZERO)
+    }
+
+    fn found(&self, gain: DMat3, stiffness: [[DMat3; 2]; 2], arms: DMat3) -> Self {
+        let blocks = stiffness.as_flattened();
+        let solved = gain.is_finite() && blocks.iter().all(|block| block.is_finite());
+        Self { gain, stiffness, arms, solved, ..*self }
     }
 }
 

@@ -377,7 +377,9 @@ fn resolve<S: Scalar>(
     vertices: usize,
     slow: bool,
 ) -> Preconditioner {
-    let coupled = system.contact.is_some_and(|contact| !contact.couplings.is_empty());
+    let coupled = system
+        .contact
+        .is_some_and(|contact| !contact.couplings.is_empty() || !contact.given.is_empty());
     let chosen = match chosen {
         Preconditioner::Direct if coupled => Preconditioner::Auto,
         Preconditioner::Auto if slow && vertices >= MULTIGRID_WHERE_SLOW => {

@@ -11,7 +11,7 @@
 use crate::state::{Rows, vector};
 use glam::{DMat3, DVec3};
 use serde::{Deserialize, Serialize};
-use sinew_contact::set::{ContactBlocks, Coupling};
+use sinew_contact::set::{ContactBlocks, Coupling, GivenBack};
 use sinew_engine::matrix::{BlockMatrix, LowRank, ProductSpans, in_pairs, rows_of, weighted};
 use sinew_engine::scalar::{Row, Scalar};
 use sinew_engine::topology::Topology;
@@ -326,6 +326,8 @@ pub struct SystemMatrix<T> {
     pub held: Vec<FixedAxes>,
     /// What contact adds beside the diagonal and those vectors, in rows of the matrix.
     pub couplings: Vec<Coupling>,
+    /// Vectors of what contact takes off.
+    pub given: RankOnes<T>,
     /// Rows of the matrix that contact adds to, and their diagonal blocks before, in the order in which that was done.
     pub without_contact: Vec<(u32, Block<T>)>,
     /// Factor that brings the largest diagonal entry of the tangent and inertia to one: no number type
@@ -467,6 +469,7 @@ impl<T: Scalar> SystemMatrix<T> {
     /// diagonal and beside it.
     fn add_contact(&mut self, contact: Option<&ContactBlocks>, rows: Range<usize>) {
         self.couplings.clear();
+        self.given.clear();
         self.without_contact.clear();
         self.low_rank.truncate(self.own_vectors);
         let Some(contact) = contact else { return };
@@ -476,6 +479,10 @@ impl<T: Scalar> SystemMatrix<T> {
         for vector in &contact.vectors {
             let own = vector.iter().map(|(row, v)| (row - first, (root * *v).to_array()));
             self.low_rank.push(&self.held, own);
+        }
+        for own in &contact.given {
+            let own = own.rows.iter().map(|(row, v)| (row - first, (root * *v).to_array()));
+            self.given.push(&self.held, own);
         }
         for (row, m) in &contact.diagonal {
             self.add_to_diagonal(row - first, m);
@@ -632,6 +639,11 @@ impl<S: Scalar> ShiftedTangent<'_, S> {
             let along = own.iter().map(|(row, v)| v.dot(vector(&x[*row as usize - offset])));
             let along: f64 = along.sum();
             own.iter().for_each(|(row, v)| add(*row as usize, along * *v));
+        }
+        for GivenBack { rows, .. } in &contact.given {
+            let along = rows.iter().map(|(row, v)| v.dot(vector(&x[*row as usize - offset])));
+            let along: f64 = along.sum();
+            rows.iter().for_each(|(row, v)| add(*row as usize, -along * *v));
         }
     }
 

@@ -11,12 +11,14 @@ use bevy_math::{DQuat, DVec3};
 use bevy_time::{Fixed, Time};
 use bevy_transform::components::{GlobalTransform, Transform};
 use bevy_transform::helper::TransformHelper;
+use sinew::engine::order::Order;
 use sinew::engine::precision::Precision;
 use sinew::engine::row::VertexRow;
 use sinew::engine::topology::Topology;
 use sinew::engine::vertex::FixedAxes;
 use sinew::haptics::{HapticDevice, HapticError, HapticOptions, HapticReport, HapticTissue};
 use sinew::prelude::{BodyHandle, Constraint, Pose, Pull, Tool, ToolPose};
+use sinew::touch::set::ContactSet;
 
 /// How often the entity of an input is moved.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -98,8 +100,9 @@ impl SinewPull {
 }
 
 /// Lets a haptic device hold vertices of the body that its entity is a child of, by a spring that is part of the step, and serves it round
-/// every step ([`sinew::haptics`]). As soon as it holds, the entity has a [`SinewHapticDevice`]; what it does is told by
-/// [`PullReport`](sinew::touch::pull::PullReport), too. The device is where its thread says, wherever the entity is.
+/// every step ([`sinew::haptics`]). Beside a [`Tool`] on the same entity, without vertices, it holds that. As soon as it holds, the
+/// entity has a [`SinewHapticDevice`]; what it does is told by [`PullReport`](sinew::touch::pull::PullReport) or
+/// [`ToolReport`](sinew::touch::tool::ToolReport), too. The device is where its thread says, wherever the entity is.
 #[derive(Component, Clone, Debug)]
 #[require(Transform)]
 pub struct SinewHaptic {
@@ -114,6 +117,11 @@ impl SinewHaptic {
     pub fn new(vertices: impl Into<Patch>) -> Self {
         let options = HapticOptions::new(BodyHandle(0), Vec::new());
         Self { vertices: vertices.into(), options }
+    }
+
+    /// Holds the tool on its entity as devices do by default.
+    pub fn of_tool() -> Self {
+        Self::new(Vec::new())
     }
 }
 
@@ -247,9 +255,17 @@ pub(crate) fn build(app: &mut App, schedule: Interned<dyn ScheduleLabel>) {
     app.add_observer(|gone: On<Remove<SinewPull>>, commands: Commands| {
         end::<Pull>(gone.entity, commands);
     });
-    app.add_observer(|gone: On<Remove<SinewHaptic>>, commands: Commands| {
-        end::<(Pull, HapticEnd, SinewHapticDevice)>(gone.entity, commands);
-    });
+    app.add_observer(
+        |gone: On<Remove<SinewHaptic>>,
+         commands: Commands,
+         mut tools: Query<HeldTool, With<HapticEnd>>,
+         contact: Option<Res<ContactSet>>| {
+            if let Ok((mut tool, order, _)) = tools.get_mut(gone.entity) {
+                HapticTissue::let_go(&mut tool, contact.and_then(|own| own.pose_of_tool(*order)));
+            }
+            end::<(Pull, HapticEnd, SinewHapticDevice)>(gone.entity, commands);
+        },
+    );
     let before = serve_haptics(|tissue, world| tissue.before_step_in(world).map(|()| None));
     let after = serve_haptics(|tissue, world| tissue.after_step_in(world).map(Some));
     app.add_systems(
@@ -385,13 +401,39 @@ fn begin_pulls(mut with: Begin, pulls: Query<Input<SinewPull>, New<SinewPull>>) 
     }
 }
 
+/// A tool that a device may hold, and what else moves it.
+type HeldTool = (&'static mut Tool, &'static Order, Has<FollowTransform>);
+
 fn begin_haptics(
     mut with: Begin,
-    precision: Res<Precision>,
+    (precision, contact): (Res<Precision>, Option<Res<ContactSet>>),
     haptics: Query<Input<SinewHaptic>, New<SinewHaptic>>,
+    mut tools: Query<HeldTool>,
 ) {
     for (entity, haptic, parent, name) in &haptics {
         let name = label("haptic device", entity, name);
+        if let (Patch::Vertices(none), Ok((mut tool, order, follows))) =
+            (&haptic.vertices, tools.get_mut(entity))
+            && none.is_empty()
+        {
+            let options =
+                HapticOptions { name: name.clone(), tool: Some(entity), ..haptic.options.clone() };
+            let options = HapticOptions { vertices: Vec::new(), ..options };
+            let also =
+                || follows.then(|| "a `FollowTransform` moves the tool, too; remove it".into());
+            let made = match options.problem().or_else(also) {
+                Some(problem) => Err(problem),
+                None => {
+                    let at = contact.as_ref().and_then(|own| own.pose_of_tool(*order));
+                    let (at, rows) = (at.unwrap_or(tool.start), with.topology.vertex_count());
+                    HapticTissue::holding_tool((entity, &mut tool), at, options, (*precision, rows))
+                        .map_err(|error| error.to_string())
+                }
+            };
+            let made = made.map_err(|problem| InputError::Invalid { name, problem });
+            with.begin(entity, made.map(|(tissue, device)| Some(held(tissue, device))));
+            continue;
+        }
         let rows = with.rows(&name, parent, &haptic.vertices);
         let made = rows.and_then(|rows| {
             let Some(rows) = rows else { return Ok(None) };
@@ -405,11 +447,16 @@ fn begin_haptics(
                 return Err(InputError::Invalid { name, problem });
             }
             let (tissue, device) = HapticTissue::holding(entity, options, *precision);
-            let device = SinewHapticDevice { device: Some(device), report: None };
-            Ok(Some((pull, HapticEnd(Some(Box::new(tissue))), device)))
+            Ok(Some((pull, held(tissue, device))))
         });
         with.begin(entity, made);
     }
+}
+
+/// Both ends of a handle as components.
+fn held(tissue: HapticTissue, device: HapticDevice) -> (HapticEnd, SinewHapticDevice) {
+    let device = SinewHapticDevice { device: Some(device), report: None };
+    (HapticEnd(Some(Box::new(tissue))), device)
 }
 
 /// A system that serves all haptic devices at one moment of a step. What a step that failed leaves is not told to them: their forces fall.

@@ -208,6 +208,50 @@ fn a_mouse_grabs_what_it_points_at() {
 
 /// Bit for bit, and until it is taken away.
 #[test]
+fn haptic_devices_hold_tools_as_without_bevy() {
+    let mut app = app();
+    held(&mut app, Transform::default());
+    let top = mesh().points.iter().map(|x| x.z).fold(0.0, f64::max);
+    let ball =
+        || Tool::new("ball", Shape::Sphere { radius: 0.02 }, DVec3::new(0.05, 0.05, top + 0.021));
+    let hand = app.world_mut().spawn((ball(), SinewHaptic::of_tool())).id();
+    let both = app
+        .world_mut()
+        .spawn((ball(), SinewHaptic::of_tool(), FollowTransform::default(), Name::new("both")))
+        .id();
+    let (mut simulation, _) = twin();
+    let tool = simulation.add_tool(ball()).unwrap();
+    let other = simulation.add_tool(ball()).unwrap();
+    (0..2).for_each(|_| app.update());
+    let error = app.world().get::<SinewInputError>(both).unwrap().0.to_string();
+    assert!(error.contains("`both`: a `FollowTransform` moves the tool"), "{error}");
+    app.world_mut().despawn(both);
+    assert!(simulation.remove_contact(other));
+    let (mut tissue, mut twin) = simulation.haptic_handle(HapticOptions::of_tool(tool)).unwrap();
+    let mut found = tissue.step(&mut simulation).unwrap();
+    let mut device = app.world_mut().get_mut::<SinewHapticDevice>(hand).unwrap().take().unwrap();
+    let velocity = DVec3::new(0.005, 0.0, -0.03);
+    let mut last = device.exchange(DVec3::ZERO, velocity, 1e-3);
+    assert_eq!(last, twin.exchange(DVec3::ZERO, velocity, 1e-3));
+    for tick in 1..200 {
+        let x = f64::from(tick) * 1e-3 * velocity;
+        last = device.exchange(x, velocity, 1e-3);
+        assert_eq!(last, twin.exchange(x, velocity, 1e-3), "{tick}");
+        if tick % 10 == 0 {
+            app.update();
+            found = tissue.step(&mut simulation).unwrap();
+        }
+    }
+    assert_eq!(app.world().get::<SinewHapticDevice>(hand).unwrap().report(), Some(&found));
+    assert!(last.force.z > 0.1 && found.push.z > 0.9, "{last:?}");
+    app.world_mut().entity_mut(hand).remove::<SinewHaptic>();
+    let tool = app.world().get::<Tool>(hand).unwrap();
+    assert!(tool.spring.is_none() && tool.target().0.is_some());
+    assert!(app.world().get::<SinewHapticDevice>(hand).is_none());
+}
+
+/// Bit for bit, and until it is taken away.
+#[test]
 fn haptic_devices_feel_what_they_feel_without_bevy() {
     let mut app = app();
     let body = held(&mut app, Transform::default());

@@ -22,7 +22,8 @@ pub struct sinew_live(Mutex<Reader>);
 
 /// Lets a haptic device hold vertices of a body from the next step on, where both are then: the place of the device at its first
 /// exchange is where the vertices are when they are taken hold of. Every `sinew_step` serves it. `out` is a pull:
-/// `sinew_pull_force` reads it, `sinew_remove` lets go. Free the device with `sinew_haptic_free`, before or after the simulation.
+/// `sinew_pull_force` reads it, `sinew_remove` lets go. A tool in place of the body, with options of no vertices, is held itself from where
+/// it is, and `out` is the tool. Free the device with `sinew_haptic_free`, before or after the simulation.
 /// On a graphics processor it is `SINEW_BACKEND`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn sinew_haptic_add(

@@ -100,25 +100,43 @@ impl Embedding {
         Ok(())
     }
 
-    /// What a device holds by default: vertices of a body.
+    /// What a device holds by default: vertices of a body, or a tool and then no vertices.
     ///
     /// # Errors
-    /// When there is no such body.
-    pub fn haptic_options(&self, body: Handle, vertices: &[u32]) -> Result<HapticOptions> {
-        Ok(HapticOptions::new(BodyHandle(self.body(body)?), vertices.to_vec()))
+    /// When there is no such body or tool.
+    pub fn haptic_options(&self, held: Handle, vertices: &[u32]) -> Result<HapticOptions> {
+        let vertices = vertices.to_vec();
+        if Kind::of(held) == Some(Kind::Tool) {
+            let tool = self.touching(held, Kind::Tool)?;
+            return Ok(HapticOptions { vertices, ..HapticOptions::of_tool(tool) });
+        }
+        Ok(HapticOptions::new(BodyHandle(self.body(held)?), vertices))
     }
 
-    /// Lets a haptic device hold a patch of a body from the next step on: see [`Simulation::haptic_handle`]. Every
-    /// [`Embedding::step`] then serves the device. The handle is that of a [`Kind::Pull`], by which the device holds;
-    /// [`Embedding::remove`] lets go. Handles are no part of snapshots, but for their pull.
+    /// Lets a haptic device hold a patch of a body, or a tool, from the next step on: see [`Simulation::haptic_handle`]. Every
+    /// [`Embedding::step`] then serves the device. The handle is that of a [`Kind::Pull`], by which the device holds, or the tool's;
+    /// [`Embedding::remove`] lets go of the one and takes the other away. Handles are no part of snapshots, but for their pull or tool.
     ///
     /// # Errors
-    /// When the name is taken, an option or vertex cannot be used, or the backend has no pulls; nothing is added then.
+    /// When the name is taken, an option, vertex or tool cannot be used, a device holds the tool already, or the backend has no pulls;
+    /// nothing is added then.
     pub fn add_haptic(&mut self, options: HapticOptions) -> Result<(Handle, HapticDevice)> {
-        self.name_is_free(Kind::Pull, &options.name)?;
-        let name = options.name.clone();
+        let (name, tool) = (options.name.clone(), options.tool);
+        let is_tool = |own: &Handle| self.touching(*own, Kind::Tool).ok() == tool;
+        let tools = self.handles.list(Kind::Tool).into_iter().map(|(own, _)| own);
+        let held = tool.and_then(|_| tools.into_iter().find(is_tool));
+        match held {
+            Some(tool) if self.haptics.iter().any(|(own, _)| *own == tool) => {
+                let problem = "a device holds it already; remove it, or add another tool";
+                let name = self.name(tool)?;
+                return Err(InputError::invalid(format!("tool `{name}`"), problem).into());
+            }
+            Some(_) => {}
+            None => self.name_is_free(Kind::Pull, &name)?,
+        }
         let (tissue, device) = self.built.simulation.haptic_handle(options)?;
-        let handle = self.handles.add(Kind::Pull, name, Target::Entity(tissue.pull()));
+        let add = || self.handles.add(Kind::Pull, name, Target::Entity(tissue.held()));
+        let handle = held.unwrap_or_else(add);
         self.haptics.push((handle, Box::new(tissue)));
         let device = HapticDevice(Mutex::new(device));
         // where a lock is made at its first use, that is here

@@ -61,6 +61,40 @@ fn handles_outlive_what_becomes_of_their_pulls() {
 }
 
 #[test]
+fn a_device_holds_a_tool() {
+    let (mut sim, _, _) = held(&options());
+    // over the upper face, which is at the height of that in `slab`
+    let top = slab().points.iter().map(|x| x.z).fold(0.0, f64::max);
+    let ball =
+        Tool::new("ball", Shape::Sphere { radius: 0.02 }, DVec3::new(0.05, 0.05, top + 0.0205));
+    let ball = sim.add_tool(ball, None).unwrap();
+    let own = sim.haptic_options(ball, &[]).unwrap();
+    let (handle, device) = sim.add_haptic(own.clone()).unwrap();
+    assert_eq!(handle, ball);
+    assert!(sim.list(Kind::Pull).is_empty());
+    let twice = sim.add_haptic(own).unwrap_err();
+    assert!(twice.text.contains("tool `ball`: a device holds it already"), "{twice}");
+    let both = sim.haptic_options(ball, &[1]).unwrap();
+    assert!(sim.add_haptic(both).unwrap_err().code == Code::Argument);
+    let mut felt = Feedback::default();
+    for step in 0..=40 {
+        let down = 1e-4 * f64::from(if step < 30 { step } else { 120 - 3 * step });
+        felt = device.exchange([0.0, 0.0, -down], [0.0; 3], 0.02).unwrap();
+        sim.step(1).unwrap();
+        if step == 30 {
+            assert!(
+                felt.force.z > 0.05 && sim.tool_report(ball).unwrap().yields.z > 2e-4,
+                "{felt:?}"
+            );
+        }
+    }
+    felt = device.exchange([0.0; 3], [0.0; 3], 0.02).unwrap();
+    assert_eq!(felt.force, DVec3::ZERO, "{felt:?}");
+    sim.remove(ball).unwrap();
+    sim.step(1).unwrap();
+}
+
+#[test]
 fn handles_that_cannot_be_are_told() {
     let (mut sim, body, hold) = held(&options());
     let top = patch(&sim, body);

@@ -129,8 +129,24 @@ def test_a_haptic_device_beside_steps():
     with pytest.raises(sinew.ArgumentError, match="angular_velocity"):
         jaws.device.exchange((0, 0, 0), (0, 0, 0), 0.01, angular_velocity=(0, 0, 1))
     jaws.remove()
+    # a ball over the middle of the upper face, pressed into it and drawn out again
+    top = body.positions[body.group("z1")]
+    above = (*top.mean(axis=0)[:2], top[:, 2].max() + 0.0105)
+    ball = sim.haptic(sim.add_tool("ball", sinew.Sphere(0.01), above), stiffness=100.0)
+    for i in range(41):
+        down = -1e-4 * (i if i <= 30 else 120 - 3 * i)
+        touched = ball.device.exchange((0, 0, down), (0, 0, 0), 0.02)
+        sim.step()
+        if i == 30:
+            assert touched.force[2] > 0.02 and np.allclose(ball.force, touched.force, rtol=0.5)
+    assert ball.device.exchange((0, 0, 0), (0, 0, 0), 0.02).force == (0, 0, 0)
+    with pytest.raises(sinew.ArgumentError, match="device moves"):
+        ball.move((0, 0, 1))
+    with pytest.raises(sinew.ArgumentError, match="a device holds it already"):
+        sim.haptic(ball)
+    ball.remove()
     handle.remove()
-    del sim, body, handle, jaws
+    del sim, body, handle, jaws, ball
     gc.collect()
     silent = [device.exchange((0, 0, 0.002), (0, 0, 0), 0.001) for _ in range(150)][-1]
     assert silent.stale and silent.force == (0, 0, 0)

@@ -199,6 +199,8 @@ pub(crate) struct PartNow {
     pub now: RigidPose,
     /// How far (m) its surface is drawn in.
     pub drawn_in: f64,
+    /// How much farther (m) than its way it may go, where it is held by a spring.
+    pub slack: f64,
 }
 
 /// A point as it is at some state.
@@ -549,7 +551,7 @@ impl PartNow {
 
     /// Where the part may be in the step.
     pub fn reach(&self) -> Reach<'_> {
-        let longest = self.longest_way();
+        let longest = self.longest_way() + self.slack;
         Reach { part: self, bounds: grown(self.bounds(&self.end), longest), longest }
     }
 
@@ -665,7 +667,7 @@ mod tests {
             rotation: DQuat::from_xyzw(0.1 * turn, -0.2, 0.3 * turn, 0.9).normalize(),
         };
         let (start, end) = (pose(0.5, DVec3::new(0.1, 0.0, 0.2)), pose(turn, DVec3::ZERO));
-        PartNow { of, tool: 0, start, end, now: end, drawn_in: 0.0 }
+        PartNow { of, tool: 0, start, end, now: end, drawn_in: 0.0, slack: 0.0 }
     }
 
     /// Cavities of all shapes, about 1 m wide.

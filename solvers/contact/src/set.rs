@@ -33,6 +33,10 @@ mod near;
 mod pairs;
 mod points;
 mod report;
+mod springs;
+
+pub use springs::GivenBack;
+use springs::SpringNow;
 
 /// Part of its thickness that a tool may move at once: no point can then pass its middle. The second is for tools
 /// thinner than the edges of the surface, which would work themselves under it.
@@ -69,6 +73,8 @@ pub struct ContactBlocks {
     pub couplings: Vec<Coupling>,
     /// Vectors `v` (N/m)^(1/2) of threads and clips, which add `v v^T`: rows, ascending, and what `v` has there.
     pub vectors: Vec<Vec<(u32, DVec3)>>,
+    /// What tools on springs give back.
+    pub given: Vec<GivenBack>,
 }
 
 /// Most vertex rows of a point between bodies: those of an element on either side, where both were cut.
@@ -121,12 +127,22 @@ impl Coupling {
 /// State of a tool that is kept from step to step.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 struct ToolState {
+    /// Of the tool, or of the hand that holds it by a spring.
     pose: ToolPose,
+    /// Way (m) from there to the tool.
+    yields: DVec3,
     drawn_in: Vec<f64>,
     /// Parts that went through the surface of a body, and the bodies.
     pierced: Vec<[usize; 2]>,
     work: f64,
     dissipation: f64,
+}
+
+impl ToolState {
+    /// Where the tool itself is.
+    fn of_tool(&self) -> ToolPose {
+        ToolPose { position: self.pose.position + self.yields, ..self.pose }
+    }
 }
 
 /// Work (J) and dissipation (J) of a tool or hand in the substeps of a step.
@@ -144,6 +160,10 @@ struct ToolNow {
     name: String,
     start: ToolPose,
     end: ToolPose,
+    /// Where it is from there, if a spring holds it; then these are the poses of the hand.
+    spring: SpringNow,
+    /// Its points have tangents with the curvature of its parts.
+    curved: bool,
     /// Distance (m) to its target that is left.
     lag: f64,
     /// It appears, or was put elsewhere, in this step.
@@ -326,6 +346,7 @@ impl ContactSet {
             point.start = point.at(&|row| made.mean(row, x));
         }
         self.set_part(1.0);
+        self.let_go();
         Ok(())
     }
 
@@ -376,7 +397,7 @@ impl ContactSet {
     pub fn books(&self) -> [f64; 2] {
         let now: f64 = self.points.iter().zip(&self.active).map(|(p, a)| stored(p, a)).sum();
         let [of_lines, work] = self.line_books();
-        let change = now + of_lines - self.kept.stored;
+        let change = now + of_lines + self.spring_energy() - self.kept.stored;
         [change, self.laid + work + self.settled.iter().map(|own| own.work).sum::<f64>()]
     }
 
@@ -389,6 +410,7 @@ impl ContactSet {
     pub fn set_part(&mut self, part: f64) {
         for own in &mut self.parts {
             own.now = own.start.towards(&own.end, part);
+            own.now.centre += self.tools[own.tool].spring.way();
         }
         self.lines.iter_mut().for_each(|line| line.set_part(part));
         let parts = &self.parts;
@@ -458,7 +480,8 @@ impl ContactSet {
                 last[low] = last[low].max(high);
             }
         }
-        for joined in self.lines.iter().map(|line| &line.bodies) {
+        let by_lines = self.lines.iter().map(|line| line.bodies.clone());
+        for joined in by_lines.chain(self.joined_by_springs()) {
             last[joined.start] = last[joined.start].max(joined.end - 1);
         }
         let mut groups = Vec::new();
@@ -501,6 +524,17 @@ impl ContactSet {
     /// Energy (J) of the contacts of some bodies at positions `x`; forces and tangents are kept until the next call.
     /// The forces of friction are those with the limits of the last call that did not keep them.
     pub fn evaluate(&mut self, bodies: &Range<usize>, x: &RowPlaces, limits: Limits) -> f64 {
+        let springs = self.balance(&self.range(bodies), x);
+        let points = self.evaluate_points(bodies, x, limits);
+        if springs > 0.0 && limits != Limits::Keep {
+            // with the new limits tools are elsewhere
+            let springs = self.balance(&self.range(bodies), x);
+            return springs + self.evaluate_points(bodies, x, Limits::Keep);
+        }
+        springs + points
+    }
+
+    fn evaluate_points(&mut self, bodies: &Range<usize>, x: &RowPlaces, limits: Limits) -> f64 {
         let range = self.range(bodies);
         let (moved, same) = self.moved(bodies, x.now);
         let (parts, faces) = (&self.parts, NearFaces { all: &self.faces, moved });
@@ -593,12 +627,16 @@ impl ContactSet {
         let range = self.range(bodies);
         self.rounds.resize(self.active.len(), (Active::default(), DVec3::ZERO));
         let made = &self.made;
-        for (active, (last, place)) in
-            self.active[range.clone()].iter_mut().zip(&mut self.rounds[range])
-        {
+        let both = self.active[range.clone()].iter_mut().zip(&mut self.rounds[range.clone()]);
+        for (point, (active, (last, place))) in self.points[range].iter().zip(both) {
+            // a tool that gives way takes the point with it
+            let way = match point.against {
+                Against::Part(part) => self.tools[self.parts[part].tool].spring.now,
+                _ => DVec3::ZERO,
+            };
             let place_of = |active: &Active| {
                 let shares = active.rows.iter().zip(active.weights).filter(|(_, w)| *w != 0.0);
-                shares.map(|(row, weight)| weight * made.mean(*row, x)).sum::<DVec3>()
+                shares.map(|(row, weight)| weight * made.mean(*row, x)).sum::<DVec3>() - way
             };
             let now = *active;
             if !first && last.pressure > 0.0 && active.pressure > 0.0 {
@@ -663,6 +701,14 @@ impl ContactSet {
         sum_by_row(&mut blocks.diagonal);
         blocks.couplings.sort_by_key(|own| own.used().map(|(row, _)| row).min());
         blocks.vectors = self.line_vectors(bodies);
+        blocks.given = self.given_back(bodies);
+        blocks
+    }
+
+    /// The same where a tool stays where it is, though a spring holds it.
+    pub fn blocks_with_held(&self, bodies: &Range<usize>, tool: Entity) -> ContactBlocks {
+        let mut blocks = self.blocks(bodies);
+        blocks.given.retain(|own| self.tools[own.tool].entity != tool);
         blocks
     }
 
@@ -688,6 +734,11 @@ impl ContactSet {
             let inside = vector.iter().filter(|(row, _)| inside(VertexRow(*row)));
             let sum = inside.map(|(_, v)| *v).sum::<DVec3>();
             block += outer(sum, sum);
+        }
+        for given in self.given_back(bodies) {
+            let inside = given.rows.iter().filter(|(row, _)| inside(VertexRow(*row)));
+            let sum = inside.map(|(_, v)| *v).sum::<DVec3>();
+            block -= outer(sum, sum);
         }
         (force, block)
     }
@@ -759,15 +810,59 @@ impl ContactSet {
         let asked =
             |i: &usize| self.tools[*i].tool.local_stiffness && self.touching(*i).count() > 0;
         let tools: Vec<usize> = (0..self.tools.len()).filter(asked).collect();
+        tools.iter().for_each(|tool| self.bend(*tool));
+        tools
+    }
+
+    /// Where a tool is that acted in a step, by its order: the tool itself, not the hand that holds it by a spring.
+    pub fn pose_of_tool(&self, tool: Order) -> Option<ToolPose> {
+        Some(self.kept.tools.get(&tool)?.of_tool())
+    }
+
+    /// The bodies, solved for together, that touched a tool at the last evaluation; none where none did.
+    pub fn group_at(&self, tool: Entity, bodies: usize) -> Option<Range<usize>> {
+        let index = self.tools.iter().position(|now| now.entity == tool)?;
+        let parts = &self.tools[index].parts;
+        let of_tool =
+            |point: &ContactPoint| matches!(&point.against, Against::Part(i) if parts.contains(i));
+        let mut both = self.points.iter().zip(&self.active);
+        let (point, _) = both.find(|(point, active)| active.on && of_tool(point))?;
+        let body = point.key.body as usize;
+        self.groups(bodies).into_iter().find(|group| group.contains(&body))
+    }
+
+    /// Unit vector in which tissue pushes a tool at the last evaluation, where it pushes to one side and nothing is gripped.
+    pub fn push_on(&self, tool: Entity) -> Option<DVec3> {
+        let index = self.tools.iter().position(|now| now.entity == tool)?;
+        let (mut sum, mut all) = (DVec3::ZERO, 0.0);
+        for active in self.touching(index) {
+            sum -= active.push;
+            all += active.push.length();
+        }
+        let is_one = !self.tools[index].tool.grip && sum.length() > 0.5 * all;
+        sum.try_normalize().filter(|_| is_one)
+    }
+
+    /// The place of a tool in the step, with exact tangents of its points; none where it acted in none.
+    pub fn with_exact_tangents(&mut self, tool: Entity) -> Option<usize> {
+        let index = self.tools.iter().position(|now| now.entity == tool)?;
+        self.bend(index);
+        Some(index)
+    }
+
+    /// Makes the tangents of the points of a tool exact, once a step.
+    fn bend(&mut self, tool: usize) {
+        if std::mem::replace(&mut self.tools[tool].curved, true) {
+            return;
+        }
         for (point, active) in self.points.iter().zip(&mut self.active).filter(|(_, a)| a.on) {
             if let Against::Part(part) = point.against
-                && tools.contains(&self.parts[part].tool)
+                && self.parts[part].tool == tool
             {
                 let curvature = self.parts[part].curvature(active.at, &point.side);
                 active.block -= point.area * active.pressure * curvature;
             }
         }
-        tools
     }
 
     /// Points that press or hold a tool, at the last evaluation.
@@ -854,8 +949,10 @@ impl ContactSet {
                     continue;
                 }
             };
+            // of the spring of a tool its hand moves the other end
+            let spring = self.tools.get(tool).map_or(DVec3::ZERO, |own| own.spring.way());
             let own = &mut self.settled[tool];
-            own.work += force.dot(way);
+            own.work += force.dot(way - spring);
             // what an edge or needle holds is the same through the step, and what is lost counts at its end
             if !point.is_edge() && !matches!(point.against, Against::Needle(_)) {
                 own.dissipation += lost(point, active);
@@ -864,6 +961,10 @@ impl ContactSet {
         self.settle_lines();
         for own in &mut self.parts {
             own.start = own.now;
+            own.end.centre += self.tools[own.tool].spring.way();
+        }
+        for own in &mut self.tools {
+            own.spring.from = own.spring.now;
         }
         self.beside.fill(None);
         let made = &self.made;
@@ -893,6 +994,7 @@ impl ContactSet {
         let bodies = 0..self.first.len().saturating_sub(1);
         self.set_part(1.0);
         self.evaluate(&bodies, x, Limits::Keep);
+        self.figures.unconverged += u32::from(self.is_unbalanced());
         let converged = converged && self.figures.unconverged == 0;
         let touching = self.active.iter().any(|active| active.on) || !self.lines.is_empty();
         self.figures.missed = !converged && touching;
@@ -923,7 +1025,7 @@ impl ContactSet {
         }
         self.figures.depth_over_edge = edge_depth;
         let of_points = self.points.iter().zip(&self.active).map(|(p, a)| stored(p, a));
-        self.kept.stored = of_points.sum::<f64>() + of_lines;
+        self.kept.stored = of_points.sum::<f64>() + of_lines + self.spring_energy();
         self.kept.of_lines = of_lines;
         self.figures.energy = self.kept.stored;
         self.figures

@@ -214,8 +214,8 @@ pub fn friction_problem(coefficient: f64) -> Option<String> {
         .then(|| format!("its friction is {coefficient}: the coefficient must be 0 or positive"))
 }
 
-/// A tool: an entity that touches the bodies of its world. Its pose comes from its motion; it never feels forces, it
-/// reports them.
+/// A tool: an entity that touches the bodies of its world. Its pose comes from its motion; unless a hand holds it by a
+/// [spring](Tool::spring), it never feels forces, it reports them.
 #[derive(Component, Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[require(ToolReport, EdgeState, Order)]
 pub struct Tool {
@@ -247,6 +247,10 @@ pub struct Tool {
     /// A point that was pushed out through one side stays on it however deep the tool goes (default). Without, it
     /// leaves through the nearest side, as it always does into a cavity.
     pub keeps_side: bool,
+    /// Stiffness (N/m) of a spring by which a hand holds the tool. Targets and motion are then those of the hand: the tool turns
+    /// and opens with it, and is where the spring and all that it touches are in balance at every state of the bodies. Without,
+    /// the hand holds it rigidly. Not for edges, needles and exact contact.
+    pub spring: Option<f64>,
     /// Also finds the force by points of the other kind ([`ToolReport::other_points`]). It is no bound on the error.
     pub error_bar: bool,
     /// Also finds the change of its force with small motions ([`ToolReport::local_stiffness`]), which devices and rigid
@@ -303,6 +307,7 @@ impl Tool {
             stiffness: Stiffness::default(),
             exact: false,
             keeps_side: true,
+            spring: None,
             error_bar: false,
             local_stiffness: false,
             faces: None,
@@ -372,6 +377,13 @@ impl Tool {
     #[must_use]
     pub fn exactly(mut self) -> Self {
         (self.exact, self.points) = (true, Points::Vertex);
+        self
+    }
+
+    /// On a spring of some stiffness (N/m) in a hand ([`Tool::spring`]).
+    #[must_use]
+    pub fn with_spring(mut self, stiffness: f64) -> Self {
+        self.spring = Some(stiffness);
         self
     }
 
@@ -487,7 +499,22 @@ impl Tool {
         if faces.into_iter().any(|row| row.index() >= rows) {
             return Some("it names a vertex row that does not exist".into());
         }
-        self.stiffness.problem().or_else(|| self.motion_problem())
+        self.stiffness.problem().or_else(|| self.spring_problem()).or_else(|| self.motion_problem())
+    }
+
+    fn spring_problem(&self) -> Option<String> {
+        let spring = self.spring?;
+        if !(spring > 0.0 && spring.is_finite()) {
+            return Some(format!("its spring is {spring} N/m: it must be positive and finite"));
+        }
+        let has = [
+            (self.edge.is_some(), "an edge"),
+            (self.needle.is_some(), "a needle"),
+            (self.exact, "exact contact"),
+            (self.local_stiffness, "a local stiffness of its own"),
+        ];
+        let (_, what) = has.into_iter().find(|(has, _)| *has)?;
+        Some(format!("a tool with {what} cannot be held by a spring; leave one of the two out"))
     }
 
     fn motion_problem(&self) -> Option<String> {
@@ -550,6 +577,8 @@ impl Tool {
 pub struct ToolReport {
     /// Where the tool was: place (m) of its origin.
     pub position: DVec3,
+    /// Way (m) from where the hand would have it to there, of a tool on a [spring](Tool::spring).
+    pub yields: DVec3,
     /// Its rotation.
     pub rotation: DQuat,
     /// Its opening (rad).

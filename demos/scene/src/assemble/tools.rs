@@ -50,7 +50,7 @@ pub(super) fn tool(
     tool.exact = entry.exact;
     tool.points = points(&key.at("points"), entry)?;
     tool.keeps_side = entry.keeps_side.unwrap_or(true);
-    tool.error_bar = entry.error_bar;
+    (tool.spring, tool.error_bar) = (entry.spring, entry.error_bar);
     [tool.from, tool.until] = window(key, [entry.from, entry.until], mode)?;
     if let Some([from, until]) = entry.grip {
         let key = key.at("grip");

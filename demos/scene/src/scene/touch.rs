@@ -137,6 +137,8 @@ shaped! {
         exact: bool,
         /// What was pushed out through one side stays on it; default true.
         keeps_side: Option<bool>,
+        /// Stiffness (N/m) of a spring by which a hand holds it, whose motion is then the hand's.
+        spring: Option<f64>,
         /// Also finds the force by points of the other kind.
         #[serde(default)]
         error_bar: bool,

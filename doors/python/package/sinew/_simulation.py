@@ -509,6 +509,19 @@ class Haptic(Pull):
         raise ArgumentError(f"the device moves haptic handle `{self.name}`; tell its place by `device.exchange`")
 
 
+class HeldTool(Tool):
+    """A tool that a haptic device holds by a spring inside the implicit step, from the next step on: it is where that and what it
+    touches are in balance. Every ``step`` serves it; :meth:`remove` takes the tool away."""
+
+    __slots__ = ("device",)
+    device: HapticDevice
+    """For the thread of the device, as :attr:`Haptic.device`; where it is first is where the tool is."""
+
+    def move(self, position: ArrayLike, rotation: ArrayLike = _NO_TURN, opening: float = 0.0) -> None:
+        """Raises ``ArgumentError``: its device moves it."""
+        raise ArgumentError(f"the device moves tool `{self.name}`; tell its place by `device.exchange`")
+
+
 class Reader:
     """The last two states of bodies and tools, each whole, for another thread than the one that steps; one reader a thread. It
     never waits for a step, and outlives the simulation."""
@@ -1014,8 +1027,8 @@ class Simulation:
 
     def haptic(
         self,
-        body: Body,
-        vertices: Vertices,
+        body: Body | Tool,
+        vertices: Vertices | None = None,
         *,
         stiffness: float = 300.0,
         damping: float = 2.0,
@@ -1028,16 +1041,24 @@ class Simulation:
         torque_limit: float = 0.1,
         device_inertia: float = 1e-5,
         name: str | None = None,
-    ) -> Haptic:
-        """Lets a haptic device hold vertices by a spring ``stiffness`` (N/m); ``damping`` (N s/m) of the device; largest force
+    ) -> Haptic | HeldTool:
+        """Lets a haptic device hold vertices, or a tool in place of the body, by a spring ``stiffness`` (N/m); ``damping`` (N s/m) of the device; largest force
         ``limit`` (N); the force falls from ``stale`` seconds after the last step on, and goes over from step to step in ``fade``
         seconds; ``device_mass`` (kg) is what moves of the device; ``tolerance`` of its linear systems. A device that ``turns`` the
         vertices, too, about their mean, feels a torque up to ``torque_limit`` (N m); ``device_inertia`` (kg m^2) is what turns of it."""
-        own, which = self._name("pull", name, vertices), body.vertices(vertices)
         of_turns = (torque_limit, device_inertia)
         numbers = [float(x) for x in (stiffness, damping, limit, stale, fade, device_mass, tolerance, *of_turns)]
-        handle, device = self._own.add_haptic(body.handle, own, which, turns, numbers)
-        made = Haptic(self, handle, own)
+        made: Haptic | HeldTool
+        if isinstance(body, Tool):
+            own, which = name or body.name, () if vertices is None else vertices
+            handle, device = self._own.add_haptic(body.handle, own, which, turns, numbers)
+            made = HeldTool(self, handle, body.name)
+        else:
+            if vertices is None:
+                raise ArgumentError("name the vertices of the body that the device holds, or a group")
+            own, which = self._name("pull", name, vertices), body.vertices(vertices)
+            handle, device = self._own.add_haptic(body.handle, own, which, turns, numbers)
+            made = Haptic(self, handle, own)
         made.device = device
         return made
 

@@ -38,6 +38,7 @@ impl ContactSet {
             }
             let known = self.kept.tools.get(&id);
             let mut start = match known {
+                Some(state) if tool.spring.is_none() => state.of_tool(),
                 Some(state) => state.pose,
                 // targets are reached from where it first stands
                 None if tool.motion == ToolMotion::Follow => tool.start,
@@ -53,13 +54,15 @@ impl ContactSet {
                 ToolMotion::Follow => start.towards(&wanted, part.share_of_rest()),
                 _ => wanted,
             };
+            let yields = known.filter(|_| tool.spring.is_some() && !appears);
+            let yields = yields.map_or(DVec3::ZERO, |known| known.yields);
             let first = self.parts.len();
             let mut tool = tool.clone();
             tool.parts.shrink_to_fit();
             for i in 0..tool.parts.len() {
                 let rigid = |pose| {
                     let (centre, rotation) = tool.part_pose(i, pose);
-                    RigidPose { centre, rotation }
+                    RigidPose { centre: centre + yields, rotation }
                 };
                 let (start, end) = (rigid(&start), rigid(&end));
                 let drawn_in = known.filter(|_| !appears).and_then(|k| k.drawn_in.get(i)).copied();
@@ -70,6 +73,7 @@ impl ContactSet {
                     end,
                     now: end,
                     drawn_in: drawn_in.unwrap_or(0.0),
+                    slack: yields.length(),
                 });
             }
             self.tools.push(ToolNow {
@@ -78,6 +82,8 @@ impl ContactSet {
                 name: tool.name.clone(),
                 start,
                 end,
+                spring: SpringNow { from: yields, now: yields, left: 0.0 },
+                curved: false,
                 lag: 0.0,
                 appears,
                 pierced: Vec::new(),
@@ -251,7 +257,7 @@ impl ContactSet {
         let now = &self.tools[tool];
         for (i, part) in self.parts[now.parts.clone()].iter_mut().enumerate() {
             let (centre, rotation) = now.tool.part_pose(i, &now.end);
-            part.end = RigidPose { centre, rotation };
+            part.end = RigidPose { centre: centre + now.spring.from, rotation };
             part.now = part.end;
         }
     }

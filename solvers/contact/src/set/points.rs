@@ -150,7 +150,7 @@ impl ContactSet {
         let (now, part) = (&self.tools[tool], &self.parts[part_index]);
         let skin = self.skin(now, body);
         let reach = part.reach();
-        let slack = part.longest_way() + 1e-9 * skin.edge;
+        let slack = part.longest_way() + part.slack + 1e-9 * skin.edge;
         let thin = part.of.shape.thickness() < skin.edge;
         // from outside of a cavity the nearest side leads back
         let is_blade = matches!(part.of.shape, Shape::Blade { .. });

@@ -88,7 +88,7 @@ impl ContactSet {
             }
             let now = &self.tools[index];
             let state = self.kept.tools.entry(now.id).or_default();
-            state.pose = now.end;
+            (state.pose, state.yields) = (now.end, now.spring.now);
             state.pierced.clone_from(&now.pierced);
             state.work += report.work;
             state.dissipation += report.dissipation;
@@ -123,16 +123,18 @@ impl ContactSet {
         let turn = now.end.rotation * now.start.rotation.inverse();
         let turn = if turn.w < 0.0 { -turn } else { turn };
         // pose and motion
+        let (spring, origin) = (now.spring.way(), now.end.position + now.spring.now);
         let mut report = ToolReport {
-            position: now.end.position,
+            position: origin,
+            yields: now.spring.now,
             rotation: now.end.rotation,
             opening: now.end.opening,
-            velocity: (now.end.position - now.start.position) / dt,
+            velocity: (now.end.position - now.start.position + spring) / dt,
             angular_velocity: turn.to_scaled_axis() / dt,
             lag: now.lag,
             pierced: !now.pierced.is_empty(),
             dissipation: now.released,
-            centre: now.end.position,
+            centre: origin,
             ..ToolReport::default()
         };
         if now.appears {
@@ -189,11 +191,11 @@ impl ContactSet {
             report.force += force;
             report.normal -= active.push;
             report.friction -= active.rub;
-            let torque = (active.at - now.end.position).cross(force);
+            let torque = (active.at - origin).cross(force);
             report.torque += torque;
             let own = &now.tool.parts[part - now.parts.start];
             if own.jaw != 0.0 {
-                let hinge = now.end.position + now.end.rotation * now.tool.hinge.point;
+                let hinge = origin + now.end.rotation * now.tool.hinge.point;
                 let axis = now.end.rotation * now.tool.hinge.axis.normalize();
                 report.closing += own.jaw * axis.cross(active.at - hinge).dot(force);
             }
@@ -205,10 +207,10 @@ impl ContactSet {
                 own.sticking += u32::from(sticks);
                 own.slipping += u32::from(!sticks);
             }
-            // what the tool's matter at this place went
+            // what the tool's matter at this place went, or would have with its hand
             let part = &self.parts[part];
-            let way = active.at - part.end.carry(active.at, &part.start);
-            report.work -= force.dot(way);
+            let way = active.at - part.now.carry(active.at, &part.start);
+            report.work -= force.dot(way - spring);
             report.energy += stored(point, active);
             report.unconverged = self.figures.missed;
             let lost = lost(point, active);
@@ -236,6 +238,8 @@ impl ContactSet {
         if weight > 0.0 {
             report.centre = centre / weight;
         }
+        let spring = now.tool.spring.unwrap_or(0.0);
+        report.energy += 0.5 * spring * now.spring.now.length_squared();
         // local stiffness, and what substeps settled
         let local = self.local.iter().find(|(tool, _)| *tool == index);
         report.local_stiffness = local.map(|(_, stiffness)| *stiffness);
