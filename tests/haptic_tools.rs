@@ -281,12 +281,12 @@ fn a_device_gets_no_energy_from_a_tool_that_is_poked_about() {
             let (mut least, mut peak, mut jump, mut before) =
                 (0.0_f64, 0.0_f64, 0.0_f64, DVec3::ZERO);
             let (mut touched, mut last) = (0, Vec::new());
-            for tick in 0..ticks(32.0) {
-                if tick % ticks(0.2) == 0 && tick < ticks(30.0) {
+            for tick in 0..ticks(12.0) {
+                if tick % ticks(0.2) == 0 && tick < ticks(10.0) {
                     let mut next = || chance(2001) as f64 / 1000.0 - 1.0;
                     aim = DVec3::new(6e-3 * next(), 6e-3 * next(), -6e-3 + 9e-3 * next());
                 }
-                if tick == ticks(30.0) {
+                if tick == ticks(10.0) {
                     aim = DVec3::Z * -1e-2;
                 }
                 device.wish += (aim - device.wish) * (TICK / 0.06);
@@ -298,7 +298,7 @@ fn a_device_gets_no_energy_from_a_tool_that_is_poked_about() {
                 jump = jump.max(felt.force.distance(before));
                 before = felt.force;
                 touched += u32::from(felt.force != DVec3::ZERO);
-                if tick >= ticks(31.5) {
+                if tick >= ticks(11.5) {
                     last.push((device.position, felt.force));
                 }
             }
@@ -309,7 +309,7 @@ fn a_device_gets_no_energy_from_a_tool_that_is_poked_about() {
                 "{rate}: {mass} kg, {damping}, {delay} ms: least {least:.2e} J, peak {peak:.3} N, jump {:.1} %, touched {touched}, moved {moved:.1e} m, jitter {jitter:.1e} N",
                 100.0 * jump / peak
             );
-            assert!(peak > 0.2 && (5000..31000).contains(&touched), "{peak} N, {touched}");
+            assert!(peak > 0.2 && (2000..11000).contains(&touched), "{peak} N, {touched}");
             assert!(least >= -1e-4, "{rate}: {mass} kg, {delay} ms: {least} J");
             // what comes into touch may rise by 50 N/s
             let most = (0.05 * peak).max(0.05 + 1e-9);

@@ -481,6 +481,9 @@ namespace Sinew
         public uint Parts;
         /// <summary>Where the tool was: place (m) of its origin.</summary>
         public Vec3 Position;
+        /// <summary>Way (m) from where the hand would have it to there, of a tool on a
+        /// [spring](Tool::spring).</summary>
+        public Vec3 Yields;
         /// <summary>Its rotation.</summary>
         public double Qx, Qy, Qz, Qw;
         /// <summary>Its opening (rad).</summary>
@@ -579,7 +582,7 @@ namespace Sinew
 
     internal static partial class Native
     {
-        internal const uint SINEW_ABI = 7;
+        internal const uint SINEW_ABI = 8;
         internal const uint SINEW_F64 = 0;
         internal const uint SINEW_F32 = 1;
         internal const uint SINEW_CPU = 0;

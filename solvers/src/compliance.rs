@@ -157,9 +157,15 @@ impl<S: Scalar> PatchSolver<S> {
             });
             world.run_schedule(ForceSchedule);
             found.projected = kind == TangentKind::Projected;
-            // what touches a tool is never quite what touched it before
-            let is_new = self.is_cold || matches!(held, Held::Tool(..));
-            let part = if is_new { COLD } else { 1.0 };
+            let part = match held {
+                // a small difference of what contact and tissue take, and what touches is never quite what did before
+                Held::Tool(..) => {
+                    let firm = [0, 1, 2].map(|i| ends.springs[i][i]).into_iter().sum::<f64>() / 3.0;
+                    COLD * (stiffness / (stiffness + firm)).sqrt()
+                }
+                Held::Patch(..) if self.is_cold => COLD,
+                Held::Patch(..) => 1.0,
+            };
             let matrix = (blocks.as_ref(), with_inertia, part * tolerance);
             match self.solve(world, group, &forces, matrix, &mut found.iterations) {
                 Ok(work) => {

@@ -2,6 +2,7 @@
 //! comes to rest, and what it costs. The handle of the engine takes turns with the two ways that are usual: a spring in the
 //! step whose far end stays where it is between steps, and tissue that is held at a proxy whose reaction is fed back.
 
+mod tools;
 mod turns;
 
 use crate::toolbox::aim::BenchAim;
@@ -552,6 +553,7 @@ pub fn run(quick: bool, mut tell: impl FnMut(&str)) -> Result<(Vec<Table>, Vec<B
     let seconds = if quick { 10 } else { 60 };
     let closed = closed_loop(&mesh, seconds, &mut aims, &mut tell)?;
     let [turns, turning] = turns::run(&mesh, seconds, &mut aims, &mut tell)?;
+    let tools = tools::run(&mesh, seconds, &mut aims, &mut tell)?;
     // the steps of larger bodies are longer than a frame
     let mut meshes = vec![mesh, refined(&demo_mesh("liver_medium.msh")?)];
     if !quick {
@@ -562,5 +564,5 @@ pub fn run(quick: bool, mut tell: impl FnMut(&str)) -> Result<(Vec<Table>, Vec<B
         tell(&format!("haptics: cost, {} tetrahedra", mesh.tetrahedra.len()));
         costs.extend(cost(mesh, if quick { 3 } else { 20 }, &mut aims)?);
     }
-    Ok((vec![accuracy, closed, turns, turning, cost_table(costs)], aims))
+    Ok((vec![accuracy, closed, turns, turning, tools, cost_table(costs)], aims))
 }

@@ -590,7 +590,8 @@ fn follow_pulls(
 fn follow_tools(
     places: Places,
     mut errors: Errors,
-    mut tools: Query<(Entity, &FollowTransform, &mut Followed, &mut Tool)>,
+    // both at once are an error of the device
+    mut tools: Query<(Entity, &FollowTransform, &mut Followed, &mut Tool), Without<SinewHaptic>>,
 ) {
     for (entity, follow, mut followed, mut tool) in &mut tools {
         let Some(there) = places.of(entity) else { continue };

@@ -16,7 +16,7 @@
 #include <stdint.h>
 
 // Raised when a structure or the meaning of a function changes; functions are only added.
-#define SINEW_ABI 7
+#define SINEW_ABI 8
 
 // No error.
 #define SINEW_OK 0
@@ -639,6 +639,8 @@ typedef struct sinew_tool_report {
   uint32_t parts;
   // Where the tool was: place (m) of its origin.
   double position[3];
+  // Way (m) from where the hand would have it to there, of a tool on a [spring](Tool::spring).
+  double yields[3];
   // Its rotation.
   double quaternion[4];
   // Its opening (rad).
@@ -1259,7 +1261,8 @@ sinew_status sinew_tear_set(struct sinew_simulation *simulation,
 
 // Lets a haptic device hold vertices of a body from the next step on, where both are then: the place of the device at its first
 // exchange is where the vertices are when they are taken hold of. Every `sinew_step` serves it. `out` is a pull:
-// `sinew_pull_force` reads it, `sinew_remove` lets go. Free the device with `sinew_haptic_free`, before or after the simulation.
+// `sinew_pull_force` reads it, `sinew_remove` lets go. A tool in place of the body, with options of no vertices, is held itself from where
+// it is, and `out` is the tool. Free the device with `sinew_haptic_free`, before or after the simulation.
 // On a graphics processor it is `SINEW_BACKEND`.
 sinew_status sinew_haptic_add(struct sinew_simulation *simulation,
                               sinew_handle body,

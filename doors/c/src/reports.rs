@@ -12,6 +12,8 @@ pub struct sinew_tool_report {
     pub parts: u32,
     /// Where the tool was: place (m) of its origin.
     pub position: [f64; 3],
+    /// Way (m) from where the hand would have it to there, of a tool on a [spring](Tool::spring).
+    pub yields: [f64; 3],
     /// Its rotation.
     pub quaternion: [f64; 4],
     /// Its opening (rad).
@@ -93,6 +95,7 @@ impl From<&ToolReport> for sinew_tool_report {
             struct_size: size_of::<Self>() as u32,
             parts: r.parts.len() as u32,
             position: r.position.to_array(),
+            yields: r.yields.to_array(),
             quaternion: r.rotation.to_array(),
             opening: r.opening,
             velocity: r.velocity.to_array(),

@@ -3,7 +3,7 @@
 use std::ffi::c_char;
 
 /// Raised when a structure or the meaning of a function changes; functions are only added.
-pub const SINEW_ABI: u32 = 7;
+pub const SINEW_ABI: u32 = 8;
 
 /// 0, or what kind of error `sinew_last_error` tells of.
 pub type sinew_status = i32;
