@@ -76,10 +76,9 @@ fn a_device_holds_a_tool() {
     assert!(twice.text.contains("tool `ball`: a device holds it already"), "{twice}");
     let both = sim.haptic_options(ball, &[1]).unwrap();
     assert!(sim.add_haptic(both).unwrap_err().code == Code::Argument);
-    let mut felt = Feedback::default();
     for step in 0..=40 {
         let down = 1e-4 * f64::from(if step < 30 { step } else { 120 - 3 * step });
-        felt = device.exchange([0.0, 0.0, -down], [0.0; 3], 0.02).unwrap();
+        let felt = device.exchange([0.0, 0.0, -down], [0.0; 3], 0.02).unwrap();
         sim.step(1).unwrap();
         if step == 30 {
             assert!(
@@ -88,7 +87,7 @@ fn a_device_holds_a_tool() {
             );
         }
     }
-    felt = device.exchange([0.0; 3], [0.0; 3], 0.02).unwrap();
+    let felt = device.exchange([0.0; 3], [0.0; 3], 0.02).unwrap();
     assert_eq!(felt.force, DVec3::ZERO, "{felt:?}");
     sim.remove(ball).unwrap();
     sim.step(1).unwrap();

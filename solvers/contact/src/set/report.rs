@@ -118,22 +118,23 @@ impl ContactSet {
         }
     }
 
-    fn report_tool(&mut self, index: usize, dt: f64) -> ToolReport {
-        let now = &self.tools[index];
+    /// Pose and motion of a tool, and nothing else.
+    fn report_motion(&self, now: &ToolNow, dt: f64) -> ToolReport {
         let turn = now.end.rotation * now.start.rotation.inverse();
         let turn = if turn.w < 0.0 { -turn } else { turn };
-        // pose and motion
-        let (spring, origin) = (now.spring.way(), now.end.position + now.spring.now);
+        let origin = now.end.position + now.spring.now;
+        let spring = now.tool.spring.unwrap_or(0.0);
         let mut report = ToolReport {
             position: origin,
             yields: now.spring.now,
             rotation: now.end.rotation,
             opening: now.end.opening,
-            velocity: (now.end.position - now.start.position + spring) / dt,
+            velocity: (now.end.position - now.start.position + now.spring.way()) / dt,
             angular_velocity: turn.to_scaled_axis() / dt,
             lag: now.lag,
             pierced: !now.pierced.is_empty(),
             dissipation: now.released,
+            energy: 0.5 * spring * now.spring.now.length_squared(),
             centre: origin,
             ..ToolReport::default()
         };
@@ -143,6 +144,13 @@ impl ContactSet {
         if now.parts.len() > 1 {
             report.parts = vec![PartReport::default(); now.parts.len()];
         }
+        report
+    }
+
+    fn report_tool(&mut self, index: usize, dt: f64) -> ToolReport {
+        let now = &self.tools[index];
+        let mut report = self.report_motion(now, dt);
+        let (spring, origin) = (now.spring.way(), report.position);
         // sums over the points that touch
         let (mut weight, mut centre) = (0.0, DVec3::ZERO);
         for part in &self.parts[now.parts.clone()] {
@@ -238,8 +246,6 @@ impl ContactSet {
         if weight > 0.0 {
             report.centre = centre / weight;
         }
-        let spring = now.tool.spring.unwrap_or(0.0);
-        report.energy += 0.5 * spring * now.spring.now.length_squared();
         // local stiffness, and what substeps settled
         let local = self.local.iter().find(|(tool, _)| *tool == index);
         report.local_stiffness = local.map(|(_, stiffness)| *stiffness);

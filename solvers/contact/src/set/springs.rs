@@ -175,7 +175,8 @@ impl ContactSet {
 
     /// Whether some tool on a spring is not in balance.
     pub(super) fn is_unbalanced(&self) -> bool {
-        self.sprung().any(|(tool, _)| !(self.tools[tool].spring.left <= UNBALANCED))
+        let left = |(tool, _): (usize, f64)| self.tools[tool].spring.left;
+        self.sprung().map(left).any(|left| left > UNBALANCED || left.is_nan())
     }
 
     /// What tools on springs give back to some bodies, at the last evaluation.
@@ -218,7 +219,7 @@ fn root(m: DMat3) -> [DVec3; 3] {
     let mut left = m;
     [0, 1, 2].map(|i| {
         let pivot = left.col(i)[i];
-        if !(pivot > 0.0) {
+        if pivot.is_nan() || pivot <= 0.0 {
             return DVec3::ZERO;
         }
         let column = left.col(i) / pivot.sqrt();
