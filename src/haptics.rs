@@ -76,7 +76,7 @@ const FIRM: f64 = 1e-3;
 /// How a device holds a patch or tool. The defaults are for soft organs, some 20 to 200 N/m at a tool, and light devices.
 #[derive(Clone, Debug, PartialEq)]
 pub struct HapticOptions {
-    /// Name of the [`Pull`], for reports and errors.
+    /// Name for errors, and of the [`Pull`] for reports.
     pub name: String,
     /// Body of the patch.
     pub body: BodyHandle,
@@ -294,7 +294,7 @@ impl DeviceMotion {
 /// What the simulation found for the device after a step.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct HapticReport {
-    /// Way (m) of the hand since it took hold that the step was taken with, and that of the patch at its end.
+    /// Way (m) of the hand since it took hold that the step was taken with, and that of the patch or tool at its end.
     pub hand: DVec3,
     /// Turn of the hand since then.
     pub rotation: DQuat,
@@ -325,6 +325,11 @@ impl Held {
         match self {
             Self::Pull(entity) | Self::Tool(entity, ..) => entity,
         }
+    }
+
+    /// Whether a tool hangs on its spring: going back to a state before it was held takes that away.
+    fn is_by(self, tool: &Tool) -> bool {
+        matches!(self, Self::Tool(_, _, stiffness) if tool.spring == Some(stiffness))
     }
 }
 
@@ -417,6 +422,10 @@ impl HapticTissue {
         options: HapticOptions,
         (precision, rows): (Precision, usize),
     ) -> Result<(Self, HapticDevice), ToolError> {
+        if tool.spring.is_some() {
+            let problem = "a hand holds it by a spring already: let go of it, or take another tool";
+            return Err(ToolError::Invalid { name: tool.name.clone(), problem: problem.into() });
+        }
         let mut held = tool.clone();
         held.spring = Some(options.stiffness);
         if let Some(problem) = held.problem(rows) {
@@ -479,11 +488,15 @@ impl HapticTissue {
         let entity = crate::snapshot::current(world, self.held.entity());
         let released = || HapticError::Released(self.name.clone());
         if let Held::Tool(_, start, _) = self.held {
-            let mut tool = world.get_mut::<Tool>(entity).ok_or_else(released)?;
+            let tool = world.get_mut::<Tool>(entity).filter(|own| self.held.is_by(own));
+            let mut tool = tool.ok_or_else(released)?;
             let opening = tool.target().0.map_or(start.opening, |target| target.opening);
             let position = start.position + self.hand.translation;
             let rotation = (self.hand.rotation * start.rotation).normalize();
-            return Ok(tool.set_target(ToolPose { position, rotation, opening })?);
+            tool.set_target(ToolPose { position, rotation, opening })?;
+            let (target, _) = tool.target();
+            tool.aim(target, false);
+            return Ok(());
         }
         if !self.has_centre {
             self.hand.centre = middle(world, entity).ok_or_else(released)?;
@@ -529,6 +542,10 @@ impl HapticTissue {
                 (solvers::Held::Patch(pull, self.turns), Some(group))
             }
             Held::Tool(_, _, stiffness) => {
+                world
+                    .get::<Tool>(entity)
+                    .filter(|own| self.held.is_by(own))
+                    .ok_or_else(released)?;
                 let own = world.get::<ToolReport>(entity).ok_or_else(released)?;
                 report.force = stiffness * own.yields;
                 report.unconverged = own.unconverged;
@@ -695,7 +712,7 @@ impl LocalModel {
             stiffness: [row(0), row(1)],
             arms: mix(self.arms, to.arms),
             // one that touched until now falls off in the old direction
-            push: if to.push == DVec3::ZERO { self.push } else { to.push },
+            push: if to.is_silent() { self.push } else { to.push },
             ..*to
         }
     }
@@ -721,6 +738,8 @@ pub struct HapticDevice {
     /// Models between which the force goes over.
     models_of: [LocalModel; 2],
     rising: bool,
+    /// Time (s) for which it still does because a tool came into touch.
+    rises: f64,
     /// Notes of the tissue.
     notes: u64,
     /// What was given back last.
@@ -742,6 +761,7 @@ impl HapticDevice {
             rotation: DQuat::IDENTITY,
             models_of: [LocalModel::default(); 2],
             rising: true,
+            rises: 0.0,
             notes: 0,
             felt,
         }
@@ -786,6 +806,7 @@ impl HapticDevice {
         let told = DeviceMotion { position: x, rotation, angular_velocity: spin, ..motion };
         self.poses.write(|put| told.numbers().iter().for_each(|x| put(x.to_bits())));
         self.felt.age += seconds;
+        self.rises -= seconds;
         let is_new = self.models.update();
         if is_new {
             self.take_model();
@@ -828,8 +849,8 @@ impl HapticDevice {
             wrench = [0, 1].map(|i| before[i] + changes[i] * (most / change));
             flags.rising = true;
         } else {
-            // the force of a model that has just come is not all there yet
-            self.rising = flags.waiting || self.rising && self.part() < 1.0;
+            // what a tool has come into touch with is not all felt yet
+            self.rising = flags.waiting || self.rises > 0.0;
         }
         if !wrench.iter().all(|own| own.is_finite()) {
             (wrench, self.rising, flags.bad_input) = (none, true, true);
@@ -869,8 +890,9 @@ impl HapticDevice {
         let arms = take_matrix(&mut numbers);
         let push = take_vector(&mut numbers);
         let new = LocalModel { hand, rotation, wrench, stiffness, arms, push };
-        // a tool comes into touch
-        self.rising |= self.options.tool.is_some() && new.is_silent() != before.is_silent();
+        if self.options.tool.is_some() && self.models_of[1].is_silent() && !new.is_silent() {
+            (self.rising, self.rises) = (true, self.options.fade);
+        }
         self.models_of = [if is_first { new } else { before }, new];
         (self.notes, self.felt.age) = (notes, 0.0);
         (self.felt.step, self.felt.time) = (step, time);

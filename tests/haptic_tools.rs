@@ -60,7 +60,6 @@ fn a_spring_is_in_balance_with_what_the_tool_touches() {
                 rigid.move_tool(twin, own.position).unwrap();
                 rigid.step().unwrap();
                 let other = rigid.tool_report(twin).unwrap();
-                assert!(own.position.distance(hand + own.yields) < 1e-15);
                 let off = [300.0 * own.yields, other.force].map(|f| f.distance(own.force));
                 if depth > 0.0 {
                     assert_eq!((own.yields, own.force), (DVec3::ZERO, DVec3::ZERO));
@@ -174,8 +173,6 @@ fn the_local_model_is_what_equilibria_differ_by() {
             let off = (gain - exact).to_cols_array().map(f64::abs).into_iter().fold(0.0, f64::max);
             println!("{precision:?} {friction} {x}: off by {off:.2e}");
             assert!(off < 0.01, "{gain} {exact}");
-            let felt = model.compliance.stiffness[0][0];
-            assert!(felt.abs_diff_eq((DMat3::IDENTITY - gain) * 300.0, 1e-9));
         }
     }
 }
@@ -243,7 +240,7 @@ fn a_tool_that_comes_into_touch_and_leaves_is_felt_as_at_a_kilohertz() {
     };
     let peak = exact.iter().map(|f| f.length()).fold(0.0, f64::max);
     let free = exact.iter().filter(|f| **f == DVec3::ZERO).count();
-    for rate in [60, 100] {
+    for rate in [60, 100, 500] {
         let (mut scene, mut handle) = Beside::new(rate, 0.0);
         let (mut felt, mut silent) = (Vec::new(), 0);
         for tick in 0..ticks(3.0) {
@@ -262,9 +259,10 @@ fn a_tool_that_comes_into_touch_and_leaves_is_felt_as_at_a_kilohertz() {
             1e2 * error,
             1e2 * jump
         );
-        assert!(peak > 0.3 && silent > 300, "{peak} {silent}");
-        assert!(error < 0.05, "{rate}: {error}");
-        assert!(jump < 0.05, "{rate}: {jump}");
+        assert!(peak > 0.3 && free > 800 && silent > 800, "{peak} {free} {silent}");
+        // the bar is 5 %
+        assert!(error < 0.006, "{rate}: {error}");
+        assert!(jump < 0.02, "{rate}: {jump}");
     }
 }
 
@@ -330,7 +328,7 @@ fn jaws_in_a_hand_grip_and_open() {
     };
     // two fingers beside a fold would need a fold: pressed on the face, they hold by friction without end
     let mut tool = Tool::of_parts("jaws", vec![jaw(-1.0), jaw(1.0)], above(0.0715).into());
-    (tool.grip, tool.friction) = (true, 1.0);
+    tool.friction = 1.0;
     let tool = simulation.add_tool(tool).unwrap();
     let options = HapticOptions::of_tool(tool);
     let (mut tissue, mut device) = simulation.haptic_handle(options).unwrap();
@@ -347,11 +345,12 @@ fn jaws_in_a_hand_grip_and_open() {
         (report, device.exchange(DVec3::Z * to, DVec3::ZERO, TICK))
     };
     let (down, _) = go(&mut simulation, 0.0, -4e-3, 20);
-    assert!(down.force.z > 0.05, "{down:?}");
+    assert!(down.force.z > 0.05 && down.push.z > 0.9, "{down:?}");
+    simulation.world_mut().get_mut::<Tool>(tool).unwrap().grip = true;
     let (up, felt) = go(&mut simulation, -4e-3, 8e-3, 60);
     println!("{:?} N, felt {:?}", up.force, felt.force);
     // drawn to the tissue, whatever presses at first
-    assert!(up.force.z < -0.1 && felt.force.z < -0.1 && up.push == DVec3::ZERO, "{up:?} {felt:?}");
+    assert!(up.force.z < -0.1 && felt.force.distance(up.force) < 0.02, "{up:?} {felt:?}");
     simulation.world_mut().get_mut::<Tool>(tool).unwrap().grip = false;
     let (open, felt) = go(&mut simulation, 8e-3, 8e-3, 30);
     assert_eq!((open.force, felt.force), (DVec3::ZERO, DVec3::ZERO));
@@ -398,9 +397,15 @@ fn a_tool_between_two_bodies_is_in_balance_with_both() {
 /// The state of a spring is in snapshots; a tool that is let go stays where it is.
 #[test]
 fn snapshots_know_springs_and_a_tool_that_is_let_go_stays() {
-    let (mut simulation, mut tissue, mut device) = held(Precision::F64, Integrator::Safe, 0.3);
+    let (mut simulation, _, _) = block(Precision::F64, Integrator::Safe, true);
+    let ball = simulation.add_tool(ball(0.3)).unwrap();
+    simulation.step().unwrap();
+    let free = simulation.snapshot().unwrap();
+    let options = HapticOptions::of_tool(ball);
+    let (mut tissue, mut device) = simulation.haptic_handle(options.clone()).unwrap();
+    let error = simulation.haptic_handle(options).unwrap_err().to_string();
+    assert!(error.contains("a hand holds it by a spring already"), "{error}");
     simulation.set_dt(0.01);
-    let ball = tissue.held();
     let mut on = |simulation: &mut Simulation, steps: std::ops::Range<u32>| {
         for step in steps {
             let x = DVec3::new(1e-4, 0.0, -3e-4) * f64::from(step.min(40));
@@ -416,6 +421,12 @@ fn snapshots_know_springs_and_a_tool_that_is_let_go_stays() {
     on(&mut simulation, 20..50);
     let again = (simulation.state_hash(), simulation.tool_report(ball).cloned());
     assert_eq!(first, again);
+    // a spring that was not there yet holds nothing
+    let there = simulation.snapshot().unwrap();
+    simulation.restore(&free).unwrap();
+    let error = tissue.step(&mut simulation).unwrap_err();
+    assert!(matches!(error, HapticError::Released(_)), "{error}");
+    simulation.restore(&there).unwrap();
     let tool = simulation.current(ball);
     let before = simulation.tool_report(tool).unwrap().clone();
     assert!(before.yields.z > 1e-3);

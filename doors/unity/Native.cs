@@ -481,8 +481,7 @@ namespace Sinew
         public uint Parts;
         /// <summary>Where the tool was: place (m) of its origin.</summary>
         public Vec3 Position;
-        /// <summary>Way (m) from where the hand would have it to there, of a tool on a
-        /// [spring](Tool::spring).</summary>
+        /// <summary>Way (m) from where the hand would have it to there, of a tool on a spring.</summary>
         public Vec3 Yields;
         /// <summary>Its rotation.</summary>
         public double Qx, Qy, Qz, Qw;

@@ -161,6 +161,7 @@ impl<S: Scalar> PatchSolver<S> {
                 // a small difference of what contact and tissue take, and what touches is never quite what did before
                 Held::Tool(..) => {
                     let firm = [0, 1, 2].map(|i| ends.springs[i][i]).into_iter().sum::<f64>() / 3.0;
+                    let firm = firm.max(0.0);
                     COLD * (stiffness / (stiffness + firm)).sqrt()
                 }
                 Held::Patch(..) if self.is_cold => COLD,
@@ -191,7 +192,7 @@ impl<S: Scalar> PatchSolver<S> {
 
     /// Forgets the last solutions: what is held is another thing, or nothing was.
     pub fn forget(&mut self) {
-        self.of = None;
+        (self.of, self.is_known, self.last) = (None, false, PatchCompliance::default());
     }
 
     /// Reads columns, and what follows from the layout where it is new.

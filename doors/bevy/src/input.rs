@@ -419,8 +419,11 @@ fn begin_haptics(
             let options =
                 HapticOptions { name: name.clone(), tool: Some(entity), ..haptic.options.clone() };
             let options = HapticOptions { vertices: Vec::new(), ..options };
-            let also =
-                || follows.then(|| "a `FollowTransform` moves the tool, too; remove it".into());
+            let also = || {
+                follows.then(|| {
+                    "a `FollowTransform` and a haptic device move it; remove one of them".into()
+                })
+            };
             let made = match options.problem().or_else(also) {
                 Some(problem) => Err(problem),
                 None => {
@@ -590,10 +593,16 @@ fn follow_pulls(
 fn follow_tools(
     places: Places,
     mut errors: Errors,
-    // both at once are an error of the device
-    mut tools: Query<(Entity, &FollowTransform, &mut Followed, &mut Tool), Without<SinewHaptic>>,
+    mut tools: Query<(Entity, &FollowTransform, &mut Followed, &mut Tool, Option<&SinewHaptic>)>,
 ) {
-    for (entity, follow, mut followed, mut tool) in &mut tools {
+    for (entity, follow, mut followed, mut tool, haptic) in &mut tools {
+        if haptic.is_some_and(|own| own.vertices == Patch::Vertices(Vec::new())) {
+            let problem =
+                "a `FollowTransform` and a haptic device move it; remove one of them".into();
+            let name = tool.name.clone();
+            errors.book(entity, Err(InputError::Invalid { name, problem }));
+            continue;
+        }
         let Some(there) = places.of(entity) else { continue };
         let next = followed.0.map_or(there, |at| {
             let at = Rigid { position: at.position, rotation: at.rotation };

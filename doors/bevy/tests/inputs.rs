@@ -224,7 +224,7 @@ fn haptic_devices_hold_tools_as_without_bevy() {
     let other = simulation.add_tool(ball()).unwrap();
     (0..2).for_each(|_| app.update());
     let error = app.world().get::<SinewInputError>(both).unwrap().0.to_string();
-    assert!(error.contains("`both`: a `FollowTransform` moves the tool"), "{error}");
+    assert!(error.contains("a `FollowTransform` and a haptic device move it"), "{error}");
     app.world_mut().despawn(both);
     assert!(simulation.remove_contact(other));
     let (mut tissue, mut twin) = simulation.haptic_handle(HapticOptions::of_tool(tool)).unwrap();

@@ -639,7 +639,7 @@ typedef struct sinew_tool_report {
   uint32_t parts;
   // Where the tool was: place (m) of its origin.
   double position[3];
-  // Way (m) from where the hand would have it to there, of a tool on a [spring](Tool::spring).
+  // Way (m) from where the hand would have it to there, of a tool on a spring.
   double yields[3];
   // Its rotation.
   double quaternion[4];
@@ -1262,7 +1262,7 @@ sinew_status sinew_tear_set(struct sinew_simulation *simulation,
 // Lets a haptic device hold vertices of a body from the next step on, where both are then: the place of the device at its first
 // exchange is where the vertices are when they are taken hold of. Every `sinew_step` serves it. `out` is a pull:
 // `sinew_pull_force` reads it, `sinew_remove` lets go. A tool in place of the body, with options of no vertices, is held itself from where
-// it is, and `out` is the tool. Free the device with `sinew_haptic_free`, before or after the simulation.
+// it is, and `out` is the tool, of which `sinew_tool_move` then sets the opening alone. Free the device with `sinew_haptic_free`, before or after the simulation.
 // On a graphics processor it is `SINEW_BACKEND`.
 sinew_status sinew_haptic_add(struct sinew_simulation *simulation,
                               sinew_handle body,

@@ -23,7 +23,7 @@ pub struct sinew_live(Mutex<Reader>);
 /// Lets a haptic device hold vertices of a body from the next step on, where both are then: the place of the device at its first
 /// exchange is where the vertices are when they are taken hold of. Every `sinew_step` serves it. `out` is a pull:
 /// `sinew_pull_force` reads it, `sinew_remove` lets go. A tool in place of the body, with options of no vertices, is held itself from where
-/// it is, and `out` is the tool. Free the device with `sinew_haptic_free`, before or after the simulation.
+/// it is, and `out` is the tool, of which `sinew_tool_move` then sets the opening alone. Free the device with `sinew_haptic_free`, before or after the simulation.
 /// On a graphics processor it is `SINEW_BACKEND`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn sinew_haptic_add(

@@ -12,7 +12,7 @@ pub struct sinew_tool_report {
     pub parts: u32,
     /// Where the tool was: place (m) of its origin.
     pub position: [f64; 3],
-    /// Way (m) from where the hand would have it to there, of a tool on a [spring](Tool::spring).
+    /// Way (m) from where the hand would have it to there, of a tool on a spring.
     pub yields: [f64; 3],
     /// Its rotation.
     pub quaternion: [f64; 4],

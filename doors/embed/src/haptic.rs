@@ -121,7 +121,8 @@ impl Embedding {
     /// When the name is taken, an option, vertex or tool cannot be used, a device holds the tool already, or the backend has no pulls;
     /// nothing is added then.
     pub fn add_haptic(&mut self, options: HapticOptions) -> Result<(Handle, HapticDevice)> {
-        let (name, tool) = (options.name.clone(), options.tool);
+        let tool = options.tool.map(|tool| self.built.simulation.current(tool));
+        let (name, options) = (options.name.clone(), HapticOptions { tool, ..options });
         let is_tool = |own: &Handle| self.touching(*own, Kind::Tool).ok() == tool;
         let tools = self.handles.list(Kind::Tool).into_iter().map(|(own, _)| own);
         let held = tool.and_then(|_| tools.into_iter().find(is_tool));
@@ -132,6 +133,10 @@ impl Embedding {
                 return Err(InputError::invalid(format!("tool `{name}`"), problem).into());
             }
             Some(_) => {}
+            None if tool.is_some() => {
+                let problem = "there is no such tool any more; make the options anew";
+                return Err(InputError::invalid(format!("haptic handle `{name}`"), problem).into());
+            }
             None => self.name_is_free(Kind::Pull, &name)?,
         }
         let (tissue, device) = self.built.simulation.haptic_handle(options)?;

@@ -657,7 +657,9 @@ impl ContactSet {
     pub fn keep_touching(&mut self, bodies: &Range<usize>) {
         let range = self.range(bodies);
         for (point, active) in self.points[range.clone()].iter().zip(&mut self.active[range]) {
-            let touched = point.memory.pressure > 0.0 && point.multiplier.is_none();
+            // a tool on a spring is in balance without such forces
+            let is_free = matches!(point.against, Against::Part(part) if self.tools[self.parts[part].tool].tool.spring.is_some());
+            let touched = point.memory.pressure > 0.0 && point.multiplier.is_none() && !is_free;
             if touched && active.pressure <= 0.0 && active.gap.is_finite() {
                 let stiffness = point.area * point.k;
                 active.on = true;

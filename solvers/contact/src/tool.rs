@@ -249,7 +249,8 @@ pub struct Tool {
     pub keeps_side: bool,
     /// Stiffness (N/m) of a spring by which a hand holds the tool. Targets and motion are then those of the hand: the tool turns
     /// and opens with it, and is where the spring and all that it touches are in balance at every state of the bodies. Without,
-    /// the hand holds it rigidly. Not for edges, needles and exact contact.
+    /// the hand holds it rigidly. What lets it go suddenly, such as tissue that parts, lets it move back to the hand within a step; one
+    /// thinner than that way may pass a surface then. Not for edges, needles and exact contact.
     pub spring: Option<f64>,
     /// Also finds the force by points of the other kind ([`ToolReport::other_points`]). It is no bound on the error.
     pub error_bar: bool,
@@ -577,7 +578,7 @@ impl Tool {
 pub struct ToolReport {
     /// Where the tool was: place (m) of its origin.
     pub position: DVec3,
-    /// Way (m) from where the hand would have it to there, of a tool on a [spring](Tool::spring).
+    /// Way (m) from where the hand would have it to there, of a tool on a spring.
     pub yields: DVec3,
     /// Its rotation.
     pub rotation: DQuat,

@@ -38,7 +38,7 @@ class ToolReport:
     """Where the tool was: place (m) of its origin; (3,)."""
 
     yields: Floats
-    """Way (m) from where the hand would have it to there, of a tool on a [spring](Tool::spring); (3,)."""
+    """Way (m) from where the hand would have it to there, of a tool on a spring; (3,)."""
 
     rotation: Floats
     """Its rotation; a quaternion (x, y, z, w)."""

@@ -521,6 +521,13 @@ class HeldTool(Tool):
         """Raises ``ArgumentError``: its device moves it."""
         raise ArgumentError(f"the device moves tool `{self.name}`; tell its place by `device.exchange`")
 
+    place = move
+
+    def open(self, opening: float) -> None:
+        """The angle (rad) between its jaws at the end of the next step."""
+        now = self.report
+        self._own.move_tool(self.handle, _tool_pose(now.position, now.rotation, opening))
+
 
 class Reader:
     """The last two states of bodies and tools, each whole, for another thread than the one that steps; one reader a thread. It

@@ -82,7 +82,7 @@ impl ContactSet {
                 name: tool.name.clone(),
                 start,
                 end,
-                spring: SpringNow { from: yields, now: yields, left: 0.0 },
+                spring: SpringNow { begin: yields, from: yields, now: yields, left: 0.0 },
                 curved: false,
                 lag: 0.0,
                 appears,

@@ -129,7 +129,8 @@ impl ContactSet {
             yields: now.spring.now,
             rotation: now.end.rotation,
             opening: now.end.opening,
-            velocity: (now.end.position - now.start.position + now.spring.way()) / dt,
+            velocity: (now.end.position - now.start.position + now.spring.now - now.spring.begin)
+                / dt,
             angular_velocity: turn.to_scaled_axis() / dt,
             lag: now.lag,
             pierced: !now.pierced.is_empty(),

@@ -21,7 +21,9 @@ const MOST: [u32; 2] = [40, 30];
 /// A tool of a spring in this step.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct SpringNow {
-    /// Way (m) from the hand to the tool at the start of the step, in substeps of what is left of it.
+    /// Way (m) from the hand to the tool at the start of the step.
+    pub begin: DVec3,
+    /// The same at the start of what is left of the step, in substeps.
     pub from: DVec3,
     /// The same now.
     pub now: DVec3,
@@ -116,18 +118,20 @@ impl ContactSet {
     fn balance_tool(&mut self, (tool, k): (usize, f64), points: &[usize], x: &RowPlaces) {
         let mut o = self.tools[tool].spring.now;
         let mut at = self.at_offset((tool, k), points, x, o);
-        if at.forces == 0.0 {
-            // nothing holds it back: exactly where the hand is, if nothing touches it there either
-            o = DVec3::ZERO;
-            at = self.at_offset((tool, k), points, x, o);
-        }
+        let mut may_be_free = true;
         for _ in 0..MOST[0] {
-            let left = at.slope.length() / (at.forces + k * o.length()).max(f64::MIN_POSITIVE);
-            self.tools[tool].spring.left = left;
-            if left <= BALANCED {
+            if at.forces == 0.0 && may_be_free {
+                // nothing holds it back: exactly where the hand is, if nothing touches it there either
+                (o, may_be_free) = (DVec3::ZERO, false);
+                at = self.at_offset((tool, k), points, x, o);
+            }
+            if at.left(k * o) <= BALANCED {
                 break;
             }
             let step = -(at.tangent.inverse() * at.slope);
+            if !step.is_finite() {
+                break;
+            }
             let mut found = None;
             for halving in 0..MOST[1] {
                 let tried = o + 0.5_f64.powi(halving as i32) * step;
@@ -141,6 +145,7 @@ impl ContactSet {
             let Some((tried, new)) = found else { break };
             (o, at) = (tried, new);
         }
+        self.tools[tool].spring.left = at.left(k * o);
         self.move_tool(tool, points, o);
     }
 
@@ -212,6 +217,13 @@ struct AtOffset {
     slope: DVec3,
     tangent: DMat3,
     forces: f64,
+}
+
+impl AtOffset {
+    /// Force out of balance over those that act, where that of the spring is so large (N).
+    fn left(&self, spring: DVec3) -> f64 {
+        self.slope.length() / (self.forces + spring.length()).max(f64::MIN_POSITIVE)
+    }
 }
 
 /// Columns `l` with `sum l l^T` that matrix, which is symmetric and positive definite (Cholesky).
