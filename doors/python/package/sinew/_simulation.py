@@ -1057,8 +1057,10 @@ class Simulation:
         numbers = [float(x) for x in (stiffness, damping, limit, stale, fade, device_mass, tolerance, *of_turns)]
         made: Haptic | HeldTool
         if isinstance(body, Tool):
-            own, which = name or body.name, () if vertices is None else vertices
-            handle, device = self._own.add_haptic(body.handle, own, which, turns, numbers)
+            if vertices is not None:
+                raise ArgumentError("a tool is held without vertices; leave them out")
+            own, none = name or body.name, np.empty(0, np.uint32)
+            handle, device = self._own.add_haptic(body.handle, own, none, turns, numbers)
             made = HeldTool(self, handle, body.name)
         else:
             if vertices is None:
