@@ -2,11 +2,13 @@
 
 use crate::common::*;
 use crate::schedule::bodies::Meshes;
+use bevy_ecs::prelude::Component;
 use glam::{DQuat, DVec3};
 use sinew::engine::load::Motion;
 use sinew::engine::mesh::Mesh;
 use sinew::engine::mesh::generate::box_tets;
 use sinew::engine::row::VertexRow;
+use sinew::engine::vertex::Displacement;
 use sinew::models::resection::{Region, Removal};
 use sinew::prelude::*;
 use sinew::solvers::sleep::CALM;
@@ -207,6 +209,39 @@ fn it_wakes_for_all_that_moves_it_and_then_moves_as_if_it_had_not_slept() {
         assert!(furthest > 2e-4, "{name} moves it by {furthest} m only");
         assert!(off < 1e-3 * furthest, "{name}: {off} of {furthest}");
     }
+}
+
+/// A component of a host's.
+#[derive(Component)]
+struct Mark;
+
+#[test]
+fn things_of_kinds_that_came_later_and_what_is_no_number_are_seen_while_it_sleeps() {
+    let mut simulation = blocks(options(Precision::F64, 1), SLEEP, 1);
+    until_asleep(&mut simulation, 1);
+    simulation.steps(10);
+    let put = |simulation: &mut Simulation, value: f64| {
+        let world = simulation.world_mut();
+        let mut query = world.query::<&mut Displacement<f64>>();
+        let mut row = query.iter_mut(world).nth(20).unwrap();
+        std::mem::replace(&mut row.0[1], value)
+    };
+    let before = put(&mut simulation, f64::NAN);
+    let error = simulation.step().unwrap_err().to_string();
+    assert!(error.contains("displacement of vertex") && error.contains("`block 0`"), "{error}");
+    put(&mut simulation, before);
+    simulation.steps(2);
+    assert_eq!(simulation.report().sleeping, 1);
+    // entities with a component more are in tables that nobody has looked through so far
+    let rows = far_end(&simulation);
+    push(&mut simulation, "f", rows, Curve::Constant);
+    let load = simulation.find::<Load>("f").unwrap();
+    simulation.world_mut().entity_mut(load).insert(Mark);
+    simulation.step().unwrap();
+    assert_eq!(simulation.report().sleeping, 0);
+    simulation.world_mut().get_mut::<Load>(load).unwrap().forces[0].1.x = f64::NAN;
+    let error = simulation.step().unwrap_err().to_string();
+    assert!(error.contains("`f`"), "{error}");
 }
 
 /// A second block is pulled to and fro for ever.

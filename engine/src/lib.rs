@@ -11,6 +11,7 @@ pub mod element;
 pub mod element_kind;
 pub mod fnv;
 pub mod isoparametric;
+pub mod kept;
 pub mod lanes;
 pub mod law;
 pub mod layout;

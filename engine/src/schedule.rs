@@ -25,7 +25,7 @@ use bevy_ecs::schedule::{
 };
 use bevy_ecs::system::{ParamBuilder, QueryParamBuilder, SystemParamBuilder};
 use bytemuck::TransparentWrapper;
-use std::sync::PoisonError;
+use std::sync::{Arc, PoisonError};
 
 /// Where Sinew runs inside a host schedule (a Bevy app's `FixedPostUpdate`, for example), in this order.
 #[derive(SystemSet, Clone, Debug, PartialEq, Eq, Hash)]
@@ -405,7 +405,7 @@ impl Input {
 /// What the active laws read beside the displacements. A law that is missing here may depend on
 /// anything, and is evaluated again whenever its force is needed.
 #[derive(Resource, Default, Debug, Clone)]
-struct LawInputs(Vec<(&'static str, Vec<Input>)>);
+struct LawInputs(Vec<(&'static str, Arc<[Input]>)>);
 
 /// Declares that the law or system `name` of [`activate_law_of_systems`] or [`activate_systems`] reads nothing
 /// but displacements, the order of rows and these, so that its force at unchanged displacements may be used
@@ -413,7 +413,7 @@ struct LawInputs(Vec<(&'static str, Vec<Input>)>);
 pub fn declare_inputs(world: &mut World, name: &'static str, inputs: &[Input]) {
     let mut known = ensure::<LawInputs>(world);
     if known.0.iter().all(|(other, _)| *other != name) {
-        known.0.push((name, inputs.to_vec()));
+        known.0.push((name, inputs.into()));
     }
 }
 

@@ -1,6 +1,7 @@
 //! Running one step, and what can go wrong.
 
 use crate::columns::single_table;
+use crate::kept::with_query;
 use crate::law::SleepingBodies;
 use crate::load::{Constraint, Load, LoadTime, Pressure, apply_constraints, apply_loads};
 use crate::order::LastOrder;
@@ -202,7 +203,7 @@ fn step<S: Scalar>(world: &mut World) -> Result<(), StepError> {
     if !world.contains_resource::<IntegratorInstalled>() {
         return Err(StepError::NoIntegrator);
     }
-    check_state::<S>(world)?;
+    with_query(world, check_state::<S>)?;
     let parts = match world.get_resource::<StepDivider>().copied() {
         Some(StepDivider(divide)) => divide(world),
         None => 1,
@@ -256,10 +257,15 @@ fn step_in_parts<S: Scalar>(
     result
 }
 
+/// The state of vertices.
+type VertexState<S> = (&'static Displacement<S>, &'static Velocity<S>, &'static RestPosition);
+
 /// One table of the right size, all numbers finite.
-fn check_state<S: Scalar>(world: &mut World) -> Result<(), StepError> {
+fn check_state<S: Scalar>(
+    world: &mut World,
+    vertices: &mut QueryState<VertexState<S>>,
+) -> Result<(), StepError> {
     let expected = world.resource::<Topology>().vertex_count();
-    let mut vertices = world.query::<(&Displacement<S>, &Velocity<S>, &RestPosition)>();
     let columns = vertices.contiguous_iter(world).expect("vertex components are table-stored");
     let tables: Vec<usize> = columns.map(|(u, _, _)| u.len()).collect();
     let found = tables.first().copied().unwrap_or(0);
@@ -273,21 +279,9 @@ fn check_state<S: Scalar>(world: &mut World) -> Result<(), StepError> {
             return Err(StepError::LayoutChanged { expected, found });
         }
     }
-    for constraint in world.query::<&Constraint>().iter(world) {
-        if let Some(problem) = constraint.problem(expected) {
-            return Err(StepError::InvalidConstraint { name: constraint.name.clone(), problem });
-        }
-    }
-    for load in world.query::<&Load>().iter(world) {
-        if let Some(problem) = load.problem(expected) {
-            return Err(StepError::InvalidConstraint { name: load.name.clone(), problem });
-        }
-    }
-    for pressure in world.query::<&Pressure>().iter(world) {
-        if let Some(problem) = pressure.problem(expected) {
-            return Err(StepError::InvalidConstraint { name: pressure.name.clone(), problem });
-        }
-    }
+    each_usable(world, |own: &Constraint| (&own.name, own.problem(expected)))?;
+    each_usable(world, |own: &Load| (&own.name, own.problem(expected)))?;
+    each_usable(world, |own: &Pressure| (&own.name, own.problem(expected)))?;
     let Some((u, v, rest)) = single_table(vertices.contiguous_iter(world)) else { return Ok(()) };
     let all_rest = rest.iter().fold(DVec3::ZERO, |sum, x| sum + 0.0 * x.0) == DVec3::ZERO;
     if all_rest && all_finite(Displacement::peel_slice(u)) && all_finite(Velocity::peel_slice(v)) {
@@ -315,10 +309,27 @@ fn check_state<S: Scalar>(world: &mut World) -> Result<(), StepError> {
     Ok(())
 }
 
-/// Whether all numbers are finite: 0 times any other is not a number. Without a branch for each.
+/// Whether all constraints or loads of a kind can be applied; `problem` gives the name of each and what is wrong.
+fn each_usable<T: Component>(
+    world: &mut World,
+    problem: impl Fn(&T) -> (&String, Option<&'static str>),
+) -> Result<(), StepError> {
+    with_query::<&T, (), _>(world, |world, all| {
+        match all.iter(world).map(problem).find_map(|(name, problem)| Some((name, problem?))) {
+            Some((name, problem)) => {
+                Err(StepError::InvalidConstraint { name: name.clone(), problem })
+            }
+            None => Ok(()),
+        }
+    })
+}
+
+/// Whether all numbers are finite: 0 times any other is not a number. Without a branch for each, and in sums of which
+/// few wait for each other.
 fn all_finite<S: Scalar>(rows: &[[S; 4]]) -> bool {
-    let add = |sum: [S; 4], x: &[S; 4]| std::array::from_fn(|k| sum[k] + S::ZERO * x[k]);
-    rows.iter().fold([S::ZERO; 4], add) == [S::ZERO; 4]
+    let add = |sum: [S; 8], x: &[S; 8]| std::array::from_fn(|k| sum[k] + S::ZERO * x[k]);
+    let (pairs, last) = rows.as_flattened().as_chunks::<8>();
+    pairs.iter().fold([S::ZERO; 8], add) == [S::ZERO; 8] && last.iter().all(|x| x.is_finite())
 }
 
 /// The error that names the vertex of a row.

@@ -5,6 +5,7 @@ use bevy_ecs::prelude::*;
 use bytemuck::Pod;
 use glam::DVec3;
 use sinew_engine::columns::single_table;
+use sinew_engine::kept::with_query;
 use sinew_engine::law::{ElasticEnergy, EvaluationRequest, TangentKind, ViscousRequest};
 use sinew_engine::report::StepReport;
 use sinew_engine::row::VertexRow;
@@ -49,7 +50,10 @@ pub struct NodeState<S> {
 impl<S: Scalar> NodeState<S> {
     /// Copies the columns.
     pub fn read(&mut self, world: &mut World) {
-        let mut query = world.query::<Columns<S>>();
+        with_query(world, |world, query| self.read_columns(world, query));
+    }
+
+    fn read_columns(&mut self, world: &World, query: &mut QueryState<Columns<S>>) {
         self.u.clear();
         self.v.clear();
         self.external.clear();
@@ -70,18 +74,18 @@ impl<S: Scalar> NodeState<S> {
 
     /// Whether the columns are what they were when they were read, to the bit.
     pub fn is_as_in(&self, world: &mut World) -> bool {
-        let mut query = world.query::<Columns<S>>();
-        let Some((u, v, external, prescribed, mass, fixed)) =
-            single_table(query.contiguous_iter(world))
-        else {
-            return self.is_empty();
-        };
-        same_bits(u, &self.u)
-            && same_bits(v, &self.v)
-            && same_bits(external, &self.external)
-            && same_bits(prescribed, &self.prescribed)
-            && same_bits(mass, &self.mass)
-            && fixed == self.fixed
+        with_query::<Columns<S>, (), _>(world, |world, query| {
+            let columns = single_table(query.contiguous_iter(world));
+            let same = columns.map(|(u, v, external, prescribed, mass, fixed)| {
+                same_bits(u, &self.u)
+                    && same_bits(v, &self.v)
+                    && same_bits(external, &self.external)
+                    && same_bits(prescribed, &self.prescribed)
+                    && same_bits(mass, &self.mass)
+                    && fixed == self.fixed
+            });
+            same.unwrap_or_else(|| self.is_empty())
+        })
     }
 
     /// Number of vertex rows.
@@ -182,43 +186,47 @@ pub fn book_momentum<S: Scalar>(
 
 /// Rest positions (m) of all rows.
 pub fn read_rest(world: &mut World, rest: &mut Vec<DVec3>) {
-    let mut query = world.query::<&RestPosition>();
     rest.clear();
-    if let Some(column) = single_table(query.contiguous_iter(world)) {
-        rest.extend(column.iter().map(|x| x.0));
-    }
+    with_query::<&RestPosition, (), _>(world, |world, query| {
+        if let Some(column) = single_table(query.contiguous_iter(world)) {
+            rest.extend(column.iter().map(|x| x.0));
+        }
+    });
 }
 
 /// Writes displacements.
 pub fn write_displacement<S: Scalar>(world: &mut World, u: &[[S; 4]]) {
-    let mut query = world.query::<&mut Displacement<S>>();
-    if let Some(mut column) = single_table(query.contiguous_iter_mut(world)) {
-        let column = column.bypass_change_detection();
-        for (x, u) in column.iter_mut().zip(u) {
-            x.0 = *u;
+    with_query::<&mut Displacement<S>, (), _>(world, |world, query| {
+        if let Some(mut column) = single_table(query.contiguous_iter_mut(world)) {
+            let column = column.bypass_change_detection();
+            for (x, u) in column.iter_mut().zip(u) {
+                x.0 = *u;
+            }
         }
-    }
+    });
 }
 
 /// Writes displacements and velocities.
 pub fn write_state<S: Scalar>(world: &mut World, u: &[[S; 4]], v: &[[S; 4]]) {
     write_displacement(world, u);
-    let mut query = world.query::<&mut Velocity<S>>();
-    if let Some(mut column) = single_table(query.contiguous_iter_mut(world)) {
-        let column = column.bypass_change_detection();
-        for (x, v) in column.iter_mut().zip(v) {
-            x.0 = *v;
+    with_query::<&mut Velocity<S>, (), _>(world, |world, query| {
+        if let Some(mut column) = single_table(query.contiguous_iter_mut(world)) {
+            let column = column.bypass_change_detection();
+            for (x, v) in column.iter_mut().zip(v) {
+                x.0 = *v;
+            }
         }
-    }
+    });
 }
 
 /// Copies the elastic forces of the last evaluation.
 pub fn read_force<S: Scalar>(world: &mut World, force: &mut Rows<S>) {
     force.clear();
-    let mut query = world.query::<&ElasticForce<S>>();
-    if let Some(column) = single_table(query.contiguous_iter(world)) {
-        force.extend(column.iter().map(|f| f.0));
-    }
+    with_query::<&ElasticForce<S>, (), _>(world, |world, query| {
+        if let Some(column) = single_table(query.contiguous_iter(world)) {
+            force.extend(column.iter().map(|f| f.0));
+        }
+    });
 }
 
 /// Evaluates at the displacements `u` and returns the elastic energy (J; 0 when not asked for).

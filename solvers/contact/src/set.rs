@@ -17,6 +17,7 @@ use bevy_ecs::prelude::*;
 use glam::{DMat3, DVec3};
 use serde::{Deserialize, Serialize};
 use sinew_engine::columns::single_table;
+use sinew_engine::kept::with_query;
 use sinew_engine::order::Order;
 use sinew_engine::report::ContactFigures;
 use sinew_engine::row::VertexRow;

@@ -1,5 +1,6 @@
 //! Threads and clips of the step: what holds them, their forces and tangents, what they keep.
 
+use super::report::orders;
 use super::*;
 use crate::thread::{Clip, Hold, Hole, Segment, Thread, ThreadReport, slides};
 use sinew_engine::layout::UNUSED;
@@ -419,12 +420,17 @@ struct Wanted {
     of: Thread,
 }
 
+/// What threads and clips are read by.
+type Lines = (Entity, &'static Order, Option<&'static Thread>, Option<&'static Clip>);
+
 /// Threads and clips, in order of creation.
-fn wanted(world: &mut World) -> Result<Vec<Wanted>, StepError> {
+fn wanted(
+    world: &World,
+    query: &mut QueryState<Lines, Or<(With<Thread>, With<Clip>)>>,
+) -> Result<Vec<Wanted>, StepError> {
     let topology = world.resource::<Topology>();
     let (rows, bodies) = (topology.vertex_count(), topology.bodies.len());
     let mut all = Vec::new();
-    let mut query = world.query::<(Entity, &Order, Option<&Thread>, Option<&Clip>)>();
     for (entity, &id, thread, clip) in query.iter(world) {
         let threads = thread.map(|own| (own.problem(rows, bodies), own.clone(), f64::INFINITY));
         let clips = clip.map(|own| {
@@ -512,7 +518,7 @@ impl ContactSet {
     ) -> Result<(), StepError> {
         self.lines.clear();
         self.left.clear();
-        let all = wanted(world)?;
+        let all = with_query(world, |world, query| wanted(world, query))?;
         let is_needle = |id: &Order| self.tools.iter().any(|now| now.id == *id);
         self.holds.retain(|id, _| all.iter().any(|own| own.id == *id) || is_needle(id));
         for own in &all {
@@ -703,8 +709,7 @@ impl ContactSet {
     /// Writes what threads and clips keep, and their reports; the energy (J) that they store.
     pub(super) fn report_lines(&mut self, world: &mut World) -> f64 {
         let mut energy = 0.0;
-        let mut live = world.query_filtered::<&Order, Or<(With<Thread>, With<Clip>)>>();
-        let live: Vec<Order> = live.iter(world).copied().collect();
+        let live = orders::<Or<(With<Thread>, With<Clip>)>>(world);
         self.kept.lines.retain(|id, _| live.contains(id));
         for line in &mut self.lines {
             let ends = {

@@ -5,6 +5,24 @@ use super::*;
 impl ContactSet {
     /// Tools, pairs and pulls as they are, in order of creation.
     pub(super) fn read(&mut self, world: &mut World) -> Result<(), StepError> {
+        with_query(world, |world, tools| self.read_tools(world, tools))?;
+        let topology = world.resource::<Topology>();
+        let (rows, bodies) = (topology.vertex_count(), topology.bodies.len());
+        self.pairs = present(world, |pair: &BodyContact| {
+            pair.problem(bodies).map(|problem| invalid(&pair.name, problem))
+        })?;
+        self.pulls = present(world, |pull: &Pull| {
+            pull.problem(rows).map(|problem| invalid(&pull.name, problem))
+        })?;
+        Ok(())
+    }
+
+    /// Tools as they are: their poses at the start and the end of the step, part by part.
+    fn read_tools(
+        &mut self,
+        world: &World,
+        query: &mut QueryState<(Entity, &'static Order, &'static Tool)>,
+    ) -> Result<(), StepError> {
         let clock = *world.resource::<StepClock>();
         let part = world.get_resource::<StepPart>().copied().unwrap_or_default();
         if part.index == 0 {
@@ -18,13 +36,7 @@ impl ContactSet {
             }
         }
         let t = clock.time + clock.dt;
-        let topology = world.resource::<Topology>();
-        let (rows, bodies) = (topology.vertex_count(), topology.bodies.len());
-        let invalid =
-            |name: &str, problem| StepError::InvalidContact { name: name.into(), problem };
-
-        // tools: pose at the start and the end of the step, part by part
-        let mut query = world.query::<(Entity, &Order, &Tool)>();
+        let rows = world.resource::<Topology>().vertex_count();
         let mut found: Vec<(Entity, &Order, &Tool)> = query.iter(world).collect();
         found.sort_unstable_by_key(|(entity, order, _)| (**order, *entity));
         self.tools.clear();
@@ -92,14 +104,6 @@ impl ContactSet {
                 tool,
             });
         }
-
-        // contacts of bodies and pulls
-        self.pairs = present(world, |pair: &BodyContact| {
-            pair.problem(bodies).map(|problem| invalid(&pair.name, problem))
-        })?;
-        self.pulls = present(world, |pull: &Pull| {
-            pull.problem(rows).map(|problem| invalid(&pull.name, problem))
-        })?;
         Ok(())
     }
 
@@ -129,8 +133,9 @@ impl ContactSet {
         self.fitted = false;
         // new faces may be nearer than those that went
         self.kept.pairs.values_mut().for_each(|state| state.clear = 0.0);
-        let mut rest = world.query::<&RestPosition>();
-        let rest: Vec<DVec3> = rest.iter(world).map(|x| x.0).collect();
+        let rest: Vec<DVec3> = with_query::<&RestPosition, (), _>(world, |world, rest| {
+            rest.iter(world).map(|x| x.0).collect()
+        });
         let Some(SurfaceReader(read)) = world.get_resource::<SurfaceReader>().copied() else {
             return Ok(());
         };
@@ -198,15 +203,15 @@ impl ContactSet {
         for known in self.skins.iter_mut().chain(own) {
             known.skin.refit(dt, &|row| made.mean(row, x), &|row| made.mean(row, v));
         }
-        let mut fixed = world.query::<&FixedAxes>();
-        if let Some(fixed) = single_table(fixed.contiguous_iter(world)) {
+        with_query::<&FixedAxes, (), _>(world, |world, fixed| {
+            let Some(fixed) = single_table(fixed.contiguous_iter(world)) else { return };
             for known in &mut self.skins {
                 let held = |of: &VertexRow| {
                     made.rows(*of).all(|(row, _)| fixed[row.index()] == FixedAxes::ALL)
                 };
                 known.skin.held = !known.skin.rows.is_empty() && known.skin.rows.iter().all(held);
             }
-        }
+        });
     }
 
     /// The surface of a body that a tool may touch.
@@ -312,13 +317,19 @@ fn present<T: Component + Clone>(
     world: &mut World,
     error: impl Fn(&T) -> Option<StepError>,
 ) -> Result<Vec<Now<T>>, StepError> {
-    let mut found = Vec::new();
-    for (entity, &id, of) in world.query::<(Entity, &Order, &T)>().iter(world) {
-        if let Some(error) = error(of) {
-            return Err(error);
+    with_query::<(Entity, &Order, &T), (), _>(world, |world, all| {
+        let mut found = Vec::new();
+        for (entity, &id, of) in all.iter(world) {
+            if let Some(error) = error(of) {
+                return Err(error);
+            }
+            found.push(Now { entity, id, of: of.clone() });
         }
-        found.push(Now { entity, id, of: of.clone() });
-    }
-    found.sort_unstable_by_key(|now| (now.id, now.entity));
-    Ok(found)
+        found.sort_unstable_by_key(|now| (now.id, now.entity));
+        Ok(found)
+    })
+}
+
+fn invalid(name: &str, problem: String) -> StepError {
+    StepError::InvalidContact { name: name.into(), problem }
 }

@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::tool::PartReport;
+use bevy_ecs::query::QueryFilter;
 
 impl ContactSet {
     /// Force (N) on a tool with the elastic slip that is kept for the next step in place of that at the start: not the
@@ -67,20 +68,18 @@ impl ContactSet {
     }
 
     pub(super) fn report_tools(&mut self, world: &mut World, x: &RowPlaces, dt: f64) {
-        let live: Vec<Order> = {
-            let mut query = world.query_filtered::<&Order, With<Tool>>();
-            query.iter(world).copied().collect()
-        };
+        let live = orders::<With<Tool>>(world);
         self.kept.tools.retain(|tool, _| live.contains(tool));
         // those that are away in this step feel nothing
-        let mut query = world.query::<(Entity, &Tool, &mut ToolReport)>();
-        for (entity, _, mut report) in query.iter_mut(world) {
-            if !self.tools.iter().any(|now| now.entity == entity) && report.energy > 0.0 {
-                let ToolReport { position, rotation, opening, work, dissipation, .. } = *report;
-                let away = ToolReport { position, rotation, opening, ..ToolReport::default() };
-                *report = ToolReport { work, dissipation, ..away };
+        with_query::<(Entity, &mut ToolReport), With<Tool>, _>(world, |world, query| {
+            for (entity, mut report) in query.iter_mut(world) {
+                if !self.tools.iter().any(|now| now.entity == entity) && report.energy > 0.0 {
+                    let ToolReport { position, rotation, opening, work, dissipation, .. } = *report;
+                    let away = ToolReport { position, rotation, opening, ..ToolReport::default() };
+                    *report = ToolReport { work, dissipation, ..away };
+                }
             }
-        }
+        });
         for index in 0..self.tools.len() {
             let mut report = self.report_tool(index, dt);
             if self.tools[index].tool.error_bar {
@@ -350,6 +349,11 @@ impl ContactSet {
             }
         }
     }
+}
+
+/// The places in the order of creation of all things of a kind.
+pub(super) fn orders<Kind: QueryFilter + 'static>(world: &mut World) -> Vec<Order> {
+    with_query::<&Order, Kind, _>(world, |world, all| all.iter(world).copied().collect())
 }
 
 /// How far (m) a surface that was drawn in is after a step of `dt` (s), beside surfaces with edges of a mean length (m).
