@@ -708,13 +708,6 @@ impl ContactSet {
         blocks
     }
 
-    /// The same where a tool stays where it is, though a spring holds it.
-    pub fn blocks_with_held(&self, bodies: &Range<usize>, tool: Entity) -> ContactBlocks {
-        let mut blocks = self.blocks(bodies);
-        blocks.given.retain(|own| self.tools[own.tool].entity != tool);
-        blocks
-    }
-
     /// Force (N) and tangent (N/m) of the contacts of some bodies on the rows of a piece as a whole, at the last
     /// evaluation.
     pub fn resistance(
@@ -815,35 +808,6 @@ impl ContactSet {
         let tools: Vec<usize> = (0..self.tools.len()).filter(asked).collect();
         tools.iter().for_each(|tool| self.bend(*tool));
         tools
-    }
-
-    /// Where a tool is that acted in a step, by its order: the tool itself, not the hand that holds it by a spring.
-    pub fn pose_of_tool(&self, tool: Order) -> Option<ToolPose> {
-        Some(self.kept.tools.get(&tool)?.of_tool())
-    }
-
-    /// The bodies, solved for together, that touched a tool at the last evaluation; none where none did.
-    pub fn group_at(&self, tool: Entity, bodies: usize) -> Option<Range<usize>> {
-        let index = self.tools.iter().position(|now| now.entity == tool)?;
-        let parts = &self.tools[index].parts;
-        let of_tool =
-            |point: &ContactPoint| matches!(&point.against, Against::Part(i) if parts.contains(i));
-        let mut both = self.points.iter().zip(&self.active);
-        let (point, _) = both.find(|(point, active)| active.on && of_tool(point))?;
-        let body = point.key.body as usize;
-        self.groups(bodies).into_iter().find(|group| group.contains(&body))
-    }
-
-    /// Unit vector in which tissue pushes a tool at the last evaluation, where it pushes to one side and nothing is gripped.
-    pub fn push_on(&self, tool: Entity) -> Option<DVec3> {
-        let index = self.tools.iter().position(|now| now.entity == tool)?;
-        let (mut sum, mut all) = (DVec3::ZERO, 0.0);
-        for active in self.touching(index) {
-            sum -= active.push;
-            all += active.push.length();
-        }
-        let is_one = !self.tools[index].tool.grip && sum.length() > 0.5 * all;
-        sum.try_normalize().filter(|_| is_one)
     }
 
     /// The place of a tool in the step, with exact tangents of its points; none where it acted in none.
