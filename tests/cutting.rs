@@ -1,7 +1,6 @@
 //! Cuts of bodies in a simulation: what must not change at the instant, and what cannot be cut. Cases of a separate program are
 //! those of `sinew validate`.
 
-use crate::common::rich_axes::rich;
 use crate::common::*;
 use glam::DVec3;
 use sinew::engine::mesh::generate::{box_hexahedra, box_tets, jitter_interior};
@@ -166,7 +165,6 @@ fn what_cannot_be_cut_is_told() {
         (BodyDescription { membrane: Some(quads), ..plain.clone() }, "only triangles"),
         (BodyDescription { integration: Integration::Reduced, ..bricks.clone() }, "reduced"),
         (BodyDescription { masses: MassRule::Nodal, ..bricks.clone() }, "masses at corners"),
-        (BodyDescription { axes: Some(rich(&hexahedra)), ..bricks.clone() }, "linear tetrahedra"),
         (
             BodyDescription { spare: 300, ..BodyDescription::new("block", &curved, material) },
             "curved",

@@ -2,8 +2,10 @@
 
 use crate::common::rich_axes::rich;
 use crate::common::*;
+use bevy_ecs::prelude::World;
 use glam::{DMat3, DVec3};
 use sinew::engine::connectivity::ElementKind;
+use sinew::engine::isoparametric::{AxisHexahedronVertices, AxisTetrahedron10Vertices};
 use sinew::engine::law::{EvaluationRequest, TangentKind};
 use sinew::engine::matrix::Tangent;
 use sinew::engine::mesh::generate::{box_hexahedra, box_tets, jitter_interior};
@@ -12,8 +14,10 @@ use sinew::engine::scalar::Scalar;
 use sinew::engine::schedule::ForceSchedule;
 use sinew::engine::topology::Topology;
 use sinew::engine::vertex::{Displacement, ElasticForce, Mass, RestPosition, Velocity};
+use sinew::models::axes::damper::AxialDamper;
 use sinew::models::axes::description::{AxesDescription, AxisFamily, FibreForm};
 use sinew::models::axes::muscle::MuscleSettings;
+use sinew::models::axes::site::AxisSite;
 use sinew::models::body::VolumeRule;
 use sinew::models::frame::moduli::{ClusterIndex, ClusterPressure};
 use sinew::models::resection::{Region, Removal};
@@ -36,6 +40,13 @@ pub(crate) fn lengthwise() -> [[DVec3; 2]; 2] {
 pub(crate) fn halfway() -> [[DVec3; 2]; 2] {
     let edge = |y: f64| [DVec3::new(0.033, y, 0.08), DVec3::new(0.026, y, 0.025)];
     [edge(-0.02), edge(0.08)]
+}
+
+fn kind_of(mesh: &Mesh) -> ElementKind {
+    match mesh.hexahedra.is_empty() {
+        true => ElementKind::Tetrahedron,
+        false => ElementKind::Hexahedron,
+    }
 }
 
 /// Ten-node tetrahedra with straight sides.
@@ -322,7 +333,11 @@ fn patches_of_tetrahedra_and_fibres() {
     let linear = DMat3::from_diagonal(DVec3::new(1.1, 0.97, 0.97));
     let clusters = BodyDescription { volume, model, ..plain.clone() };
     assert!(patch(&clusters, linear, &lengthwise())[0] < 1e-10);
-    // fibres at 45 degrees in the plane of the blade, and nothing else that bears
+    patches_of_fibres(&plain, 0);
+}
+
+/// Fibres at 45 degrees in the plane of the blade, and nothing else that bears; single vertices (0) or their sums (1).
+fn patches_of_fibres(plain: &BodyDescription, of: usize) {
     let along = [DVec3::new(1.0, 1.0, 0.0)];
     let edge = |s: f64| [DVec3::new(s, s - 0.004, 0.08), DVec3::new(s, s - 0.004, -0.02)];
     let f = DMat3::from_cols_array(&[1.1, 0.05, 0.02, -0.03, 1.2, 0.01, 0.04, 0.0, 0.9]);
@@ -330,7 +345,7 @@ fn patches_of_tetrahedra_and_fibres() {
         let family = AxisFamily { form, ..AxisFamily::new("fibres", &along, 1e4) };
         let axes = AxesDescription { families: vec![family], angles: vec![], volume_modulus: 0.0 };
         let body = BodyDescription { model: Model::Axes, axes: Some(axes), ..plain.clone() };
-        let [worst, _] = patch(&body, f, &[edge(-0.02), edge(0.08)]);
+        let worst = patch(&body, f, &[edge(-0.02), edge(0.08)])[of];
         assert!(worst < 1e-10, "{form:?}: {worst}");
     }
 }
@@ -343,7 +358,9 @@ fn patches_of_elements_with_gauss_points() {
     for mesh in [&ten, &cubes] {
         let worst = patch(&cuttable(mesh, Model::StVK), pulled(), &lengthwise());
         assert!(worst[0] < 1e-10, "{worst:?}");
+        patches_of_fibres(&cuttable(mesh, Model::Axes), 0);
     }
+    patches_of_fibres(&cuttable(&warped, Model::Axes), 1);
     // the wound of distorted hexahedra is not plane, but what its sides get adds up
     for model in [Model::StVK, Model::NeoHookean, Model::CompressibleStVK, Model::Corotational] {
         for (mesh, volume) in [
@@ -403,6 +420,99 @@ fn elements_with_gauss_points_at_the_instant() {
     }
 }
 
+/// Axes at the points of what is left of an element: forces are the slope of the energy, in uniform motion dampers take what those of the
+/// whole element took, and other moduli give what a body has that was never cut, where the deformation is the same everywhere.
+#[test]
+fn axes_at_the_points_of_pieces() {
+    let (ten, cubes) = (ten_nodes(2), bricks(3));
+    let warped = jitter_interior(&cubes, 0.25, 3).unwrap();
+    for (mesh, precision) in [
+        (&ten, Precision::F64),
+        (&warped, Precision::F64),
+        (&ten, Precision::F32),
+        (&warped, Precision::F32),
+    ] {
+        let description = with_axes(mesh, Model::Axes);
+        let built = || {
+            let (mut simulation, body) = alone(options(precision, 2), &description);
+            activate(&mut simulation, body, 0.7);
+            simulation.step().unwrap();
+            let f = DMat3::from_cols_array(&[1.1, 0.05, 0.02, -0.03, 1.2, 0.01, 0.04, 0.0, 0.9]);
+            let u: Vec<DVec3> = mesh.points.iter().map(|x| f * *x - *x).collect();
+            simulation.displace(body, &u);
+            (simulation, body)
+        };
+        let (mut whole, body) = built();
+        let (mut cut, _) = built();
+        for strip in [halfway(), lengthwise()] {
+            assert!(cut.cut(body, &strip).unwrap().copies.len() > 10);
+        }
+        let exact = if precision == Precision::F64 { 1e-12 } else { 1e-5 };
+        for changed in [false, true] {
+            if changed {
+                for simulation in [&mut whole, &mut cut] {
+                    simulation.set_axis_modulus(body, "c", 5e3).unwrap();
+                    simulation.set_axis_modulus(body, "a", 1e3).unwrap();
+                }
+            }
+            let (a, b) = (whole.evaluate(), cut.evaluate());
+            assert!((a / b - 1.0).abs() < exact, "{precision:?}: {a} {b}");
+        }
+        let [a, b] = [&mut whole, &mut cut].map(power_of_dampers);
+        assert!((a / b - 1.0).abs() < exact && a > 0.0, "{precision:?}: {a} {b}");
+        if precision == Precision::F32 {
+            continue;
+        }
+        let [at, along] = [5, 6].map(|seed| random_rows(&mut cut, seed));
+        let mut energy = |by: f64| {
+            let u: Vec<DVec3> = at.iter().zip(&along).map(|(u, d)| 1e-3 * *u + by * *d).collect();
+            set_rows(&mut cut, &u);
+            cut.evaluate()
+        };
+        let difference = (energy(1e-7) - energy(-1e-7)) / 2e-7;
+        energy(0.0);
+        let forces = rows(&mut cut);
+        let slope: f64 = -forces.iter().zip(&along).map(|(row, d)| row.4.dot(*d)).sum::<f64>();
+        assert!((difference / slope - 1.0).abs() < 1e-7, "{difference} {slope}");
+    }
+}
+
+/// Power (W) that dampers take of a uniform rate of deformation.
+fn power_of_dampers(simulation: &mut Simulation) -> f64 {
+    fn of<S: Scalar, const N: usize, V: AxisSite<N>>(world: &mut World, at: &[Row]) -> f64 {
+        let rate = DMat3::from_cols_array(&[0.3, 0.1, -0.2, 0.4, 0.2, 0.1, 0.0, -0.3, 0.5]);
+        let mut query = world.query::<(&V, &AxialDamper<N>)>();
+        let power = |(site, damper): (&V, &AxialDamper<N>)| {
+            let own = site.rows().map(|row| &at[row as usize]);
+            let v = own.map(|row| (rate * (row.1 + row.2)).to_array());
+            let f = damper.forces(&own.map(|row| row.2.to_array()), &v);
+            -v.iter().flatten().zip(f.iter().flatten()).map(|(v, f)| v * f).sum::<f64>()
+        };
+        query.iter(world).map(power).sum()
+    }
+    let at = rows(simulation);
+    let world = simulation.world_mut();
+    of::<f64, 8, AxisHexahedronVertices>(world, &at)
+        + of::<f64, 10, AxisTetrahedron10Vertices>(world, &at)
+}
+
+/// A vector for every row, ghosts among them; none for spare ones.
+fn random_rows(simulation: &mut Simulation, seed: u64) -> Vec<DVec3> {
+    let all = rows(simulation);
+    random_field(all.len(), seed)
+        .into_iter()
+        .zip(&all)
+        .map(|(r, row)| if row.0 > 0.0 { r } else { DVec3::ZERO })
+        .collect()
+}
+
+/// Displaces every row (m).
+fn set_rows(simulation: &mut Simulation, u: &[DVec3]) {
+    let world = simulation.world_mut();
+    let mut query = world.query::<&mut Displacement<f64>>();
+    query.iter_mut(world).zip(u).for_each(|(mut own, u)| *own = Displacement::new(*u));
+}
+
 /// What is loose falls as everything does: no ghost is held, and weights are those of the masses.
 #[test]
 fn loose_pieces_fall() {
@@ -447,6 +557,8 @@ fn cut_bodies_are_as_if_built_so() {
         with_axes(&mesh, Model::Axes),
         cuttable(&ten, Model::NeoHookean),
         cuttable(&warped, Model::StVK),
+        with_axes(&ten, Model::NeoHookean),
+        with_axes(&warped, Model::Axes),
     ];
     for description in &bodies {
         let (mut simulation, body) = alone(options(Precision::F64, 2), description);
@@ -463,10 +575,7 @@ fn cut_bodies_are_as_if_built_so() {
         if again {
             report = simulation.cut(body, &halfway()).unwrap();
         }
-        let kind = match description.hexahedra.is_empty() {
-            true => ElementKind::Tetrahedron,
-            false => ElementKind::Hexahedron,
-        };
+        let kind = if again { ElementKind::Tetrahedron } else { ElementKind::Hexahedron };
         let gone = pick(simulation.remaining(body, kind), 4, 3);
         let gone = gone.into_iter().chain([report.copies[0][0], report.separated[0]]);
         let mut gone: Vec<u32> = gone.collect();
@@ -577,7 +686,14 @@ fn a_hundred_random_cuts_of_elements_with_gauss_points() {
 /// The force of fibres and muscles on the end of a block is as large as what is left of its section.
 #[test]
 fn the_force_of_fibres_goes_with_the_section() {
-    let mesh = block(5);
+    let (ten, cubes) = (ten_nodes(3), bricks(4));
+    let warped = jitter_interior(&cubes, 0.25, 3).unwrap();
+    for mesh in [&block(5), &ten, &cubes, &warped] {
+        fibres_with_section(mesh);
+    }
+}
+
+fn fibres_with_section(mesh: &Mesh) {
     let along = [DVec3::X];
     let muscle =
         MuscleSettings { peak_stress: 4e3, stiffening: 0.5, shortening: 0.1, ..Default::default() };
@@ -589,9 +705,7 @@ fn the_force_of_fibres_goes_with_the_section() {
     for family in families {
         let (is_muscle, form) = (family.muscle.is_some(), family.form);
         let axes = AxesDescription { families: vec![family], angles: vec![], volume_modulus: 0.0 };
-        let body = BodyDescription::new("block", &mesh, soft(1e4, 0.3));
-        let spare = 6 * mesh.points.len();
-        let body = BodyDescription { model: Model::Axes, axes: Some(axes), spare, ..body };
+        let body = BodyDescription { axes: Some(axes), ..cuttable(mesh, Model::Axes) };
         let (mut simulation, body) = alone(options(Precision::F64, 1), &body);
         if is_muscle {
             simulation.set_activation(body, "c", 0.8).unwrap();
@@ -615,11 +729,14 @@ fn the_force_of_fibres_goes_with_the_section() {
         let topology = simulation.topology().bodies[0].clone();
         let low = vertices(&mesh.points, |x| gone(x) && x.y < 1e-9)[0];
         let low = topology.row_of_vertex[MeshVertex(low)].unwrap();
-        let of_low = |t: &[u32; 4]| piece[t[0] as usize] == piece[low.index()];
-        let numbers = topology.tetrahedra().iter().zip(&topology.order.tetrahedra);
-        let mut gone: Vec<u32> = numbers.filter(|(t, _)| of_low(t)).map(|(_, e)| *e).collect();
+        let kind = kind_of(mesh);
+        let of_low = |row: usize| {
+            piece[topology.nodes[kind].of(row as u32)[0] as usize] == piece[low.index()]
+        };
+        let numbers = topology.order[kind].iter().enumerate();
+        let mut gone: Vec<u32> = numbers.filter(|(row, _)| of_low(*row)).map(|(_, e)| *e).collect();
         gone.sort_unstable();
-        simulation.remove(body, Region::Tetrahedra(gone));
+        simulation.remove(body, region(kind, gone));
         let left = pull(&mut simulation);
         let share = 1.0 - 0.0287 / SIDE;
         assert!((left / whole / share - 1.0).abs() < 1e-10, "{form:?}: {left} {whole}");
@@ -666,7 +783,8 @@ fn random_cuts_and_removals() {
     let mesh = block(3);
     let (ten, cubes) = (ten_nodes(2), bricks(3));
     let others = [&ten, &cubes].map(|mesh| cuttable(mesh, Model::NeoHookean));
-    let all = [clustered(&mesh), with_axes(&mesh, Model::NeoHookean)].into_iter().chain(others);
+    let axes = [&mesh, &ten, &cubes].map(|mesh| with_axes(mesh, Model::NeoHookean));
+    let all = [clustered(&mesh)].into_iter().chain(axes).chain(others);
     for description in all {
         let mut hashes = Vec::new();
         for threads in [1, 3] {

@@ -433,7 +433,10 @@ fn cuts_of_elements_with_gauss_points() {
     let ten = box_tets(DVec3::new(0.3, 0.1, 0.1), [3, 1, 1]).unwrap().with_second_order();
     for (name, mesh) in [("cuts of hexahedra", &bricks), ("cuts of ten nodes", &ten)] {
         let beam = BodyDescription::new("beam", mesh, soft(2e5, 0.4));
-        cuts_of(name, mesh, &BodyDescription { spare: 800, ..beam });
+        let beam = BodyDescription { spare: 800, ..beam };
+        cuts_of(name, mesh, &beam);
+        let rich = BodyDescription { axes: Some(rich(mesh)), ..beam };
+        cuts_of(&format!("{name} with axes"), mesh, &rich);
     }
 }
 

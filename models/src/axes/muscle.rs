@@ -366,6 +366,7 @@ fn energy<S: Scalar>(world: &mut World) -> f64 {
     };
     let buffers = world.resource::<LawBuffers<S>>();
     let Some(u) = single_table(vertices.contiguous_iter(world)) else { return 0.0 };
+    let at = (u, with.points);
     let mut energy = 0.0;
     if let Some(mut buffer) = buffers.get(systems::FIBRES.info.name)
         && let Some(data) = single_table(fibres.contiguous_iter(world))
@@ -376,13 +377,13 @@ fn energy<S: Scalar>(world: &mut World) -> f64 {
     if let Some(mut buffer) = buffers.get(points::FIBRES.info.name)
         && let Some(data) = single_table(in_hexahedra.contiguous_iter(world))
     {
-        points::evaluate(&points::FibreColumns::new::<Brick>(u, data), with, &mut buffer);
+        points::evaluate(&points::FibreColumns::new::<Brick>(at, data), with, &mut buffer);
         energy += buffer.energy();
     }
     if let Some(mut buffer) = buffers.get(points::FIBRES10.info.name)
         && let Some(data) = single_table(in_tetrahedra10.contiguous_iter(world))
     {
-        points::evaluate(&points::FibreColumns::new::<TenNodes>(u, data), with, &mut buffer);
+        points::evaluate(&points::FibreColumns::new::<TenNodes>(at, data), with, &mut buffer);
         energy += buffer.energy();
     }
     energy

@@ -13,8 +13,8 @@ use bytemuck::TransparentWrapper;
 use glam::DVec3;
 use sinew_engine::isoparametric::{
     AxisHexahedronBlocks, AxisHexahedronVertices, AxisTetrahedron10Blocks,
-    AxisTetrahedron10Vertices, Derivatives, PointsRest, RestPoints, load_weights,
-    point_differences,
+    AxisTetrahedron10Vertices, Derivatives, OwnPoints, PointsRest, RestPoints, derivatives_of,
+    load_weights, point_differences,
 };
 use sinew_engine::lanes::Lanes;
 use sinew_engine::law::{LawBuffer, LawInfo, TangentKind};
@@ -137,7 +137,7 @@ pub type SharedData<S, A, B, const Q: usize> = (&'static A, &'static B, &'static
 
 impl<'a, S: Scalar, const V: usize, const P: usize, const Q: usize> Shared<'a, S, V, P, Q> {
     fn new<E: AxisShape<V, P, Q>>(
-        displacement: &'a [Displacement<S>],
+        (displacement, points): (&'a [Displacement<S>], &'a OwnPoints),
         (nodes, blocks, rest): Slices<'a, SharedData<S, E::AxisVertices, E::AxisBlocks, Q>>,
     ) -> Self {
         let elements = GaussElements {
@@ -145,7 +145,7 @@ impl<'a, S: Scalar, const V: usize, const P: usize, const Q: usize> Shared<'a, S
             nodes: E::AxisVertices::peel_slice(nodes),
             blocks: E::AxisBlocks::peel_slice(blocks),
             derivatives: E::derivatives(),
-            own: &[],
+            own: E::own(points),
         };
         Self { elements, rest }
     }
@@ -220,10 +220,10 @@ pub(crate) struct FibreColumns<'a, S: Scalar, const V: usize, const P: usize, co
 
 impl<'a, S: Scalar, const V: usize, const P: usize, const Q: usize> FibreColumns<'a, S, V, P, Q> {
     pub(crate) fn new<E: AxisShape<V, P, Q>>(
-        displacement: &'a [Displacement<S>],
+        at: (&'a [Displacement<S>], &'a OwnPoints),
         (shared, axis, constants): Slices<'a, FibreData<S, E::AxisVertices, E::AxisBlocks, Q>>,
     ) -> Self {
-        Self { shared: Shared::new::<E>(displacement, shared), axis, constants }
+        Self { shared: Shared::new::<E>(at, shared), axis, constants }
     }
 }
 
@@ -321,7 +321,7 @@ fn triads<S: Scalar, E: AxisShape<V, P, Q>, const V: usize, const P: usize, cons
         world,
         law,
         |with, u, (shared, (a, b, c), axial, angular, volumetric), buffer| {
-            let shared = Shared::new::<E>(u, shared);
+            let shared = Shared::new::<E>((u, with.points), shared);
             let axes = [direction_numbers(a), direction_numbers(b), direction_numbers(c)];
             let (axial, angular) = (axial_numbers(axial), angle_numbers(angular));
             evaluate(&TriadColumns { shared, axes, axial, angular, volumetric }, with, buffer);
@@ -336,7 +336,9 @@ fn fibres<S: Scalar, E: AxisShape<V, P, Q>, const V: usize, const P: usize, cons
     activate_elements::<E::AxisVertices, S, FibreData<S, E::AxisVertices, E::AxisBlocks, Q>>(
         world,
         law,
-        |with, u, data, buffer| evaluate(&FibreColumns::new::<E>(u, data), with, buffer),
+        |with, u, data, buffer| {
+            evaluate(&FibreColumns::new::<E>((u, with.points), data), with, buffer);
+        },
     );
 }
 
@@ -348,7 +350,7 @@ fn biquadratic<S: Scalar, E: AxisShape<V, P, Q>, const V: usize, const P: usize,
         world,
         law,
         |with, u, (shared, axis, stiffness), buffer| {
-            let shared = Shared::new::<E>(u, shared);
+            let shared = Shared::new::<E>((u, with.points), shared);
             evaluate(&BiquadraticColumns { shared, axis, stiffness }, with, buffer);
         },
     );
@@ -362,7 +364,7 @@ fn volumes<S: Scalar, E: AxisShape<V, P, Q>, const V: usize, const P: usize, con
         world,
         law,
         |with, u, (shared, volumetric), buffer| {
-            let shared = Shared::new::<E>(u, shared);
+            let shared = Shared::new::<E>((u, with.points), shared);
             evaluate(&VolumeColumns { shared, volumetric }, with, buffer);
         },
     );
@@ -402,6 +404,10 @@ where
         &self.0.shared().elements
     }
     #[inline(always)]
+    fn own(&self, i: usize) -> u32 {
+        self.0.shared().rest[i].own
+    }
+    #[inline(always)]
     fn points<L: Lanes<Scalar = S>>(
         &self,
         i: usize,
@@ -437,14 +443,15 @@ where
 
 /// Whether something is true of the gradients (1/m) and displacements (m) of a tetrahedron that stands for some point.
 pub(crate) fn at_any_point<S, const V: usize, const P: usize, const Q: usize>(
-    rest: &PointsRest<f64, Q>,
+    (rest, points): (&PointsRest<f64, Q>, &OwnPoints),
     u: &[[f64; 3]; V],
     is_true: impl Fn([[f64; 3]; 3], &[[f64; 3]; 4]) -> bool,
 ) -> bool
 where
     S: Shape<V, P, Q>,
 {
-    let derivatives = &S::derivatives();
+    let (of_all, mut slot) = (S::derivatives(), None);
+    let derivatives = derivatives_of(&of_all, S::own(points), rest.own, &mut slot);
     (0..Q).any(|q| {
         let u = point_differences::<f64, 4, _, _, _>(derivatives, u, q);
         is_true(rest.gradients::<f64>(q), &u)
@@ -453,7 +460,7 @@ where
 
 /// Energy (J) of the axes of an entity in `f64`, from its columns as one element and its rest shape.
 pub(crate) fn energy_at_points<S, E, const V: usize, const P: usize, const Q: usize>(
-    rest: &PointsRest<f64, Q>,
+    (rest, points): (&PointsRest<f64, Q>, &OwnPoints),
     u: &[[f64; 3]; V],
     element: impl Fn([[f64; 3]; 3], f64) -> E,
 ) -> f64
@@ -461,7 +468,8 @@ where
     S: Shape<V, P, Q>,
     E: AxisElement<f64>,
 {
-    let derivatives = &S::derivatives();
+    let (of_all, mut slot) = (S::derivatives(), None);
+    let derivatives = derivatives_of(&of_all, S::own(points), rest.own, &mut slot);
     (0..Q)
         .map(|q| {
             let u = point_differences::<f64, 4, _, _, _>(derivatives, u, q);

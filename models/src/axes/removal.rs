@@ -2,7 +2,7 @@
 
 use bevy_ecs::prelude::*;
 use sinew_engine::element::ShapeGradient;
-use sinew_engine::isoparametric::PointsRest;
+use sinew_engine::isoparametric::{NO_OWN_POINTS, PointsRest};
 use sinew_engine::scalar::{Scalar, dot};
 
 use super::columns::*;
@@ -110,9 +110,9 @@ where
     let e = world.entity(entity);
     // dampers have none
     let Some(rest) = e.get::<PointsRest<S, Q>>() else { return 0.0 };
-    let rest = rest.in_f64();
+    let at = (&rest.in_f64(), world.get_resource().unwrap_or(&NO_OWN_POINTS));
     if let Some(own) = biquadratic::<S>(&e) {
-        return energy_at_points::<E, _, V, P, Q>(&rest, u, |d, share| BiquadraticFibre {
+        return energy_at_points::<E, _, V, P, Q>(at, u, |d, share| BiquadraticFibre {
             shape: d.map(|d| dot(d, own.axis)),
             stiffness: own.stiffness * share,
             ..own
@@ -120,7 +120,7 @@ where
     }
     if e.contains::<FibreActive<S>>() {
         let own = fibre::<S>(&e);
-        return energy_at_points::<E, _, V, P, Q>(&rest, u, |d, share| Fibre {
+        return energy_at_points::<E, _, V, P, Q>(at, u, |d, share| Fibre {
             shape: d.map(|d| dot(d, own.axis)),
             stiffness: own.stiffness * share,
             active: own.active * share,
@@ -128,7 +128,7 @@ where
         });
     }
     let own = triad::<S>(&e);
-    energy_at_points::<E, _, V, P, Q>(&rest, u, |gradients, share| Triad {
+    energy_at_points::<E, _, V, P, Q>(at, u, |gradients, share| Triad {
         gradients,
         axial: own.axial.map(|y| y * share),
         angular: own.angular.map(|g| g * share),

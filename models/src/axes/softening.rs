@@ -6,7 +6,7 @@ use sinew_engine::columns::single_table;
 use sinew_engine::compression::{CompressionReport, in_chunks, report_compression_by};
 use sinew_engine::isoparametric::{
     AxisHexahedronBlocks, AxisHexahedronVertices, AxisTetrahedron10Blocks,
-    AxisTetrahedron10Vertices, PointsRest,
+    AxisTetrahedron10Vertices, OwnPoints, PointsRest,
 };
 use sinew_engine::lanes::{Batch, Batches, Lanes, MAX_LANES};
 use sinew_engine::law::SleepingBodies;
@@ -37,7 +37,7 @@ type AtPoints<'w, 's, S, V, B, const Q: usize> =
 
 fn count<S: Scalar>(
     workers: Res<Workers>,
-    sleeping: Res<SleepingBodies>,
+    (sleeping, points): (Res<SleepingBodies>, Res<OwnPoints>),
     mut report: ResMut<CompressionReport>,
     vertices: Query<&Displacement<S>>,
     tetrahedra: Query<(BiquadraticData<S>, &BodyId), With<Biquadratic>>,
@@ -70,7 +70,11 @@ fn count<S: Scalar>(
                 add(bodies, 300, &|fibres| {
                     let pressed = |&i: &usize| {
                         let axis = [x[i].0, y[i].0, z[i].0].map(S::to_f64);
-                        is_pressed::<$shape, S, _, _, _>(&rest[i], axis, (u, &nodes[i].0))
+                        is_pressed::<$shape, S, _, _, _>(
+                            (&rest[i], &points),
+                            axis,
+                            (u, &nodes[i].0),
+                        )
                     };
                     fibres.filter(pressed).count() as u64
                 });
@@ -97,13 +101,13 @@ impl<S: Scalar> Batch<S> for Pressed<'_, S> {
 
 /// Whether a fibre in an element is pressed far at some Gauss point.
 fn is_pressed<E: Shape<V, P, Q>, S: Scalar, const V: usize, const P: usize, const Q: usize>(
-    rest: &PointsRest<S, Q>,
+    (rest, points): (&PointsRest<S, Q>, &OwnPoints),
     axis: [f64; 3],
     (u, nodes): (&[Displacement<S>], &[u32; V]),
 ) -> bool {
     let rest = rest.in_f64();
     let u = nodes.map(|v| u[v as usize].0).map(|[x, y, z, _]| [x, y, z].map(S::to_f64));
-    at_any_point::<E, V, P, Q>(&rest, &u, |gradients, u| {
+    at_any_point::<E, V, P, Q>((&rest, points), &u, |gradients, u| {
         let shape = gradients.map(|d| dot(d, axis));
         BiquadraticFibre { shape, axis, stiffness: 1.0 }.is_pressed(u)
     })

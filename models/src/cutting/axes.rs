@@ -1,18 +1,24 @@
-//! Axes, fibres, muscles and dampers in elements that a blade parts: the deformation of a linear tetrahedron, or of a membrane triangle, is
-//! the same everywhere, so each piece has the axes of the whole element with its share of their stiffness.
+//! Axes, fibres, muscles and dampers in elements that a blade parts: each piece has those of the whole element with its share of
+//! their stiffness. The deformation of a linear tetrahedron, or of a membrane triangle, is the same everywhere, so that is all;
+//! in hexahedra and in ten-node tetrahedra axes lie at the points of the piece, as its law does.
 
 use bevy_ecs::prelude::*;
+use bytemuck::TransparentWrapper;
+use glam::DVec3;
 use sinew_engine::columns::copy_entity;
 use sinew_engine::connectivity::ElementKind;
 use sinew_engine::element::{
     AxisBlocks, AxisTetrahedron, AxisTriangle, AxisVertices, ShapeGradient, shape_gradient_bundle,
 };
+use sinew_engine::isoparametric::{AxisHexahedron, Derivatives, PointsRest, RestPoints};
 use sinew_engine::row::VertexRow;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::topology::BodyRows;
 
 use crate::axes::columns::*;
 use crate::axes::damper::AxialDamper;
+use crate::axes::points::{AxisShape, shape_of, shares};
+use crate::frame::row::Elements;
 
 /// An element as its axes see it.
 pub(super) struct Place<'a> {
@@ -71,6 +77,11 @@ pub(super) fn share<S: Scalar>(world: &mut World, axes: Entity, place: &Place, f
             (was.map(|i| damper.shape[i]), was.map(|i| damper.spread[i]));
         damper.viscosity *= factor;
     }
+    scale::<S>(&mut axes, factor);
+}
+
+/// Gives an axis `factor` times its stiffness.
+fn scale<S: Scalar>(axes: &mut EntityWorldMut, factor: f64) {
     if let Some(mut source) = axes.get_mut::<AxisSource>() {
         source.weight = source.weight.map(|weight| weight * factor);
     }
@@ -86,4 +97,70 @@ pub(super) fn share<S: Scalar>(world: &mut World, axes: Entity, place: &Place, f
         AxisAngleStiffness<S, 0>, AxisAngleStiffness<S, 1>, AxisAngleStiffness<S, 2>,
         VolumeStiffness<S>, PassiveStiffness<S>, PeakTension<S>, FibreActive<S>
     ];
+}
+
+/// An element with points of its own, as its axes see it.
+pub(super) struct PointPlace<'a, const V: usize, const P: usize, const Q: usize> {
+    /// Its number.
+    pub element: u32,
+    /// Vertex rows.
+    pub nodes: [u32; V],
+    /// Tangent blocks.
+    pub blocks: [u32; P],
+    /// Rest shape at its points, the derivatives there, and their place in the list that
+    /// [`PointsRest::own`](sinew_engine::isoparametric::PointsRest::own) tells; `None` while nothing of it is cut off.
+    pub points: Option<(RestPoints<Q>, &'a Derivatives<f64, V, 3, Q>, u32)>,
+}
+
+/// Gives all axes of an element their place in it, and `factor` times their stiffness.
+pub(super) fn share_at_points<S, E, const V: usize, const P: usize, const Q: usize>(
+    world: &mut World,
+    axes: &[Entity],
+    place: &PointPlace<V, P, Q>,
+    factor: f64,
+) where
+    S: Scalar,
+    E: AxisShape<V, P, Q>,
+{
+    for &entity in axes {
+        let mut axes = world.entity_mut(entity);
+        axes.insert((E::AxisVertices::wrap(place.nodes), E::AxisBlocks::wrap(place.blocks)));
+        match E::ELEMENTS {
+            Elements::Hexahedra => axes.insert(AxisHexahedron(place.element)),
+            _ => axes.insert(AxisTetrahedron(place.element)),
+        };
+        if let Some((rest, _, own)) = &place.points
+            && axes.contains::<PointsRest<S, Q>>()
+        {
+            axes.insert(PointsRest { own: *own, ..shares(rest).component::<S>() });
+        }
+        scale::<S>(&mut axes, factor);
+    }
+    if let Some((rest, derivatives, _)) = &place.points {
+        place_dampers(world, axes, (rest, derivatives), factor);
+    }
+}
+
+/// Puts dampers, of which there is one for every point, to the points of an element: those along one axis share out anew, by the
+/// volumes of the points, `factor` times what they had.
+fn place_dampers<const V: usize, const Q: usize>(
+    world: &mut World,
+    axes: &[Entity],
+    (rest, derivatives): (&RestPoints<Q>, &Derivatives<f64, V, 3, Q>),
+    factor: f64,
+) {
+    let known = |&entity: &Entity| Some((entity, *world.get::<AxialDamper<V>>(entity)?));
+    let mut dampers: Vec<_> = axes.iter().filter_map(known).collect();
+    let bits = |damper: &AxialDamper<V>| damper.axis.map(f64::to_bits);
+    dampers.sort_by_key(|(_, damper)| bits(damper));
+    let part = shares(rest).volume;
+    for along in dampers.chunk_by(|(_, a), (_, b)| bits(a) == bits(b)) {
+        let sum: f64 = along.iter().map(|(_, damper)| damper.viscosity).sum();
+        let families = (along.len() / Q) as f64;
+        for (i, &(entity, AxialDamper { axis, .. })) in along.iter().enumerate() {
+            let shape = shape_of(derivatives, rest, i % Q, DVec3::from_array(axis));
+            let viscosity = factor * sum * part[i % Q] / families;
+            world.entity_mut(entity).insert(AxialDamper::new(axis, shape, viscosity));
+        }
+    }
 }

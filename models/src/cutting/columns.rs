@@ -1,6 +1,7 @@
 //! Columns of elements that a cut changed, and those of copies.
 
 use bevy_ecs::prelude::*;
+use bytemuck::TransparentWrapper;
 use glam::DVec3;
 use sinew_engine::columns::copy_entity;
 use sinew_engine::connectivity::ElementKind;
@@ -10,9 +11,8 @@ use sinew_engine::element::{
     shape_gradient_bundle,
 };
 use sinew_engine::isoparametric::{
-    Derivatives, HEXAHEDRON_PAIRS, HexahedronBlocks, HexahedronIndex, HexahedronRest,
-    HexahedronVertices, OwnPoints, RestPoints, TETRAHEDRON10_PAIRS, Tetrahedron10Blocks,
-    Tetrahedron10Rest, Tetrahedron10Vertices,
+    Derivatives, HEXAHEDRON_PAIRS, HexahedronIndex, OwnPoints, PointsRest, RestPoints,
+    TETRAHEDRON10_PAIRS,
 };
 use sinew_engine::layout::Lumps;
 use sinew_engine::scalar::Scalar;
@@ -23,10 +23,12 @@ use super::axes;
 use super::faces::Sheet;
 use super::material::{Element, Material, Order};
 use super::{hexahedra, ten_node};
+use crate::axes::points::AxisShape;
 use crate::body::present::BodyResection;
 use crate::body::sheet::MembraneSettings;
 use crate::element::membrane::RestTriangle;
 use crate::element::precompute::RestTetrahedron;
+use crate::frame::hexahedra::{Brick, TenNodes};
 use crate::frame::triangles::{
     MembraneCompressionModulus, MembraneFirstModulus, MembraneShearModulus,
 };
@@ -109,52 +111,51 @@ pub(super) fn write<S: Scalar>(world: &mut World, mut changed: Changed) {
         let row = own.element_of[kind][e as usize];
         // a copy has the columns of what it fell off, which was written before
         let parent = own.element_of[kind][element.parent as usize];
-        let known = before.get(e as usize);
-        let entity = match known {
-            Some(_) => own.rows.elements[kind][row as usize],
-            None => copy_entity(world, own.rows.elements[kind][parent as usize]),
-        };
+        let is_known = before.get(e as usize).is_some();
         let own_points = changed.points.remove(&e).map(|own| own.0);
+        let at = (e, row, parent);
         match material.order {
             Order::Linear | Order::Triangles => {
-                changed.linear::<S>(world, (e, row, parent), entity)
+                let entity = changed.entity(world, (row, parent), is_known);
+                changed.linear::<S>(world, at, entity);
             }
             Order::TenNodes => {
-                let (nodes, blocks) = places(world, rows, row, &TETRAHEDRON10_PAIRS);
-                let mut entity = world.entity_mut(entity);
-                entity.insert((
-                    (Tetrahedron10Vertices(nodes), Tetrahedron10Blocks(blocks)),
-                    TetrahedronIndex(e),
-                ));
-                if let Some(Points::TenNodes(derivatives)) = own_points {
-                    let corners =
-                        element.vertices.map(|v| changed.rest[super::row_of(rows, v) as usize]);
-                    let shape = rest_tetrahedron(corners);
-                    let volume = element.share() * shape.volume;
+                let shape = || {
+                    let corners = element.vertices;
+                    let at = |v| changed.rest[super::row_of(rows, v) as usize];
+                    let shape = rest_tetrahedron(corners.map(at));
                     let [_, a, b, c] = shape.gradients;
-                    let rest = RestPoints { gradients: [[a, b, c]; 4], volume: [volume / 4.0; 4] };
-                    let mut rest: Tetrahedron10Rest<S> = rest.component();
-                    let was = entity.get::<Tetrahedron10Rest<S>>().map_or(0, |rest| rest.own);
-                    rest.own = put(&mut points.tens, known.map_or(0, |_| was), *derivatives);
-                    entity.insert((rest, RestVolume(S::from_f64(volume))));
-                }
+                    let volume = [element.share() * shape.volume / 4.0; 4];
+                    RestPoints { gradients: [[a, b, c]; 4], volume }
+                };
+                let own_points = match own_points {
+                    Some(Points::TenNodes(derivatives)) => Some((shape(), derivatives)),
+                    _ => None,
+                };
+                let list = &mut points.tens;
+                let pairs = &TETRAHEDRON10_PAIRS;
+                changed.at_points::<S, TenNodes, 10, 45, 4>(
+                    world,
+                    (at, is_known),
+                    (own_points, list, pairs),
+                );
             }
             Order::Hexahedra => {
-                let (nodes, blocks) = places(world, rows, row, &HEXAHEDRON_PAIRS);
-                let mut entity = world.entity_mut(entity);
-                entity.insert((
-                    (HexahedronVertices(nodes), HexahedronBlocks(blocks)),
-                    HexahedronIndex(e),
-                ));
-                if let Some(Points::Hexahedron(gradients, volume)) = own_points {
-                    // the list has gradients in place, not by local coordinates
-                    let axes = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
-                    let mut rest: HexahedronRest<S> =
-                        RestPoints { gradients: [axes; 8], volume }.component();
-                    let was = entity.get::<HexahedronRest<S>>().map_or(0, |rest| rest.own);
-                    rest.own = put(&mut points.bricks, known.map_or(0, |_| was), *gradients);
-                    entity.insert((rest, RestVolume(S::from_f64(volume.iter().sum()))));
-                }
+                // the list has gradients in place, not by local coordinates
+                let axes = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+                let own_points = match own_points {
+                    Some(Points::Hexahedron(gradients, volume)) => {
+                        Some((RestPoints { gradients: [axes; 8], volume }, gradients))
+                    }
+                    _ => None,
+                };
+                let list = &mut points.bricks;
+                let pairs = &HEXAHEDRON_PAIRS;
+                changed.at_points::<S, Brick, 8, 28, 8>(
+                    world,
+                    (at, is_known),
+                    (own_points, list, pairs),
+                );
             }
         }
     }
@@ -243,6 +244,57 @@ impl Changed<'_> {
                 MembraneCompressionModulus(S::from_f64(own_share * settings.compression())),
             ));
         }
+    }
+
+    /// Entity of an element: its own, or a copy of that of what it fell off.
+    fn entity(&self, world: &mut World, (row, parent): (u32, u32), is_known: bool) -> Entity {
+        let elements = &self.own.rows.elements[self.rows.copies.kind];
+        match is_known {
+            true => elements[row as usize],
+            false => copy_entity(world, elements[parent as usize]),
+        }
+    }
+
+    /// An element with Gauss points and its axes; its rest shape at points of its own, and the derivatives there.
+    fn at_points<S, E, const V: usize, const P: usize, const Q: usize>(
+        &self,
+        world: &mut World,
+        ((e, row, parent), is_known): ((u32, u32, u32), bool),
+        (own_points, list, pairs): (
+            Option<(RestPoints<Q>, Box<Derivatives<f64, V, 3, Q>>)>,
+            &mut Vec<Derivatives<f64, V, 3, Q>>,
+            &[[usize; 2]; P],
+        ),
+    ) where
+        S: Scalar,
+        E: AxisShape<V, P, Q>,
+    {
+        let kind = self.rows.copies.kind;
+        let (nodes, blocks) = places(world, self.rows, row, pairs);
+        let entity = self.entity(world, (row, parent), is_known);
+        let mut entity = world.entity_mut(entity);
+        entity.insert((E::Vertices::wrap(nodes), E::Blocks::wrap(blocks)));
+        match kind {
+            ElementKind::Hexahedron => entity.insert(HexahedronIndex(e)),
+            _ => entity.insert(TetrahedronIndex(e)),
+        };
+        let (mut factor, mut points) = (1.0, None);
+        if let Some((rest, derivatives)) = &own_points {
+            let was = entity.get::<PointsRest<S, Q>>().map_or(0, |rest| rest.own);
+            let own = put(list, if is_known { was } else { 0 }, **derivatives);
+            let volume = rest.total_volume();
+            factor = volume / entity.get::<RestVolume<S>>().map_or(volume, |v| v.0.to_f64());
+            let component = PointsRest { own, ..rest.component::<S>() };
+            entity.insert((component, RestVolume(S::from_f64(volume))));
+            points = Some((*rest, &**derivatives, own));
+        }
+        let known = self.own.rows.axes(kind, if is_known { row } else { parent });
+        let mut axes: Vec<Entity> = known.collect();
+        if !is_known {
+            axes.iter_mut().for_each(|entity| *entity = copy_entity(world, *entity));
+        }
+        let place = axes::PointPlace { element: e, nodes, blocks, points };
+        axes::share_at_points::<S, E, V, P, Q>(world, &axes, &place, factor);
     }
 
     /// A linear tetrahedron and its axes.

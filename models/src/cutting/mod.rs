@@ -5,10 +5,10 @@
 //! that neither of them changes at the instant of the cut, nor do kinetic energy and momentum; no element is smaller, flatter
 //! or softer than before, and no state is interpolated.
 //!
-//! What can be cut: bodies of linear tetrahedra, with axes, fibres and muscles, with clusters of volume and with membranes on their
-//! faces; bodies of ten-node tetrahedra with straight sides; bodies of hexahedra with full integration; bodies that are a membrane of
-//! triangles alone; membranes with fibres, too. Not membranes beside the faces of a body and those that bend, two kinds of solid elements in one
-//! body, axes in elements with Gauss points, hexahedra that are filled in part, pooled springs and models of springs.
+//! What can be cut: bodies of linear tetrahedra, with clusters of volume and with membranes on their faces; bodies of ten-node
+//! tetrahedra with straight sides; bodies of hexahedra with full integration; all of these with axes, fibres and muscles; bodies that
+//! are a membrane of triangles alone; membranes with fibres, too. Not membranes beside the faces of a body and those that bend, two
+//! kinds of solid elements in one body, hexahedra that are filled in part, pooled springs and models of springs.
 //!
 //! - The vertices of the mesh stay where they are and mean what they meant: constraints, loads, pulls and lists of positions
 //!   have the material that held them. The vertices that copies got are *ghosts*: nothing holds or loads them but the weight
@@ -284,9 +284,6 @@ pub fn check_cut(world: &mut World, body: usize) -> Result<(), CutError> {
         }
         Some(soft) if order != Order::Triangles && !scales(soft.model) => {
             "its model is not proportional to a volume; take one that is, \"svk_comp\" or another"
-        }
-        Some(soft) if soft.axes.is_some() && order != Order::Linear => {
-            "its axes lie at the points of whole elements; take linear tetrahedra, or remove elements"
         }
         Some(soft) if soft.masses == MassRule::Equal => {
             "equal masses have no share of a volume; take masses = \"volume\""
