@@ -709,6 +709,9 @@ namespace Sinew
             double[] quaternion, ref Vec3 velocity, ref Vec3 angularVelocity, double seconds, ref HapticFeedback feedback);
 
         [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_haptic_release(SimulationHandle simulation, ulong held);
+
+        [DllImport(Library, CallingConvention = C)]
         internal static extern void sinew_haptic_free(IntPtr device);
 
         [DllImport(Library, CallingConvention = C)]

@@ -171,7 +171,7 @@ static class Program
                 if (i % 10 == 0) { simulation.Step(1); }
             }
             Demand(felt.Torque.Z < 0.0 && (felt.Flags & (uint)HapticFlags.HapticBadInput) == 0, "the torque on a hand");
-            simulation.Remove(jaws);
+            simulation.Release(jaws);
             turner.Dispose();
             last = simulation.Read(liver, Quantity.Positions);
         }

@@ -546,7 +546,7 @@ namespace Sinew
         public void Step(int n) { Native.Demand(Native.sinew_step(own, checked((uint)n))); }
 
         /// <summary>Lets a haptic device hold vertices by a spring (N/m, 0: 300) from the next step on, and turn them where it says so;
-        /// every Step serves it. The handle is a pull, which Remove lets go. A tool in place of the body, without vertices, is held itself.</summary>
+        /// every Step serves it. The handle is a pull. A tool in place of the body, without vertices, is held itself. Release lets go of either.</summary>
         public ulong AddHaptic(string name, ulong body, uint[] vertices, out HapticDevice device, double stiffness = 0.0,
             bool turns = false)
         {
@@ -570,6 +570,9 @@ namespace Sinew
             }
             finally { list.Free(); }
         }
+
+        /// <summary>Has a device let go of what it holds: a pull is gone, a tool stays where it stands and moves as it is told again.</summary>
+        public void Release(ulong held) { Native.Demand(Native.sinew_haptic_release(own, held)); }
 
         /// <summary>Shares all bodies and tools that there are now with another thread, after every step.</summary>
         public LiveReader Share()

@@ -22,8 +22,8 @@ pub struct sinew_live(Mutex<Reader>);
 
 /// Lets a haptic device hold vertices of a body from the next step on, where both are then: the place of the device at its first
 /// exchange is where the vertices are when they are taken hold of. Every `sinew_step` serves it. `out` is a pull:
-/// `sinew_pull_force` reads it, `sinew_remove` lets go. A tool in place of the body, with options of no vertices, is held itself from where
-/// it is, and `out` is the tool, of which `sinew_tool_move` then sets the opening alone. Free the device with `sinew_haptic_free`, before or after the simulation.
+/// `sinew_pull_force` reads it. A tool in place of the body, with options of no vertices, is held itself from where
+/// it is, and `out` is the tool, of which `sinew_tool_move` then sets the opening alone. `sinew_haptic_release` lets go of either. Free the device with `sinew_haptic_free`, before or after the simulation.
 /// On a graphics processor it is `SINEW_BACKEND`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn sinew_haptic_add(
@@ -59,6 +59,16 @@ pub unsafe extern "C" fn sinew_haptic_add(
             Ok(sinew_haptic_device(own))
         })
     })
+}
+
+/// Has a device let go of what it holds, by the handle that `sinew_haptic_add` gave: a pull is gone, a tool stays where it stands and moves
+/// as it is told again. The force of the device falls to zero; free it all the same.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn sinew_haptic_release(
+    simulation: *mut sinew_simulation,
+    held: sinew_handle,
+) -> sinew_status {
+    with(simulation, |sim| sim.let_go(held))
 }
 
 /// Tells where the device is (m) and how fast it moves (m/s), three numbers each, and what it is to render until the next
@@ -129,7 +139,7 @@ unsafe fn feeling(
     })
 }
 
-/// Frees a device that no call uses; NULL is fine. The pull stays where it was until `sinew_remove`.
+/// Frees a device that no call uses; NULL is fine. What it holds stays where it was until `sinew_haptic_release`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn sinew_haptic_free(device: *mut sinew_haptic_device) {
     free(device)

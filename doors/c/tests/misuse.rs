@@ -115,6 +115,7 @@ fn null_is_an_argument_everywhere() {
         sinew_tear_set(none, 0, null());
         sinew_haptic_add(none, 0, null(), null_mut(), null_mut());
         sinew_haptic_add(sim, body, null(), null_mut(), null_mut());
+        sinew_haptic_release(none, 0);
         sinew_haptic_exchange(null(), null(), null(), 0.001, null_mut());
         sinew_haptic_exchange_pose(null(), null(), null(), null(), null(), 0.001, null_mut());
         sinew_live_share(none, null(), 0, null(), 0, null_mut());
@@ -202,6 +203,7 @@ fn wrong_handles_are_told() {
         let mut table = Vec::new();
         calls! { table:
             sinew_remove(sim, handle);
+            sinew_haptic_release(sim, handle);
             sinew_vertex_count(sim, handle, &mut number);
             sinew_group_vertices(sim, handle, name.as_ptr(), null_mut(), 0, &mut number);
             sinew_read(sim, handle, SINEW_VELOCITIES, null_mut(), 0, &mut number);

@@ -73,6 +73,7 @@ pub(crate) trait Serve: Send {
         simulation: &mut Simulation,
         moment: Moment,
     ) -> std::result::Result<(), HapticError>;
+    fn let_go(self: Box<Self>, simulation: &mut Simulation);
 }
 
 impl Serve for HapticTissue {
@@ -85,6 +86,10 @@ impl Serve for HapticTissue {
             Moment::Before => self.before_step(simulation),
             Moment::After => self.after_step(simulation).map(drop),
         }
+    }
+
+    fn let_go(self: Box<Self>, simulation: &mut Simulation) {
+        self.release(simulation);
     }
 }
 
@@ -115,7 +120,7 @@ impl Embedding {
 
     /// Lets a haptic device hold a patch of a body, or a tool, from the next step on: see [`Simulation::haptic_handle`]. Every
     /// [`Embedding::step`] then serves the device. The handle is that of a [`Kind::Pull`], by which the device holds, or the tool's;
-    /// [`Embedding::remove`] lets go of the one and takes the other away. Handles are no part of snapshots, but for their pull or tool.
+    /// [`Embedding::let_go`] ends it. Handles are no part of snapshots, but for their pull or tool.
     ///
     /// # Errors
     /// When the name is taken, an option, vertex or tool cannot be used, a device holds the tool already, or the backend has no pulls;
@@ -147,6 +152,27 @@ impl Embedding {
         // where a lock is made at its first use, that is here
         drop(device.0.lock().unwrap_or_else(PoisonError::into_inner));
         Ok((handle, device))
+    }
+
+    /// Has a device let go of what it holds: its pull is gone, as by [`Embedding::remove`], and a tool stays where it stands and moves as
+    /// it is told again. The force of the device falls as if the simulation had stopped.
+    ///
+    /// # Errors
+    /// When no device holds by this handle.
+    pub fn let_go(&mut self, held: Handle) -> Result<()> {
+        let Some(at) = self.haptics.iter().position(|(own, _)| *own == held) else {
+            let text = format!(
+                "no haptic device holds by handle {held:#x}: take that of its pull or tool"
+            );
+            return Err(EmbedError::new(Code::Handle, text));
+        };
+        let (_, served) = self.haptics.remove(at);
+        if Kind::of(held) == Some(Kind::Pull) {
+            return self.remove(held);
+        }
+        served.let_go(&mut self.built.simulation);
+        self.epoch += 1;
+        Ok(())
     }
 }
 

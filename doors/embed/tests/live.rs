@@ -62,7 +62,7 @@ fn handles_outlive_what_becomes_of_their_pulls() {
 
 #[test]
 fn a_device_holds_a_tool() {
-    let (mut sim, _, _) = held(&options());
+    let (mut sim, body, _) = held(&options());
     // over the upper face, which is at the height of that in `slab`
     let top = slab().points.iter().map(|x| x.z).fold(0.0, f64::max);
     let ball =
@@ -89,7 +89,26 @@ fn a_device_holds_a_tool() {
     }
     let felt = device.exchange([0.0; 3], [0.0; 3], 0.02).unwrap();
     assert_eq!(felt.force, DVec3::ZERO, "{felt:?}");
+    // a tool that is let go stays, and goes where it is told
+    device.exchange([0.0, 0.0, -2e-3], [0.0; 3], 0.02).unwrap();
+    sim.step(1).unwrap();
+    let stood = sim.tool_report(ball).unwrap().position;
+    sim.let_go(ball).unwrap();
+    assert_eq!(sim.let_go(ball).unwrap_err().code, Code::Handle);
+    sim.step(3).unwrap();
+    let own = sim.tool_report(ball).unwrap();
+    assert!(own.position == stood && own.yields == DVec3::ZERO, "{own:?} {stood}");
+    let up = ToolPose { position: stood + DVec3::Z * 0.01, ..ToolPose::default() };
+    sim.move_tool(ball, up).unwrap();
+    sim.step(1).unwrap();
+    assert_eq!(sim.tool_report(ball).unwrap().position, up.position);
+    // a patch is not held any more
+    let hold = sim.haptic_options(body, &patch(&sim, body)).unwrap();
+    let (pull, _) = sim.add_haptic(hold).unwrap();
+    sim.let_go(pull).unwrap();
+    assert!(sim.list(Kind::Pull).is_empty());
     sim.remove(ball).unwrap();
+    assert_eq!(sim.let_go(pull).unwrap_err().code, Code::Handle);
     sim.step(1).unwrap();
 }
 

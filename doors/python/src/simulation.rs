@@ -658,6 +658,11 @@ impl Engine {
         Ok((pull, HapticDevice(device)))
     }
 
+    /// Has the device of a pull or tool let go.
+    fn let_go(&self, held: Handle) -> PyResult<()> {
+        self.0.with(|own| own.let_go(held))
+    }
+
     /// Shares bodies and tools with another thread.
     fn share(&self, bodies: Vec<Handle>, tools: Vec<Handle>) -> PyResult<Reader> {
         let reader = self.0.with(|own| own.share(&bodies, &tools))?;

@@ -144,7 +144,15 @@ def test_a_haptic_device_beside_steps():
         ball.move((0, 0, 1))
     with pytest.raises(sinew.ArgumentError, match="a device holds it already"):
         sim.haptic(ball)
-    ball.remove()
+    stood, free = ball.report.position, ball.release()
+    with pytest.raises(sinew.HandleError, match="no haptic device"):
+        ball.release()
+    sim.step()
+    assert np.array_equal(free.report.position, stood)
+    free.move(stood + (0, 0, 0.01))
+    sim.step()
+    assert np.array_equal(free.report.position, stood + (0, 0, 0.01))
+    free.remove()
     handle.remove()
     del sim, body, handle, jaws, ball
     gc.collect()

@@ -511,7 +511,7 @@ class Haptic(Pull):
 
 class HeldTool(Tool):
     """A tool that a haptic device holds by a spring inside the implicit step, from the next step on: it is where that and what it
-    touches are in balance. Every ``step`` serves it; :meth:`remove` takes the tool away."""
+    touches are in balance. Every ``step`` serves it; :meth:`release` lets go of it, :meth:`remove` takes the tool away."""
 
     __slots__ = ("device",)
     device: HapticDevice
@@ -527,6 +527,11 @@ class HeldTool(Tool):
         """The angle (rad) between its jaws at the end of the next step."""
         now = self.report
         self._own.move_tool(self.handle, _tool_pose(now.position, now.rotation, opening))
+
+    def release(self) -> Tool:
+        """Has the device let go: the tool stays where it stands, and what is returned moves it again."""
+        self._own.let_go(self.handle)
+        return Tool(self.simulation, self.handle, self.name)
 
 
 class Reader:
