@@ -8,6 +8,7 @@ use sinew::engine::load::Motion;
 use sinew::engine::mesh::Mesh;
 use sinew::engine::mesh::generate::box_tets;
 use sinew::engine::row::VertexRow;
+use sinew::engine::scalar::Scalar;
 use sinew::engine::vertex::Displacement;
 use sinew::models::resection::{Region, Removal};
 use sinew::prelude::*;
@@ -493,4 +494,41 @@ fn bodies_of_every_law_sleep_with_the_energies_and_forces_that_they_have() {
         assert!(energy > 0.0 && (energy - all).abs() <= 1e-9 * all, "{what}: {energy} {all}");
         assert_eq!(simulation.elastic_forces(body), forces, "{what}");
     }
+}
+
+/// Steps of a world at rest do not look at its numbers one by one; what is set from outside is told all the same.
+#[test]
+fn numbers_that_are_set_while_all_sleep_are_looked_at() {
+    let settings = [settings(SLEEP), settings(0.0), solver!(Integrator::SymplecticEuler)];
+    for precision in [Precision::F64, Precision::F32] {
+        for after in &settings {
+            let mut simulation = blocks(options(precision, 1), SLEEP, 1);
+            let slept = until_asleep(&mut simulation, 1);
+            simulation.steps(10);
+            simulation.set_solver(after.clone());
+            let before = (simulation.positions(BLOCK), simulation.time());
+            match precision {
+                Precision::F64 => set_last::<f64>(&mut simulation, DVec3::X * f64::NAN),
+                Precision::F32 => set_last::<f32>(&mut simulation, DVec3::X * f64::NAN),
+            }
+            let error = simulation.step().unwrap_err().to_string();
+            assert!(
+                error.contains("displacement") && error.contains("from outside"),
+                "{slept}: {error}"
+            );
+            assert_eq!(simulation.time(), before.1);
+            match precision {
+                Precision::F64 => set_last::<f64>(&mut simulation, DVec3::ZERO),
+                Precision::F32 => set_last::<f32>(&mut simulation, DVec3::ZERO),
+            }
+            simulation.step().unwrap();
+        }
+    }
+}
+
+/// Displaces the last row (m).
+fn set_last<S: Scalar>(simulation: &mut Simulation, to: DVec3) {
+    let world = simulation.world_mut();
+    let mut query = world.query::<&mut Displacement<S>>();
+    query.iter_mut(world).last().unwrap().set(to);
 }

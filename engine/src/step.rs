@@ -152,6 +152,11 @@ pub struct ColumnsBehind;
 #[derive(Resource, Clone, Copy, Debug, Default)]
 pub struct IntegratorInstalled;
 
+/// The integrator knows the state to the bit, and asks for [`check_finite`] where it is another: steps do not look twice at the
+/// numbers of a world at rest. It is taken away by the integrator that relies on it, or the next.
+#[derive(Resource, Clone, Copy, Debug, Default)]
+pub struct StateWatched;
+
 /// Adds schedules, resources and the systems that every scene needs.
 pub fn install_engine<S: Scalar>(world: &mut World, executor: Executor) {
     compiled_here!(S, install_all(world: &mut World, executor: Executor))
@@ -203,7 +208,10 @@ fn step<S: Scalar>(world: &mut World) -> Result<(), StepError> {
     if !world.contains_resource::<IntegratorInstalled>() {
         return Err(StepError::NoIntegrator);
     }
-    with_query(world, check_state::<S>)?;
+    with_query(world, check_tables::<S>)?;
+    if !world.contains_resource::<StateWatched>() {
+        check_finite::<S>(world)?;
+    }
     let parts = match world.get_resource::<StepDivider>().copied() {
         Some(StepDivider(divide)) => divide(world),
         None => 1,
@@ -260,8 +268,8 @@ fn step_in_parts<S: Scalar>(
 /// The state of vertices.
 type VertexState<S> = (&'static Displacement<S>, &'static Velocity<S>, &'static RestPosition);
 
-/// One table of the right size, all numbers finite.
-fn check_state<S: Scalar>(
+/// One table of the right size, and constraints and loads that can be applied.
+fn check_tables<S: Scalar>(
     world: &mut World,
     vertices: &mut QueryState<VertexState<S>>,
 ) -> Result<(), StepError> {
@@ -281,32 +289,31 @@ fn check_state<S: Scalar>(
     }
     each_usable(world, |own: &Constraint| (&own.name, own.problem(expected)))?;
     each_usable(world, |own: &Load| (&own.name, own.problem(expected)))?;
-    each_usable(world, |own: &Pressure| (&own.name, own.problem(expected)))?;
-    let Some((u, v, rest)) = single_table(vertices.contiguous_iter(world)) else { return Ok(()) };
-    let all_rest = rest.iter().fold(DVec3::ZERO, |sum, x| sum + 0.0 * x.0) == DVec3::ZERO;
-    if all_rest && all_finite(Displacement::peel_slice(u)) && all_finite(Velocity::peel_slice(v)) {
-        return Ok(());
-    }
-    let bad = |row: usize| {
-        if !u[row].0.iter().all(|x| x.is_finite()) {
-            Some("displacement")
-        } else if !v[row].0.iter().all(|x| x.is_finite()) {
-            Some("velocity")
-        } else if !rest[row].0.is_finite() {
-            Some("rest position")
-        } else {
-            None
+    each_usable(world, |own: &Pressure| (&own.name, own.problem(expected)))
+}
+
+/// Whether all numbers of the state are finite.
+///
+/// # Errors
+/// The first vertex of which one is not.
+pub fn check_finite<S: Scalar>(world: &mut World) -> Result<(), StepError> {
+    let bad = with_query::<VertexState<S>, (), _>(world, |world, vertices| {
+        let (u, v, rest) = single_table(vertices.contiguous_iter(world))?;
+        let all_rest = rest.iter().fold(DVec3::ZERO, |sum, x| sum + 0.0 * x.0) == DVec3::ZERO;
+        let all = |rows: &[[S; 4]]| all_finite(rows);
+        if all_rest && all(Displacement::peel_slice(u)) && all(Velocity::peel_slice(v)) {
+            return None;
         }
-    };
-    if let Some((row, quantity)) = (0..expected).find_map(|row| bad(row).map(|q| (row, q))) {
-        return Err(not_finite(
-            world,
-            row,
-            quantity,
-            "it was set so from outside; the step was not carried out",
-        ));
-    }
-    Ok(())
+        let quantity = |row: usize| match () {
+            () if !u[row].0.iter().all(|x| x.is_finite()) => Some("displacement"),
+            () if !v[row].0.iter().all(|x| x.is_finite()) => Some("velocity"),
+            () if !rest[row].0.is_finite() => Some("rest position"),
+            () => None,
+        };
+        (0..u.len()).find_map(|row| quantity(row).map(|quantity| (row, quantity)))
+    });
+    let remedy = "it was set so from outside; the step was not carried out";
+    bad.map_or(Ok(()), |(row, quantity)| Err(not_finite(world, row, quantity, remedy)))
 }
 
 /// Whether all constraints or loads of a kind can be applied; `problem` gives the name of each and what is wrong.

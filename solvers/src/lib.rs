@@ -87,6 +87,7 @@ fn integrate<S: Scalar>(world: &mut World) {
     let mut step = || {
         settings.validate().and_then(|()| {
             if settings.integrator.is_explicit() {
+                implicit::check_watched::<S>(world)?;
                 explicit::explicit_step::<S>(world, &settings, &mut report)
             } else {
                 implicit::implicit_step::<S>(world, &settings, &mut report)

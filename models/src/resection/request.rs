@@ -2,6 +2,7 @@
 
 use bevy_ecs::prelude::*;
 use serde::{Deserialize, Serialize};
+use sinew_engine::kept::with_query;
 use sinew_engine::order::Order;
 use sinew_engine::resource::ensure;
 use sinew_engine::scalar::Scalar;
@@ -52,8 +53,10 @@ pub struct Requests;
 
 fn apply_removal_requests<S: Scalar>(world: &mut World) {
     world.resource_mut::<RemovalLog>().0.clear();
-    let mut query = world.query::<(&Order, Entity, &RemovalRequest)>();
-    let mut requests: Vec<_> = query.iter(world).map(|(o, e, r)| (*o, e, r.clone())).collect();
+    let mut requests =
+        with_query::<(&Order, Entity, &RemovalRequest), (), _>(world, |world, all| {
+            all.iter(world).map(|(o, e, r)| (*o, e, r.clone())).collect::<Vec<_>>()
+        });
     requests.sort_unstable_by_key(|(order, entity, _)| (*order, *entity));
     let mut requests =
         requests.into_iter().map(|(_, entity, request)| (entity, request)).peekable();

@@ -140,6 +140,11 @@ struct ToolState {
 }
 
 impl ToolState {
+    /// Where the step to come begins: the pose of the hand, if a spring holds the tool.
+    fn start(&self, tool: &Tool) -> ToolPose {
+        if tool.spring.is_some() { self.pose } else { self.of_tool() }
+    }
+
     /// Where the tool itself is.
     fn of_tool(&self) -> ToolPose {
         ToolPose { position: self.pose.position + self.yields, ..self.pose }

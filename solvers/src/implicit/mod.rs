@@ -63,7 +63,7 @@ use sinew_engine::load::SweptVolumes;
 use sinew_engine::report::StepReport;
 use sinew_engine::row::VertexRow;
 use sinew_engine::scalar::Scalar;
-use sinew_engine::step::{StepClock, StepError, not_finite};
+use sinew_engine::step::{StateWatched, StepClock, StepError, check_finite, not_finite};
 use sinew_engine::topology::Topology;
 pub use step::ImplicitScratch;
 use step::Step;
@@ -87,7 +87,13 @@ pub fn implicit_step<S: Scalar>(
     let mut scratch = world.remove_resource::<ImplicitScratch<S>>().unwrap_or_default();
     let still = scratch.is_still(world, settings);
     if !still {
+        let finite = check_watched::<S>(world);
         scratch.node.read(world);
+        if finite.is_err() {
+            scratch.forget_sleep();
+            world.insert_resource(scratch);
+            return finite;
+        }
     }
     let revision = world.resource::<Topology>().revision;
     if scratch.revision != revision || scratch.rest.len() != scratch.node.len() {
@@ -126,6 +132,14 @@ pub fn implicit_step<S: Scalar>(
     result
 }
 
+/// Looks at the numbers of a state that [`StateWatched`] kept the step from looking at, and that is another than it was.
+///
+/// # Errors
+/// When one is not finite.
+pub(crate) fn check_watched<S: Scalar>(world: &mut World) -> Result<(), StepError> {
+    world.remove_resource::<StateWatched>().map_or(Ok(()), |_| check_finite::<S>(world))
+}
+
 /// Whether nothing is near, and nobody asks how stiff it would be.
 fn is_far(contact: &ContactSet) -> bool {
     contact.is_idle() && !contact.asks_stiffness()
@@ -158,6 +172,7 @@ impl<S: Scalar> ImplicitScratch<S> {
         self.history.dt = dt;
         self.history.asleep += 1;
         self.history.stamp(world);
+        world.insert_resource(StateWatched);
     }
 }
 

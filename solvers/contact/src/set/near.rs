@@ -50,8 +50,7 @@ impl ContactSet {
             }
             let known = self.kept.tools.get(&id);
             let mut start = match known {
-                Some(state) if tool.spring.is_none() => state.of_tool(),
-                Some(state) => state.pose,
+                Some(state) => state.start(tool),
                 // targets are reached from where it first stands
                 None if tool.motion == ToolMotion::Follow => tool.start,
                 None => tool.wanted(clock.time, tool.start),
@@ -105,6 +104,20 @@ impl ContactSet {
             });
         }
         Ok(())
+    }
+
+    /// Whether a tool that acted in the last step stands elsewhere at the end of the coming one.
+    fn any_moves(
+        &self,
+        world: &World,
+        query: &mut QueryState<(&'static Order, &'static Tool)>,
+    ) -> bool {
+        let clock = *world.resource::<StepClock>();
+        let moves = |(id, tool): (&Order, &Tool)| {
+            let start = self.kept.tools.get(id).map(|state| state.start(tool));
+            start.is_some_and(|start| tool.wanted(clock.time + clock.dt, start) != start)
+        };
+        query.iter(world).any(moves)
     }
 
     /// Surfaces of the bodies as they are now, whatever was known of them before.
@@ -269,6 +282,9 @@ impl ContactSet {
 
     /// Substeps that the step to come needs, so that no tool passes through what it meets: 1 in all but fast motion.
     pub fn substeps(&mut self, world: &mut World, positions: fn(&mut World) -> Vec<DVec3>) -> u32 {
+        if !with_query(world, |world, tools| self.any_moves(world, tools)) {
+            return 1;
+        }
         // errors come back in the step
         if self.read(world).is_err() || self.tools.iter().all(|now| now.appears) {
             return 1;
