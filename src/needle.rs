@@ -67,7 +67,7 @@ pub(crate) fn look<S: Scalar>(world: &mut World, all: Vec<Path>) -> Result<(), S
             let found = is_near.then(|| tissue::<S>(world, body, [low, high]));
             if let Some(None) = found {
                 let own = &world.resource::<Topology>().bodies[body].name;
-                let why = format!("body `{own}` has no linear tetrahedra");
+                let why = format!("body `{own}` has no solid elements");
                 cannot_enter(
                     world,
                     body,

@@ -9,8 +9,8 @@ use sinew_models::cutting::held::material_point;
 
 /// # Threads and clips
 impl Simulation {
-    /// The point of tissue at a place (m) in the present shape of a body of linear tetrahedra, for a [`Thread`] or [`Clip`]. None
-    /// where there is no tissue of that body, or it has other elements: those offer their vertices ([`Hold::Vertices`]).
+    /// The point of tissue at a place (m) in the present shape of a body of solid elements, for a [`Thread`] or [`Clip`]. None
+    /// where there is no tissue of that body. Membranes offer their vertices ([`Hold::Vertices`]).
     pub fn tissue_point(&mut self, body: BodyHandle, at: DVec3) -> Option<Hold> {
         let precision = self.precision();
         let found = by_precision!(precision, material_point(self.columns(), body.0, at));

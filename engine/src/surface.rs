@@ -56,8 +56,8 @@ pub struct SurfaceReader(pub fn(&mut World, usize) -> BodySurface);
 /// Vertex rows of a point in tissue, and their weights.
 pub type TissuePoint = ([VertexRow; 4], [f64; 4]);
 
-/// Finds the rows that move a point of the material of a body of linear tetrahedra now: the tetrahedron of the mesh that it lies
-/// in, its vertices there and their weights. None where that element is gone.
+/// Finds the rows that move a point of the material of a body of solid elements now: the element of the mesh that it lies
+/// in, four vertices of that and their weights. None where that element is gone.
 #[derive(Resource, Clone, Copy, Debug)]
 pub struct PointReader(
     pub fn(&World, body: usize, element: u32, ([MeshVertex; 4], [f64; 4])) -> Option<TissuePoint>,

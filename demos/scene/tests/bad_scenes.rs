@@ -154,7 +154,7 @@ bad! {
     cut_before_the_start: "[[probe]]"
         => "[[cut]]\nname = \"cut\"\ntime = -1.0\nstrip = [[[0, 0, 1], [0, 0, 0]], [[1, 0, 1], [1, 0, 0]]]\n\n[[probe]]", Value { .. }, 26, ["time"];
     thread_through_nothing: "[[probe]]"
-        => "[[thread]]\nname = \"t\"\npoints = [[0.1, 0.02, 0.02], [0.1, 0.02, 0.2]]\nstiffness = 9.0\n\n[[probe]]", Value { .. }, 26, ["no linear tetrahedron of `beam`", "inside of a body"];
+        => "[[thread]]\nname = \"t\"\npoints = [[0.1, 0.02, 0.02], [0.1, 0.02, 0.2]]\nstiffness = 9.0\n\n[[probe]]", Value { .. }, 26, ["no solid element of `beam`", "inside of a body"];
     thread_without_stiffness: "[[probe]]"
         => "[[thread]]\nname = \"t\"\npoints = [[0.1, 0.02, 0.02], [0.1, 0.02, 0.03]]\nstiffness = 0.0\n\n[[probe]]", Value { .. }, 27, ["stiffness", "positive"];
     thread_of_one_point: "[[probe]]"

@@ -442,7 +442,7 @@ pub struct sinew_tool {
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct sinew_thread_point {
-    /// A body of linear tetrahedra, whose tissue at the place is meant; a tool, for the channel that its needle went
+    /// A body of solid elements, whose tissue at the place is meant; a tool, for the channel that its needle went
     /// through; 0 for a place in space, such as a hand.
     pub of: sinew_handle,
     /// The place (m), in the present shape.

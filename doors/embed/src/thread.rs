@@ -18,7 +18,7 @@ use sinew_scene::scene::TearEntry;
 /// What a thread or clip goes through.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ThreadPoint {
-    /// A body of linear tetrahedra, whose tissue at the place is meant; a tool, for the channel that its needle went through, from
+    /// A body of solid elements, whose tissue at the place is meant; a tool, for the channel that its needle went through, from
     /// the first entry on; 0 for a place in space, such as a hand.
     pub of: Handle,
     /// The place (m), in the present shape; of no meaning for a channel.
@@ -72,7 +72,7 @@ impl Embedding {
                 continue;
             }
             let body = BodyHandle(self.body(point.of)?);
-            let problem = "no linear tetrahedron of that body is there; give a point inside of one, in its present shape";
+            let problem = "no solid element of that body is there; give a point inside of one, in its present shape";
             let found = self.built.simulation.tissue_point(body, at);
             holds.push(found.ok_or_else(|| invalid(problem))?);
         }

@@ -640,7 +640,7 @@ def test_blades_needles_threads_and_tears():
     for keys, text in [({"grip": -1.0}, "grip"), ({"frction": 1.0}, "frction")]:
         with pytest.raises(sinew.ArgumentError, match=text):
             sim.add_thread([left, right], stiffness=20, **keys)
-    with pytest.raises(sinew.ArgumentError, match="no linear tetrahedron"):
+    with pytest.raises(sinew.ArgumentError, match="no solid element"):
         sim.add_clip(left, (body, (9, 9, 9)), stiffness=5)
     assert body.tear is None
     with pytest.raises(sinew.ArgumentError, match="strength"):

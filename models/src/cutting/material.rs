@@ -1,7 +1,7 @@
 //! The material of a body, and how it is divided by what a stroke decided, as plain numbers.
 
 use glam::DVec3;
-use sinew_engine::isoparametric::{hexahedron_shape, middle_of, tetrahedron10_shape};
+use sinew_engine::isoparametric::{MIDDLES, hexahedron_shape, middle_of, tetrahedron10_shape};
 use sinew_engine::layout::WHOLE_TRIANGLE;
 use sinew_engine::sets::DisjointSets;
 use std::collections::{BTreeMap, BTreeSet};
@@ -379,6 +379,24 @@ impl Material {
         (0..self.order.size()).find(|&i| element.vertex(i) == vertex).unwrap_or(0)
     }
 
+    /// A point of an element that four of its vertices hold, as the material has points: of ten-node tetrahedra by the corners, between
+    /// which its other vertices lie in the middle.
+    pub(super) fn point_of(&self, element: &Element, held: Point) -> Point {
+        if self.order != Order::TenNodes {
+            return held;
+        }
+        let mut point = Point { vertices: element.vertices, weights: [0.0; 4] };
+        for (vertex, weight) in held.vertices.into_iter().zip(held.weights) {
+            match self.place_of(element, vertex) {
+                corner @ 0..4 => point.weights[corner] += weight,
+                middle => {
+                    MIDDLES[middle - 4].iter().for_each(|&end| point.weights[end] += 0.5 * weight)
+                }
+            }
+        }
+        point
+    }
+
     /// Shape functions of an element at a point that lies in it.
     pub(super) fn weights(&self, element: &Element, point: &Point) -> [f64; 10] {
         if point.weights[0] == 1.0 {
@@ -725,28 +743,32 @@ impl Material {
                 own.push(cell);
             }
         }
-        let inside = |place: &Point, cell: &Cell| {
-            let element = &self.elements[cell.element as usize];
-            let at = |point: &Point| match self.order {
-                Order::Hexahedra => hexahedra::local(&element.all_vertices(), point),
-                _ => {
-                    let [_, x, y, z] = point.weights_in(element.vertices);
-                    DVec3::new(x, y, z)
-                }
-            };
-            // beside a triangle there is nothing
-            let beside = |p: u32| if p == NONE { DVec3::Z } else { at(&self.points[p as usize]) };
-            let shares = shares(cell.corners.map(beside), at(place));
-            shares.map_or(f64::NEG_INFINITY, |own| own.into_iter().fold(f64::INFINITY, f64::min))
-        };
-        for bond in &mut self.bonds {
+        let mut bonds = std::mem::take(&mut self.bonds);
+        for bond in &mut bonds {
+            let inside = |cell: &Cell| self.inside(&bond.place, cell);
             for side in &mut bond.sides {
                 let own = parts.get(side).into_iter().flatten();
-                let best =
-                    own.max_by(|a, b| inside(&bond.place, a).total_cmp(&inside(&bond.place, b)));
+                let best = own.max_by(|a, b| inside(a).total_cmp(&inside(b)));
                 *side = best.map_or(*side, |cell| cell.element);
             }
         }
+        self.bonds = bonds;
+    }
+
+    /// Least share of the corners of a cell that a point of its element has, negative beside the cell.
+    pub(super) fn inside(&self, place: &Point, cell: &Cell) -> f64 {
+        let element = &self.elements[cell.element as usize];
+        let at = |point: &Point| match self.order {
+            Order::Hexahedra => hexahedra::local(&element.all_vertices(), point),
+            _ => {
+                let [_, x, y, z] = point.weights_in(element.vertices);
+                DVec3::new(x, y, z)
+            }
+        };
+        // beside a triangle there is nothing
+        let beside = |p: u32| if p == NONE { DVec3::Z } else { at(&self.points[p as usize]) };
+        let shares = shares(cell.corners.map(beside), at(place));
+        shares.map_or(f64::NEG_INFINITY, |own| own.into_iter().fold(f64::INFINITY, f64::min))
     }
 
     /// Opens all faces of some cells.

@@ -25,7 +25,7 @@ use sinew_engine::row::{MeshVertex, VertexRow};
 /// What a thread or clip goes through.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Hold {
-    /// A point of the material of a body of linear tetrahedra. Where a cut parts its tetrahedron it goes with the side that
+    /// A point of the material of a body of solid elements. Where a cut parts its element it goes with the side that
     /// has the point.
     Tissue {
         /// Index of the body.

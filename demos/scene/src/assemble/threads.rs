@@ -132,10 +132,11 @@ fn points(
         let place = key.finite(own)?;
         let handle = built.bodies[index].handle;
         let Some(point) = built.simulation.tissue_point(handle, place) else {
-            let found = format!("no linear tetrahedron of `{}` there", built.bodies[index].name);
-            return Err(
-                key.value(found, "give a point inside of a body of linear tetrahedra, at rest")
-            );
+            let found = format!("no solid element of `{}` there", built.bodies[index].name);
+            return Err(key.value(
+                found,
+                "give a point inside of a body of tetrahedra or hexahedra, at rest",
+            ));
         };
         points.push(point);
     }

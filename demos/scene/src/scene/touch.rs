@@ -100,7 +100,7 @@ shaped! {
         parts: Vec<PartEntry>,
         /// Its sharp edge, which cuts bodies that have `spare` vertices. Dynamic scenes.
         edge: Option<EdgeEntry>,
-        /// Its needle, which enters bodies of linear tetrahedra. Dynamic scenes.
+        /// Its needle, which enters bodies of solid elements. Dynamic scenes.
         needle: Option<NeedleEntry>,
         /// Where it stands (m) at first; `path` says so too.
         at: Option<[f64; 3]>,
