@@ -35,12 +35,7 @@ impl Stated {
 
     fn mesh(self) -> Mesh {
         let mut mesh = self.solid.block(SIDE, 4);
-        mesh.points.iter_mut().for_each(|x| *x = self.place(*x));
-        if self.mirror < 0.0 {
-            mesh.tetrahedra.iter_mut().for_each(|t| t.swap(2, 3));
-            mesh.middles.iter_mut().for_each(|m| *m = [m[0], m[4], m[3], m[2], m[1], m[5]]);
-            mesh.hexahedra.iter_mut().for_each(|h| h.rotate_left(4));
-        }
+        place_mesh(&mut mesh, |x| self.place(x));
         mesh
     }
 }

@@ -372,7 +372,7 @@ namespace Sinew
     [StructLayout(LayoutKind.Sequential)]
     public partial struct ThreadPoint
     {
-        /// <summary>A body of linear tetrahedra, whose tissue at the place is meant; a tool, for the channel that its
+        /// <summary>A body of solid elements, whose tissue at the place is meant; a tool, for the channel that its
         /// needle went through; 0 for a place in space, such as a hand.</summary>
         public ulong Of;
         /// <summary>The place (m), in the present shape.</summary>

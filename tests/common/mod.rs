@@ -77,16 +77,37 @@ impl Solid {
 
     /// A cube of so many cells along every edge, whose inner vertices are moved; those of hexahedra are not, so that wounds in them are plane.
     pub fn block(self, side: f64, cells: usize) -> Mesh {
-        let size = DVec3::splat(side);
+        self.slab(DVec3::splat(side), [cells; 3])
+    }
+
+    /// A block of any size with so many steps from vertex to vertex: ten-node tetrahedra are two of these wide.
+    pub fn spaced(self, size: DVec3, steps: [usize; 3]) -> Mesh {
+        let wide = if self == Self::TenNodes { 2 } else { 1 };
+        self.slab(size, steps.map(|n| n.div_ceil(wide)))
+    }
+
+    /// The same with so many cells.
+    pub fn slab(self, size: DVec3, cells: [usize; 3]) -> Mesh {
         let tetrahedra = || {
-            let mesh = box_tets(size, [cells; 3]).unwrap();
+            let mesh = box_tets(size, cells).unwrap();
             jitter_interior(&mesh, 0.2, 5).unwrap()
         };
         match self {
             Self::Linear => tetrahedra(),
             Self::TenNodes => tetrahedra().with_second_order(),
-            Self::Hexahedra => box_hexahedra(size, [cells; 3]).unwrap(),
+            Self::Hexahedra => box_hexahedra(size, cells).unwrap(),
         }
+    }
+}
+
+/// Moves the points of a mesh. Where that is a mirror, vertices of elements change places.
+pub fn place_mesh(mesh: &mut Mesh, place: impl Fn(DVec3) -> DVec3) {
+    mesh.points.iter_mut().for_each(|x| *x = place(*x));
+    let [x, y, z] = [DVec3::X, DVec3::Y, DVec3::Z].map(|own| place(own) - place(DVec3::ZERO));
+    if x.cross(y).dot(z) < 0.0 {
+        mesh.tetrahedra.iter_mut().for_each(|t| t.swap(2, 3));
+        mesh.middles.iter_mut().for_each(|m| *m = [m[0], m[4], m[3], m[2], m[1], m[5]]);
+        mesh.hexahedra.iter_mut().for_each(|h| h.rotate_left(4));
     }
 }
 

@@ -772,7 +772,7 @@ typedef struct sinew_pick_result {
 
 // What a thread or clip goes through.
 typedef struct sinew_thread_point {
-  // A body of linear tetrahedra, whose tissue at the place is meant; a tool, for the channel that its needle went
+  // A body of solid elements, whose tissue at the place is meant; a tool, for the channel that its needle went
   // through; 0 for a place in space, such as a hand.
   sinew_handle of;
   // The place (m), in the present shape.
