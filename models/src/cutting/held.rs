@@ -132,7 +132,8 @@ pub struct Tissue {
     places: Vec<DVec3>,
     /// Tetrahedra in which points are.
     parts: Vec<Part>,
-    /// Mean edge (m) at rest, of the body; from corner to corner.
+    /// Mean edge (m) at rest, of the body, from corner to corner: needles have points half of it apart, which is how far apart the vertices of
+    /// ten-node tetrahedra are.
     pub edge: f64,
 }
 
