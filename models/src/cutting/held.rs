@@ -108,9 +108,14 @@ pub(crate) fn read_point(
     // where elements of two kinds have the same number, that which has the vertices
     solids().find_map(|kind| {
         let nodes = rows.nodes[kind].of(row_of_element(world, body, kind, element)?);
-        let node = |vertex| nodes.iter().find(|&&v| rows.vertex_of(LocalRow(v)) == vertex);
-        let [a, b, c, d] = vertices.map(node);
-        Some(([a?, b?, c?, d?].map(|&v| rows.in_table(LocalRow(v))), weights))
+        let held = |&node: &u32| {
+            let vertex = rows.vertex_of(LocalRow(node));
+            let at = vertices.iter().position(|&own| own == vertex)?;
+            Some((rows.in_table(LocalRow(node)), weights[at]))
+        };
+        let mut own = nodes.iter().filter_map(held);
+        let [a, b, c, d] = [own.next()?, own.next()?, own.next()?, own.next()?];
+        Some(([a.0, b.0, c.0, d.0], [a.1, b.1, c.1, d.1]))
     })
 }
 
