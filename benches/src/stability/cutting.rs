@@ -3,9 +3,12 @@
 use super::prelude::*;
 use super::runner::OtherColumns;
 use super::touch_rig::{STEP, ToolHand};
+use sinew::models::axes::description::{AxesDescription, AxisFamily};
+use sinew::models::axes::muscle::MuscleSettings;
 use sinew::models::body::present::MassPolicy;
 use sinew::models::cutting::CutError;
 use sinew::models::resection::Removal;
+use std::borrow::Cow;
 use std::collections::BTreeSet;
 
 const SWINGING: CasePart = CasePart {
@@ -36,9 +39,14 @@ pub(super) fn cases() -> Result<Cases, MeshError> {
     let block = Arc::new(jitter_interior(&box_tets(DVec3::splat(SIDE), [5; 3])?, 0.2, 5)?);
     let mut cases = Cases::default();
     for dt in [0.001, 1.0 / 60.0, 1.0 / 30.0, 0.1] {
-        for (name, removes) in [("cuts", false), ("with removals", true)] {
+        for beside in [Beside::Nothing, Beside::Removals, Beside::Muscle] {
+            let name = match beside {
+                Beside::Nothing => "cuts",
+                Beside::Removals => "with removals",
+                Beside::Muscle => "with a muscle",
+            };
             let (name, quick) = (format!("{name} h {dt:.4}"), dt == 1.0 / 60.0);
-            let run = move |s: &CaseSetting, mesh: &Mesh| swinging(s, mesh, removes, dt);
+            let run = move |s: &CaseSetting, mesh: &Mesh| swinging(s, mesh, beside, dt);
             cases.add(SWINGING, name, quick, &bar, run);
         }
     }
@@ -58,11 +66,35 @@ pub(super) fn cases() -> Result<Cases, MeshError> {
     Ok(cases)
 }
 
+/// What a bar that is cut has, or what is done to it, beside the cuts.
+#[derive(Clone, Copy, PartialEq)]
+enum Beside {
+    Nothing,
+    Removals,
+    Muscle,
+}
+
+/// Fibres along the bar, half as stiff as its material, that pull as strongly as that resists to a tenth.
+fn muscle() -> AxesDescription<'static> {
+    let settings = MuscleSettings { peak_stress: 1e3, ..MuscleSettings::default() };
+    let family = AxisFamily {
+        directions: Cow::Owned(vec![DVec3::X]),
+        muscle: Some(settings),
+        ..AxisFamily::new("muscle", &[], 5e3)
+    };
+    AxesDescription { families: vec![family], angles: vec![], volume_modulus: 0.0 }
+}
+
 /// A body that can be cut; none, where cells or energy of the column cannot.
-fn cuttable<'a>(setting: &CaseSetting, mesh: &'a Mesh, name: &str) -> Result<CaseRun<'a>> {
+fn cuttable<'a>(
+    setting: &CaseSetting,
+    mesh: &'a Mesh,
+    name: &str,
+    axes: Option<AxesDescription>,
+) -> Result<CaseRun<'a>> {
     let spare = 6 * mesh.points.len();
     let body = BodyDescription::new(name, mesh, tissue(1e4, 0.45));
-    let mut run = CaseRun::of(setting, mesh, &BodyDescription { spare, ..body })?;
+    let mut run = CaseRun::of(setting, mesh, &BodyDescription { spare, axes, ..body })?;
     match run.simulation.check_cut(run.body) {
         Err(CutError::Body { .. }) => Err(OtherColumns.into()),
         result => {
@@ -85,11 +117,17 @@ fn blade(random: &mut CaseRandom, size: DVec3) -> [[DVec3; 2]; 2] {
         .map(|way| [place + way * across - reach * edge, place + way * across + reach * edge])
 }
 
-fn swinging(setting: &CaseSetting, mesh: &Mesh, removes: bool, dt: f64) -> CaseOutcome {
-    let mut run = cuttable(setting, mesh, "bar")?;
+fn swinging(setting: &CaseSetting, mesh: &Mesh, beside: Beside, dt: f64) -> CaseOutcome {
+    let axes = (beside == Beside::Muscle).then(muscle);
+    let has_axes = axes.is_some();
+    let mut run = cuttable(setting, mesh, "bar", axes)?;
     run.simulation.set_gravity(GRAVITY);
     run.simulation.set_dt(dt);
     run.clamp("x0")?;
+    if has_axes {
+        run.simulation.set_activation(run.body, "muscle", 0.6)?;
+        run.step()?;
+    }
     run.open_books();
     let scale = run.mass() * GRAVITY.length() * BAR.x;
     let mut random = CaseRandom(0x2468_ace0_1357_9bdf);
@@ -97,7 +135,7 @@ fn swinging(setting: &CaseSetting, mesh: &Mesh, removes: bool, dt: f64) -> CaseO
     for _ in 0..10 {
         run.steps(10)?;
         change = change.max(run.cut(&blade(&mut random, BAR))?);
-        if removes {
+        if beside == Beside::Removals {
             let count = run.elements() as f64;
             let some = (0..10).map(|_| (random.number() * count) as u32);
             let some: Vec<u32> = some.filter(|e| gone.insert(*e)).collect();
@@ -129,7 +167,7 @@ fn drawn<'a>(
     stretch: f64,
     dt: f64,
 ) -> Result<(CaseRun<'a>, f64)> {
-    let mut run = cuttable(setting, mesh, "block")?;
+    let mut run = cuttable(setting, mesh, "block", None)?;
     run.solver(|s| s.mass_damping = 20.0);
     for (side, sign) in [("x0", -0.5), ("x1", 0.5)] {
         let motion = Motion::Translate(DVec3::X * (sign * stretch * SIDE));
@@ -180,7 +218,7 @@ fn stretched(setting: &CaseSetting, mesh: &Mesh, stretch: f64, dt: f64) -> CaseO
 }
 
 fn squeezed(setting: &CaseSetting, mesh: &Mesh, squeeze: f64) -> CaseOutcome {
-    let mut run = cuttable(setting, mesh, "block")?;
+    let mut run = cuttable(setting, mesh, "block", None)?;
     run.solver(|s| s.mass_damping = 10.0);
     run.simulation.set_dt(1.0 / 60.0);
     for (side, sign) in [("x0", 0.5), ("x1", -0.5)] {
@@ -209,7 +247,7 @@ fn squeezed(setting: &CaseSetting, mesh: &Mesh, squeeze: f64) -> CaseOutcome {
 
 /// A ball presses a block that is cut from above beneath it, and goes away.
 fn touched(setting: &CaseSetting, mesh: &Mesh) -> CaseOutcome {
-    let mut run = cuttable(setting, mesh, "block")?;
+    let mut run = cuttable(setting, mesh, "block", None)?;
     run.solver(|s| s.mass_damping = 10.0);
     run.simulation.set_dt(STEP);
     run.clamp("z0")?;
