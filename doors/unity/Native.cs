@@ -701,15 +701,15 @@ namespace Sinew
             ref NativeHapticOptions options, out ulong result, out IntPtr device);
 
         [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_haptic_release(SimulationHandle simulation, ulong held);
+
+        [DllImport(Library, CallingConvention = C)]
         internal static extern int sinew_haptic_exchange(HapticDevice device, ref Vec3 position, ref Vec3 velocity,
             double seconds, ref HapticFeedback feedback);
 
         [DllImport(Library, CallingConvention = C)]
         internal static extern int sinew_haptic_exchange_pose(HapticDevice device, ref Vec3 position,
             double[] quaternion, ref Vec3 velocity, ref Vec3 angularVelocity, double seconds, ref HapticFeedback feedback);
-
-        [DllImport(Library, CallingConvention = C)]
-        internal static extern int sinew_haptic_release(SimulationHandle simulation, ulong held);
 
         [DllImport(Library, CallingConvention = C)]
         internal static extern void sinew_haptic_free(IntPtr device);

@@ -1261,14 +1261,19 @@ sinew_status sinew_tear_set(struct sinew_simulation *simulation,
 
 // Lets a haptic device hold vertices of a body from the next step on, where both are then: the place of the device at its first
 // exchange is where the vertices are when they are taken hold of. Every `sinew_step` serves it. `out` is a pull:
-// `sinew_pull_force` reads it, `sinew_remove` lets go. A tool in place of the body, with options of no vertices, is held itself from where
-// it is, and `out` is the tool, of which `sinew_tool_move` then sets the opening alone. Free the device with `sinew_haptic_free`, before or after the simulation.
+// `sinew_pull_force` reads it. A tool in place of the body, with options of no vertices, is held itself from where
+// it is, and `out` is the tool, of which `sinew_tool_move` then sets the opening alone. `sinew_haptic_release` lets go of either. Free the device with `sinew_haptic_free`, before or after the simulation.
 // On a graphics processor it is `SINEW_BACKEND`.
 sinew_status sinew_haptic_add(struct sinew_simulation *simulation,
                               sinew_handle body,
                               const struct sinew_haptic_options *options,
                               sinew_handle *out,
                               struct sinew_haptic_device **device);
+
+// Has a device let go of what it holds, by the handle that `sinew_haptic_add` gave: a pull is gone, a tool stays where it stands and moves
+// as it is told again. The force of the device falls to zero; free it all the same.
+sinew_status sinew_haptic_release(struct sinew_simulation *simulation,
+                                  sinew_handle held);
 
 // Tells where the device is (m) and how fast it moves (m/s), three numbers each, and what it is to render until the next
 // exchange; `seconds` have passed since the last one. One that turns what it holds stays as it is turned. It never waits, takes no lock of the simulation and asks for no memory.
@@ -1290,7 +1295,7 @@ sinew_status sinew_haptic_exchange_pose(const struct sinew_haptic_device *device
                                         double seconds,
                                         struct sinew_haptic_feedback *feedback);
 
-// Frees a device that no call uses; NULL is fine. The pull stays where it was until `sinew_remove`.
+// Frees a device that no call uses; NULL is fine. What it holds stays where it was until `sinew_haptic_release`.
 void sinew_haptic_free(struct sinew_haptic_device *device);
 
 // Shares bodies and tools with another thread: their state as it is, then that after every step and every way back. Without any
