@@ -9,7 +9,7 @@ use sinew_contact::tool::{Tool, ToolMotion, ToolPose, ToolReport};
 use sinew_engine::order::Order;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::schedule::{StepSchedule, StepSystems};
-use sinew_engine::step::{StepClock, StepError, StepFailure};
+use sinew_engine::step::{StepClock, StepError, StepFailure, may_edit};
 use sinew_engine::surface::SurfaceReader;
 use sinew_engine::topology::Topology;
 use sinew_models::cutting::blade::{self, BladeView, EdgeMove};
@@ -44,6 +44,9 @@ fn any_edge(tools: Query<&Tool>) -> bool {
 }
 
 fn cut_with_edges<S: Scalar>(world: &mut World) {
+    if !may_edit::<S>(world) {
+        return;
+    }
     if let Err(error) = look::<S>(world) {
         world.resource_mut::<StepFailure>().0 = Some(error);
     }

@@ -593,9 +593,21 @@ impl HapticTissue {
             simulation.remove_contact(entity);
             return;
         }
-        let pose = stands(simulation.world(), entity);
-        if let Some(mut tool) = simulation.world_mut().get_mut::<Tool>(entity) {
-            Self::let_go(&mut tool, pose);
+        // going back may have taken it out of the hand
+        if simulation.world().get::<Tool>(entity).is_some_and(|tool| self.held.is_by(tool)) {
+            Self::take_off(simulation, entity);
+        }
+    }
+
+    /// Takes a tool off the [spring](Tool::spring) by which a hand holds it, as [`HapticTissue::let_go`] does; whether it hung on one.
+    pub fn take_off(simulation: &mut Simulation, tool: Entity) -> bool {
+        let pose = stands(simulation.world(), tool);
+        match simulation.world_mut().get_mut::<Tool>(tool) {
+            Some(mut tool) if tool.spring.is_some() => {
+                Self::let_go(&mut tool, pose);
+                true
+            }
+            _ => false,
         }
     }
 

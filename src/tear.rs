@@ -5,7 +5,7 @@ use bevy_ecs::prelude::*;
 use sinew_engine::order::Order;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::schedule::{StepSchedule, StepSystems};
-use sinew_engine::step::{StepClock, StepError, StepFailure};
+use sinew_engine::step::{StepClock, StepError, StepFailure, may_edit};
 use sinew_models::cutting::CutError;
 use sinew_models::cutting::tear::{Tear, TearReport, check_tear, tear_body};
 
@@ -19,7 +19,7 @@ pub(crate) fn install_tears<S: Scalar>(world: &mut World) {
 }
 
 fn tear_bodies<S: Scalar>(world: &mut World) {
-    if world.resource::<StepFailure>().0.is_some() {
+    if world.resource::<StepFailure>().0.is_some() || !may_edit::<S>(world) {
         return;
     }
     let dt = world.resource::<StepClock>().dt;

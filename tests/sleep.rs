@@ -9,8 +9,8 @@ use sinew::engine::mesh::Mesh;
 use sinew::engine::mesh::generate::box_tets;
 use sinew::engine::row::VertexRow;
 use sinew::engine::scalar::Scalar;
-use sinew::engine::vertex::Displacement;
-use sinew::models::resection::{Region, Removal};
+use sinew::engine::vertex::{Displacement, RestPosition, Velocity};
+use sinew::models::resection::{Region, Removal, RemovalRequest};
 use sinew::prelude::*;
 use sinew::solvers::sleep::CALM;
 
@@ -496,39 +496,40 @@ fn bodies_of_every_law_sleep_with_the_energies_and_forces_that_they_have() {
     }
 }
 
-/// Steps of a world at rest do not look at its numbers one by one; what is set from outside is told all the same.
+/// Steps of a world at rest do not look at all its numbers; what is set from outside is told all the same, before anything is done.
 #[test]
 fn numbers_that_are_set_while_all_sleep_are_looked_at() {
     let settings = [settings(SLEEP), settings(0.0), solver!(Integrator::SymplecticEuler)];
-    for precision in [Precision::F64, Precision::F32] {
-        for after in &settings {
-            let mut simulation = blocks(options(precision, 1), SLEEP, 1);
-            let slept = until_asleep(&mut simulation, 1);
-            simulation.steps(10);
-            simulation.set_solver(after.clone());
-            let before = (simulation.positions(BLOCK), simulation.time());
-            match precision {
-                Precision::F64 => set_last::<f64>(&mut simulation, DVec3::X * f64::NAN),
-                Precision::F32 => set_last::<f32>(&mut simulation, DVec3::X * f64::NAN),
-            }
-            let error = simulation.step().unwrap_err().to_string();
-            assert!(
-                error.contains("displacement") && error.contains("from outside"),
-                "{slept}: {error}"
-            );
-            assert_eq!(simulation.time(), before.1);
-            match precision {
-                Precision::F64 => set_last::<f64>(&mut simulation, DVec3::ZERO),
-                Precision::F32 => set_last::<f32>(&mut simulation, DVec3::ZERO),
-            }
-            simulation.step().unwrap();
-        }
+    for after in &settings {
+        set_while_asleep::<f64>(Precision::F64, after);
+        set_while_asleep::<f32>(Precision::F32, after);
     }
 }
 
-/// Displaces the last row (m).
-fn set_last<S: Scalar>(simulation: &mut Simulation, to: DVec3) {
-    let world = simulation.world_mut();
-    let mut query = world.query::<&mut Displacement<S>>();
-    query.iter_mut(world).last().unwrap().set(to);
+fn set_while_asleep<S: Scalar>(precision: Precision, after: &SolverSettings) {
+    for what in ["displacement", "velocity", "rest position"] {
+        let mut simulation = blocks(options(precision, 1), SLEEP, 1);
+        until_asleep(&mut simulation, 1);
+        simulation.steps(10);
+        simulation.set_solver(after.clone());
+        let (elements, time) = (simulation.remaining_tetrahedra(BLOCK), simulation.time());
+        {
+            let world = simulation.world_mut();
+            let mut query =
+                world.query::<(&mut Displacement<S>, &mut Velocity<S>, &mut RestPosition)>();
+            let (mut u, mut v, mut rest) = query.iter_mut(world).last().unwrap();
+            match what {
+                "displacement" => u.0[0] = S::from_f64(f64::NAN),
+                "velocity" => v.0[0] = S::from_f64(f64::NAN),
+                _ => rest.0.x = f64::NAN,
+            }
+        }
+        let region = Region::Sphere { centre: DVec3::new(0.06, 0.03, 0.03), radius: 0.02 };
+        let request = RemovalRequest::new(BLOCK.0, Removal::new(region));
+        let request = simulation.world_mut().spawn(request).id();
+        let error = simulation.step().unwrap_err().to_string();
+        assert!(error.contains(what) && error.contains("from outside"), "{error}");
+        assert_eq!((simulation.remaining_tetrahedra(BLOCK), simulation.time()), (elements, time));
+        assert!(simulation.world_mut().despawn(request), "the request waits");
+    }
 }

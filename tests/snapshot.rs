@@ -449,6 +449,10 @@ fn cuts_of(name: &str, mesh: &Mesh, beam: &BodyDescription) {
         let other = simulation.add_body(&BodyDescription::new("other", &other, soft(2e5, 0.3)));
         clamp(&mut simulation, body, mesh, "x0");
         clamp(&mut simulation, other.unwrap(), mesh, "x0");
+        if beam.axes.is_some() {
+            simulation.set_activation(body, "c", 0.6).unwrap();
+            simulation.set_activation(body, "d", 0.3).unwrap();
+        }
         if mesh.hexahedra.is_empty() && mesh.middles.is_empty() {
             let mut side = mesh.surface_triangles();
             side.retain(|t| t.iter().all(|&v| mesh.points[v as usize].y < 1e-9));

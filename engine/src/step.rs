@@ -152,8 +152,8 @@ pub struct ColumnsBehind;
 #[derive(Resource, Clone, Copy, Debug, Default)]
 pub struct IntegratorInstalled;
 
-/// The integrator knows the state to the bit, and asks for [`check_finite`] where it is another: steps do not look twice at the
-/// numbers of a world at rest. It is taken away by the integrator that relies on it, or the next.
+/// The integrator knows displacements and velocities to the bit, and has [`check_watched`] look at them where they are others: a step of
+/// a world at rest does not look twice at its numbers. Systems of [`StepSystems::Edit`] that read them ask for it first, too.
 #[derive(Resource, Clone, Copy, Debug, Default)]
 pub struct StateWatched;
 
@@ -209,9 +209,8 @@ fn step<S: Scalar>(world: &mut World) -> Result<(), StepError> {
         return Err(StepError::NoIntegrator);
     }
     with_query(world, check_tables::<S>)?;
-    if !world.contains_resource::<StateWatched>() {
-        check_finite::<S>(world)?;
-    }
+    let watched = world.contains_resource::<StateWatched>();
+    check_finite::<S>(world, watched)?;
     let parts = match world.get_resource::<StepDivider>().copied() {
         Some(StepDivider(divide)) => divide(world),
         None => 1,
@@ -292,16 +291,34 @@ fn check_tables<S: Scalar>(
     each_usable(world, |own: &Pressure| (&own.name, own.problem(expected)))
 }
 
-/// Whether all numbers of the state are finite.
+/// Looks at the numbers of a state that [`StateWatched`] kept the step from looking at.
 ///
 /// # Errors
-/// The first vertex of which one is not.
-pub fn check_finite<S: Scalar>(world: &mut World) -> Result<(), StepError> {
+/// The first vertex of which one is not finite.
+pub fn check_watched<S: Scalar>(world: &mut World) -> Result<(), StepError> {
+    match world.remove_resource::<StateWatched>() {
+        Some(_) => check_finite::<S>(world, false),
+        None => Ok(()),
+    }
+}
+
+/// The same for systems of [`StepSystems::Edit`]: whether they may go on. The step fails where they may not.
+pub fn may_edit<S: Scalar>(world: &mut World) -> bool {
+    let failure = check_watched::<S>(world).err();
+    let is_sound = failure.is_none();
+    if !is_sound {
+        world.resource_mut::<StepFailure>().0 = failure;
+    }
+    is_sound
+}
+
+/// Whether all numbers of the state are finite; where somebody watches over the others, places at rest.
+fn check_finite<S: Scalar>(world: &mut World, watched: bool) -> Result<(), StepError> {
     let bad = with_query::<VertexState<S>, (), _>(world, |world, vertices| {
         let (u, v, rest) = single_table(vertices.contiguous_iter(world))?;
-        let all_rest = rest.iter().fold(DVec3::ZERO, |sum, x| sum + 0.0 * x.0) == DVec3::ZERO;
-        let all = |rows: &[[S; 4]]| all_finite(rows);
-        if all_rest && all(Displacement::peel_slice(u)) && all(Velocity::peel_slice(v)) {
+        let all = |rows: &[[S; 4]]| watched || all_finite(rows);
+        if all_rest_finite(rest) && all(Displacement::peel_slice(u)) && all(Velocity::peel_slice(v))
+        {
             return None;
         }
         let quantity = |row: usize| match () {
@@ -314,6 +331,15 @@ pub fn check_finite<S: Scalar>(world: &mut World) -> Result<(), StepError> {
     });
     let remedy = "it was set so from outside; the step was not carried out";
     bad.map_or(Ok(()), |(row, quantity)| Err(not_finite(world, row, quantity, remedy)))
+}
+
+/// Whether all places at rest are finite, as [`all_finite`] looks.
+fn all_rest_finite(rest: &[RestPosition]) -> bool {
+    let add =
+        |sum: [DVec3; 4], x: &[RestPosition; 4]| std::array::from_fn(|k| sum[k] + 0.0 * x[k].0);
+    let (fours, last) = rest.as_chunks::<4>();
+    fours.iter().fold([DVec3::ZERO; 4], add) == [DVec3::ZERO; 4]
+        && last.iter().all(|x| x.0.is_finite())
 }
 
 /// Whether all constraints or loads of a kind can be applied; `problem` gives the name of each and what is wrong.

@@ -32,7 +32,7 @@ use sinew_engine::report::{StepReport, SystemTimes};
 use sinew_engine::resource::ensure;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::schedule::{StepSchedule, StepSystems};
-use sinew_engine::step::{IntegratorInstalled, StepDivider, StepFailure};
+use sinew_engine::step::{IntegratorInstalled, StepDivider, StepFailure, check_watched};
 use sinew_engine::stopwatch::Stopwatch;
 use sinew_engine::topology::Topology;
 use sinew_engine::vertex::{Displacement, RestPosition};
@@ -87,7 +87,7 @@ fn integrate<S: Scalar>(world: &mut World) {
     let mut step = || {
         settings.validate().and_then(|()| {
             if settings.integrator.is_explicit() {
-                implicit::check_watched::<S>(world)?;
+                check_watched::<S>(world)?;
                 explicit::explicit_step::<S>(world, &settings, &mut report)
             } else {
                 implicit::implicit_step::<S>(world, &settings, &mut report)

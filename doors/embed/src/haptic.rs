@@ -133,7 +133,7 @@ impl Embedding {
         let held = tool.and_then(|_| tools.into_iter().find(is_tool));
         match held {
             Some(tool) if self.haptics.iter().any(|(own, _)| *own == tool) => {
-                let problem = "a device holds it already; remove it, or add another tool";
+                let problem = "a device holds it already; let go of it, or add another tool";
                 let name = self.name(tool)?;
                 return Err(InputError::invalid(format!("tool `{name}`"), problem).into());
             }
@@ -155,22 +155,32 @@ impl Embedding {
     }
 
     /// Has a device let go of what it holds: its pull is gone, as by [`Embedding::remove`], and a tool stays where it stands and moves as
-    /// it is told again. The force of the device falls as if the simulation had stopped.
+    /// it is told again. The force of the device falls as if the simulation had stopped. A tool on a spring that no device holds, as after
+    /// going back to when one did, comes off it.
     ///
     /// # Errors
-    /// When no device holds by this handle.
+    /// When nobody holds by this handle.
     pub fn let_go(&mut self, held: Handle) -> Result<()> {
-        let Some(at) = self.haptics.iter().position(|(own, _)| *own == held) else {
-            let text = format!(
-                "no haptic device holds by handle {held:#x}: take that of its pull or tool"
-            );
-            return Err(EmbedError::new(Code::Handle, text));
-        };
-        let (_, served) = self.haptics.remove(at);
-        if Kind::of(held) == Some(Kind::Pull) {
-            return self.remove(held);
+        let served = self.haptics.iter().position(|(own, _)| *own == held);
+        let served = served.map(|at| self.haptics.remove(at).1);
+        let is_pull = Kind::of(held) == Some(Kind::Pull);
+        match served {
+            // it may have gone with its body
+            Some(_) if is_pull && self.handles.any(held).is_err() => {}
+            Some(_) if is_pull => return self.remove(held),
+            Some(served) => served.let_go(&mut self.built.simulation),
+            None => {
+                let tool = self.touching(held, Kind::Tool).ok();
+                if !tool
+                    .is_some_and(|tool| HapticTissue::take_off(&mut self.built.simulation, tool))
+                {
+                    let text = format!(
+                        "nobody holds by handle {held:#x}: take that of a device's pull or tool"
+                    );
+                    return Err(EmbedError::new(Code::Handle, text));
+                }
+            }
         }
-        served.let_go(&mut self.built.simulation);
         self.epoch += 1;
         Ok(())
     }

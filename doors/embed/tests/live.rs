@@ -93,8 +93,14 @@ fn a_device_holds_a_tool() {
     device.exchange([0.0, 0.0, -2e-3], [0.0; 3], 0.02).unwrap();
     sim.step(1).unwrap();
     let stood = sim.tool_report(ball).unwrap().position;
+    let in_hand = sim.snapshot().unwrap();
     sim.let_go(ball).unwrap();
     assert_eq!(sim.let_go(ball).unwrap_err().code, Code::Handle);
+    sim.step(3).unwrap();
+    // going back puts it on its spring again, of which no device knows any more
+    sim.restore(&in_hand).unwrap();
+    assert!(sim.add_haptic(sim.haptic_options(ball, &[]).unwrap()).is_err());
+    sim.let_go(ball).unwrap();
     sim.step(3).unwrap();
     let own = sim.tool_report(ball).unwrap();
     assert!(own.position == stood && own.yields == DVec3::ZERO, "{own:?} {stood}");

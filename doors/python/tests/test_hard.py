@@ -145,7 +145,7 @@ def test_a_haptic_device_beside_steps():
     with pytest.raises(sinew.ArgumentError, match="a device holds it already"):
         sim.haptic(ball)
     stood, free = ball.report.position, ball.release()
-    with pytest.raises(sinew.HandleError, match="no haptic device"):
+    with pytest.raises(sinew.HandleError, match="nobody holds"):
         ball.release()
     sim.step()
     assert np.array_equal(free.report.position, stood)

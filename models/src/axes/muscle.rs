@@ -337,6 +337,22 @@ pub(crate) fn apply<S: Scalar>(world: &mut World) {
     world.insert_resource(muscles);
 }
 
+/// Writes the activation that acts into the columns of a fibre whose peak tension and passive stiffness are others now, as
+/// [`apply`] would.
+pub(crate) fn refresh<S: Scalar>(fibre: &mut EntityWorldMut) {
+    let own = fibre.get::<MuscleIndex>().map(|own| own.0 as usize);
+    let (Some(at), Some(passive), Some(peak)) =
+        (own, fibre.get::<PassiveStiffness<S>>(), fibre.get::<PeakTension<S>>())
+    else {
+        return;
+    };
+    let muscles = fibre.world().get_resource::<Muscles>();
+    let Some(muscle) = muscles.and_then(|all| all.0.get(at)) else { return };
+    let stiffness = AxialStiffness::<S, 0>(muscle.stiffened(passive.0));
+    let active = FibreActive(peak.0 * S::from_f64(muscle.applied));
+    fibre.insert((stiffness, active));
+}
+
 /// Sets activation as asked for, whether or not a curve gives it: for copies of a body.
 pub(crate) fn copy_activations<S: Scalar>(world: &mut World, activations: &[(String, f64)]) {
     if let Some(mut muscles) = world.get_resource_mut::<Muscles>() {

@@ -17,6 +17,7 @@ use sinew_engine::topology::BodyRows;
 
 use crate::axes::columns::*;
 use crate::axes::damper::AxialDamper;
+use crate::axes::muscle;
 use crate::axes::points::{AxisShape, shape_of, shares};
 use crate::frame::row::Elements;
 
@@ -95,8 +96,9 @@ fn scale<S: Scalar>(axes: &mut EntityWorldMut, factor: f64) {
     scale![
         AxialStiffness<S, 0>, AxialStiffness<S, 1>, AxialStiffness<S, 2>,
         AxisAngleStiffness<S, 0>, AxisAngleStiffness<S, 1>, AxisAngleStiffness<S, 2>,
-        VolumeStiffness<S>, PassiveStiffness<S>, PeakTension<S>, FibreActive<S>
+        VolumeStiffness<S>, PassiveStiffness<S>, PeakTension<S>
     ];
+    muscle::refresh::<S>(axes);
 }
 
 /// An element with points of its own, as its axes see it.

@@ -283,7 +283,14 @@ impl Changed<'_> {
             let was = entity.get::<PointsRest<S, Q>>().map_or(0, |rest| rest.own);
             let own = put(list, if is_known { was } else { 0 }, **derivatives);
             let volume = rest.total_volume();
-            factor = volume / entity.get::<RestVolume<S>>().map_or(volume, |v| v.0.to_f64());
+            let (before, material) = self.elements;
+            // of what lost nothing not even rounding counts
+            if before
+                .get(e as usize)
+                .is_none_or(|was| was.portion != material.elements[e as usize].portion)
+            {
+                factor = volume / entity.get::<RestVolume<S>>().map_or(volume, |v| v.0.to_f64());
+            }
             let component = PointsRest { own, ..rest.component::<S>() };
             entity.insert((component, RestVolume(S::from_f64(volume))));
             points = Some((*rest, &**derivatives, own));

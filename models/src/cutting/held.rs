@@ -64,6 +64,9 @@ fn parts(vertices: &[u32]) -> Vec<[usize; 4]> {
 /// The element that has a point of the material of a whole element, by its number.
 fn holder(material: &Material, source: u32, vertices: [u32; 4], weights: [f64; 4]) -> Option<u32> {
     let element = material.elements.get(source as usize)?;
+    if !material.is_parted(source) {
+        return Some(source);
+    }
     let place = material.point_of(element, Point { vertices, weights });
     let mut best: Option<(f64, u32)> = None;
     for cell in &material.cells {

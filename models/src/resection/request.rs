@@ -7,6 +7,7 @@ use sinew_engine::order::Order;
 use sinew_engine::resource::ensure;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::schedule::{StepSchedule, StepSystems};
+use sinew_engine::step::may_edit;
 
 use super::remove::{Removal, remove_batch};
 use super::report::{RemovalError, RemovalReport};
@@ -57,6 +58,9 @@ fn apply_removal_requests<S: Scalar>(world: &mut World) {
         with_query::<(&Order, Entity, &RemovalRequest), (), _>(world, |world, all| {
             all.iter(world).map(|(o, e, r)| (*o, e, r.clone())).collect::<Vec<_>>()
         });
+    if requests.is_empty() || !may_edit::<S>(world) {
+        return;
+    }
     requests.sort_unstable_by_key(|(order, entity, _)| (*order, *entity));
     let mut requests =
         requests.into_iter().map(|(_, entity, request)| (entity, request)).peekable();

@@ -63,7 +63,7 @@ use sinew_engine::load::SweptVolumes;
 use sinew_engine::report::StepReport;
 use sinew_engine::row::VertexRow;
 use sinew_engine::scalar::Scalar;
-use sinew_engine::step::{StateWatched, StepClock, StepError, check_finite, not_finite};
+use sinew_engine::step::{StateWatched, StepClock, StepError, check_watched, not_finite};
 use sinew_engine::topology::Topology;
 pub use step::ImplicitScratch;
 use step::Step;
@@ -130,14 +130,6 @@ pub fn implicit_step<S: Scalar>(
     }
     world.insert_resource(scratch);
     result
-}
-
-/// Looks at the numbers of a state that [`StateWatched`] kept the step from looking at, and that is another than it was.
-///
-/// # Errors
-/// When one is not finite.
-pub(crate) fn check_watched<S: Scalar>(world: &mut World) -> Result<(), StepError> {
-    world.remove_resource::<StateWatched>().map_or(Ok(()), |_| check_finite::<S>(world))
 }
 
 /// Whether nothing is near, and nobody asks how stiff it would be.

@@ -114,7 +114,7 @@ impl ContactSet {
     ) -> bool {
         let clock = *world.resource::<StepClock>();
         let moves = |(id, tool): (&Order, &Tool)| {
-            let start = self.kept.tools.get(id).map(|state| state.start(tool));
+            let start = self.memory(clock.step).tools.get(id).map(|state| state.start(tool));
             start.is_some_and(|start| tool.wanted(clock.time + clock.dt, start) != start)
         };
         query.iter(world).any(moves)
