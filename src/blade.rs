@@ -173,7 +173,9 @@ fn look<S: Scalar>(world: &mut World) -> Result<(), StepError> {
         }
     }
     for own in all {
-        world.entity_mut(own.entity).insert(own.state);
+        if let Some(mut of_tool) = world.get_mut::<EdgeState>(own.entity) {
+            *of_tool = own.state;
+        }
     }
     needle::look::<S>(world, needles)
 }

@@ -92,7 +92,9 @@ pub(crate) fn look<S: Scalar>(world: &mut World, all: Vec<Path>) -> Result<(), S
                 }
             }
         }
-        world.entity_mut(entity).insert(state);
+        if let Some(mut of_tool) = world.get_mut::<EdgeState>(entity) {
+            *of_tool = state;
+        }
     }
     Ok(())
 }

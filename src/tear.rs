@@ -28,7 +28,11 @@ fn tear_bodies<S: Scalar>(world: &mut World) {
     all.sort_unstable_by_key(|(order, entity, ..)| (*order, *entity));
     for (_, entity, tear, mut report) in all {
         match tear_body::<S>(world, &tear, &mut report, dt) {
-            Ok(()) => drop(world.entity_mut(entity).insert(report)),
+            Ok(()) => {
+                if let Some(mut own) = world.get_mut::<TearReport>(entity) {
+                    *own = report;
+                }
+            }
             Err(error) => {
                 world.resource_mut::<StepFailure>().0 =
                     Some(StepError::Tear { problem: error.to_string() });

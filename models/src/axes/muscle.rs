@@ -348,9 +348,13 @@ pub(crate) fn refresh<S: Scalar>(fibre: &mut EntityWorldMut) {
     };
     let muscles = fibre.world().get_resource::<Muscles>();
     let Some(muscle) = muscles.and_then(|all| all.0.get(at)) else { return };
-    let stiffness = AxialStiffness::<S, 0>(muscle.stiffened(passive.0));
-    let active = FibreActive(peak.0 * S::from_f64(muscle.applied));
-    fibre.insert((stiffness, active));
+    let (stiffness, active) = (muscle.stiffened(passive.0), peak.0 * S::from_f64(muscle.applied));
+    if let Some(mut own) = fibre.get_mut::<AxialStiffness<S, 0>>() {
+        own.0 = stiffness;
+    }
+    if let Some(mut own) = fibre.get_mut::<FibreActive<S>>() {
+        own.0 = active;
+    }
 }
 
 /// Sets activation as asked for, whether or not a curve gives it: for copies of a body.

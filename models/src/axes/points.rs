@@ -8,6 +8,7 @@
 //! An entity has the columns of an axis in a tetrahedron, moduli times the volume of the whole element, and a
 //! [`PointsRest`] whose volumes are the shares of the points in it.
 
+use bevy_ecs::component::Mutable;
 use bevy_ecs::prelude::*;
 use bytemuck::TransparentWrapper;
 use glam::DVec3;
@@ -38,7 +39,7 @@ pub(crate) trait AxisShape<const V: usize, const P: usize, const Q: usize>:
     /// Column of vertex rows of an axis.
     type AxisVertices: AxisSite<V> + TransparentWrapper<[u32; V]>;
     /// Column of its tangent blocks.
-    type AxisBlocks: Component + TransparentWrapper<[u32; P]>;
+    type AxisBlocks: Component<Mutability = Mutable> + TransparentWrapper<[u32; P]>;
 }
 
 impl AxisShape<8, 28, 8> for Brick {

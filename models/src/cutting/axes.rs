@@ -7,19 +7,17 @@ use bytemuck::TransparentWrapper;
 use glam::DVec3;
 use sinew_engine::columns::copy_entity;
 use sinew_engine::connectivity::ElementKind;
-use sinew_engine::element::{
-    AxisBlocks, AxisTetrahedron, AxisTriangle, AxisVertices, ShapeGradient, shape_gradient_bundle,
-};
+use sinew_engine::element::{AxisBlocks, AxisTetrahedron, AxisTriangle, AxisVertices};
 use sinew_engine::isoparametric::{AxisHexahedron, Derivatives, PointsRest, RestPoints};
 use sinew_engine::row::VertexRow;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::topology::BodyRows;
 
+use super::columns::{set, set_gradients};
 use crate::axes::columns::*;
 use crate::axes::damper::AxialDamper;
 use crate::axes::muscle;
 use crate::axes::points::{AxisShape, shape_of, shares};
-use crate::frame::row::Elements;
 
 /// An element as its axes see it.
 pub(super) struct Place<'a> {
@@ -53,17 +51,15 @@ pub(super) fn share<S: Scalar>(world: &mut World, axes: Entity, place: &Place, f
     let vertex = |row: u32| place.rows.vertex(VertexRow(row));
     let known = |row: u32| old.iter().position(|&own| vertex(own) == vertex(row)).unwrap_or(0);
     let mut was = place.nodes.map(known);
-    axes.insert((AxisVertices(place.nodes), AxisBlocks(place.blocks)));
+    set(&mut axes, AxisVertices(place.nodes));
+    set(&mut axes, AxisBlocks(place.blocks));
+    set(&mut axes, AxisTriangle(place.element));
+    set(&mut axes, AxisTetrahedron(place.element));
     if place.kind == ElementKind::Triangle {
         // what stands for a fourth vertex has no part in anything
         was[3] = 3;
-        axes.insert(AxisTriangle(place.element));
-    } else {
-        axes.insert(AxisTetrahedron(place.element));
     }
-    if axes.contains::<ShapeGradient<S, 1, 0>>() {
-        axes.insert(shape_gradient_bundle::<S>(place.gradients));
-    }
+    set_gradients::<S>(&mut axes, place.gradients);
     if let (Some(a), Some(b), Some(c)) = (
         axes.get::<FibreShape<S, 1>>(),
         axes.get::<FibreShape<S, 2>>(),
@@ -71,7 +67,9 @@ pub(super) fn share<S: Scalar>(world: &mut World, axes: Entity, place: &Place, f
     ) {
         let shape = [-(a.0 + b.0 + c.0), a.0, b.0, c.0];
         let [_, a, b, c] = was.map(|i| shape[i]);
-        axes.insert((FibreShape::<S, 1>(a), FibreShape::<S, 2>(b), FibreShape::<S, 3>(c)));
+        set(&mut axes, FibreShape::<S, 1>(a));
+        set(&mut axes, FibreShape::<S, 2>(b));
+        set(&mut axes, FibreShape::<S, 3>(c));
     }
     if let Some(mut damper) = axes.get_mut::<AxialDamper<4>>() {
         (damper.shape, damper.spread) =
@@ -126,15 +124,12 @@ pub(super) fn share_at_points<S, E, const V: usize, const P: usize, const Q: usi
 {
     for &entity in axes {
         let mut axes = world.entity_mut(entity);
-        axes.insert((E::AxisVertices::wrap(place.nodes), E::AxisBlocks::wrap(place.blocks)));
-        match E::ELEMENTS {
-            Elements::Hexahedra => axes.insert(AxisHexahedron(place.element)),
-            _ => axes.insert(AxisTetrahedron(place.element)),
-        };
-        if let Some((rest, _, own)) = &place.points
-            && axes.contains::<PointsRest<S, Q>>()
-        {
-            axes.insert(PointsRest { own: *own, ..shares(rest).component::<S>() });
+        set(&mut axes, E::AxisVertices::wrap(place.nodes));
+        set(&mut axes, E::AxisBlocks::wrap(place.blocks));
+        set(&mut axes, AxisHexahedron(place.element));
+        set(&mut axes, AxisTetrahedron(place.element));
+        if let Some((rest, _, own)) = &place.points {
+            set(&mut axes, PointsRest { own: *own, ..shares(rest).component::<S>() });
         }
         scale::<S>(&mut axes, factor);
     }
@@ -162,7 +157,7 @@ fn place_dampers<const V: usize, const Q: usize>(
         for (i, &(entity, AxialDamper { axis, .. })) in along.iter().enumerate() {
             let shape = shape_of(derivatives, rest, i % Q, DVec3::from_array(axis));
             let viscosity = factor * sum * part[i % Q] / families;
-            world.entity_mut(entity).insert(AxialDamper::new(axis, shape, viscosity));
+            set(&mut world.entity_mut(entity), AxialDamper::new(axis, shape, viscosity));
         }
     }
 }

@@ -1,5 +1,6 @@
 //! Columns of elements that a cut changed, and those of copies.
 
+use bevy_ecs::component::Mutable;
 use bevy_ecs::prelude::*;
 use bytemuck::TransparentWrapper;
 use glam::DVec3;
@@ -163,6 +164,23 @@ pub(super) fn write<S: Scalar>(world: &mut World, mut changed: Changed) {
     changed.write_sheets::<S>(world);
 }
 
+/// Writes a column that an entity has, and nothing where it has none: an insertion, which could give it one, is a hundred times the code.
+#[inline(never)]
+pub(super) fn set<C: Component<Mutability = Mutable>>(entity: &mut EntityWorldMut, value: C) {
+    if let Some(mut own) = entity.get_mut::<C>() {
+        *own = value;
+    }
+}
+
+/// The same of the shape vectors (1/m) of a tetrahedron.
+pub(super) fn set_gradients<S: Scalar>(entity: &mut EntityWorldMut, gradients: [[f64; 3]; 3]) {
+    macro_rules! set_all {
+        ($($value:expr),+) => {{ $(set(entity, $value);)+ }};
+    }
+    let ((a, b, c), (d, e, f), (g, h, i)) = shape_gradient_bundle::<S>(gradients);
+    set_all![a, b, c, d, e, f, g, h, i];
+}
+
 /// Puts derivatives into a list, in the place that their element has there (0: none yet), and tells which it has.
 fn put<T>(list: &mut Vec<T>, own: u32, derivatives: T) -> u32 {
     match own.checked_sub(1).and_then(|at| list.get_mut(at as usize)) {
@@ -236,13 +254,22 @@ impl Changed<'_> {
                 Some(&entity) => entity,
                 None => copy_entity(world, own.rows.elements[kind][parent as usize]),
             };
-            world.entity_mut(entity).insert((
-                (MembraneVertices(nodes), MembraneBlocks(blocks), MembraneIndex(t)),
-                membrane_rest_bundle::<S>(rest.edges, rest.area),
-                MembraneFirstModulus(S::from_f64(own_share * lambda)),
-                MembraneShearModulus(S::from_f64(own_share * mu)),
-                MembraneCompressionModulus(S::from_f64(own_share * settings.compression())),
-            ));
+            let mut entity = world.entity_mut(entity);
+            set(&mut entity, MembraneVertices(nodes));
+            set(&mut entity, MembraneBlocks(blocks));
+            set(&mut entity, MembraneIndex(t));
+            let ((a, b, c), (d, e, f), area) = membrane_rest_bundle::<S>(rest.edges, rest.area);
+            set(&mut entity, a);
+            set(&mut entity, b);
+            set(&mut entity, c);
+            set(&mut entity, d);
+            set(&mut entity, e);
+            set(&mut entity, f);
+            set(&mut entity, area);
+            set(&mut entity, MembraneFirstModulus(S::from_f64(own_share * lambda)));
+            set(&mut entity, MembraneShearModulus(S::from_f64(own_share * mu)));
+            let compression = S::from_f64(own_share * settings.compression());
+            set(&mut entity, MembraneCompressionModulus(compression));
         }
     }
 
@@ -273,11 +300,10 @@ impl Changed<'_> {
         let (nodes, blocks) = places(world, self.rows, row, pairs);
         let entity = self.entity(world, (row, parent), is_known);
         let mut entity = world.entity_mut(entity);
-        entity.insert((E::Vertices::wrap(nodes), E::Blocks::wrap(blocks)));
-        match kind {
-            ElementKind::Hexahedron => entity.insert(HexahedronIndex(e)),
-            _ => entity.insert(TetrahedronIndex(e)),
-        };
+        set(&mut entity, E::Vertices::wrap(nodes));
+        set(&mut entity, E::Blocks::wrap(blocks));
+        set(&mut entity, HexahedronIndex(e));
+        set(&mut entity, TetrahedronIndex(e));
         let (mut factor, mut points) = (1.0, None);
         if let Some((rest, derivatives)) = &own_points {
             let was = entity.get::<PointsRest<S, Q>>().map_or(0, |rest| rest.own);
@@ -291,8 +317,8 @@ impl Changed<'_> {
             {
                 factor = volume / entity.get::<RestVolume<S>>().map_or(volume, |v| v.0.to_f64());
             }
-            let component = PointsRest { own, ..rest.component::<S>() };
-            entity.insert((component, RestVolume(S::from_f64(volume))));
+            set(&mut entity, PointsRest { own, ..rest.component::<S>() });
+            set(&mut entity, RestVolume(S::from_f64(volume)));
             points = Some((*rest, &**derivatives, own));
         }
         let known = self.own.rows.axes(kind, if is_known { row } else { parent });
@@ -317,13 +343,12 @@ impl Changed<'_> {
         let shape = rest_tetrahedron(nodes.map(at));
         let share: f64 = rows.copies.portions[row as usize].iter().sum();
         let gradients = [shape.gradients[1], shape.gradients[2], shape.gradients[3]];
-        world.entity_mut(entity).insert((
-            TetrahedronVertices(nodes),
-            TetrahedronBlocks(blocks),
-            TetrahedronIndex(e),
-            shape_gradient_bundle::<S>(gradients),
-            RestVolume(S::from_f64(share * shape.volume)),
-        ));
+        let mut entity = world.entity_mut(entity);
+        set(&mut entity, TetrahedronVertices(nodes));
+        set(&mut entity, TetrahedronBlocks(blocks));
+        set(&mut entity, TetrahedronIndex(e));
+        set_gradients::<S>(&mut entity, gradients);
+        set(&mut entity, RestVolume(S::from_f64(share * shape.volume)));
         let kind = rows.copies.kind;
         let place = axes::Place { rows, element: e, kind, nodes, blocks, gradients };
         let element = &material.elements[e as usize];

@@ -29,6 +29,7 @@
 //! Nothing is added before: the solved problems of `sinew validate` have no point below `J` = 0.8, and the same equilibria.
 
 use bevy_ecs::bundle::NoBundleEffect;
+use bevy_ecs::component::Mutable;
 use bevy_ecs::prelude::*;
 use bevy_ecs::query::ContiguousQueryData;
 use bytemuck::TransparentWrapper;
@@ -75,7 +76,7 @@ pub(crate) trait Shape<const V: usize, const P: usize, const Q: usize>: 'static 
     /// Column of vertex rows.
     type Vertices: ElementRows + TransparentWrapper<[u32; V]>;
     /// Column of tangent blocks.
-    type Blocks: Component + TransparentWrapper<[u32; P]>;
+    type Blocks: Component<Mutability = Mutable> + TransparentWrapper<[u32; P]>;
     /// What it is called in rows of laws.
     const ELEMENTS: Elements;
     /// As [`Kernel::WIDE`], where the law says so too.

@@ -8,7 +8,7 @@
 //! A world has a copy of the table, [`LawTable`]: another crate adds laws of its own there, or puts one in the
 //! place of a shipped one. [`DisabledLaws`](sinew_engine::law::DisabledLaws) switches laws off.
 
-use bevy_ecs::component::ComponentId;
+use bevy_ecs::component::{ComponentId, Mutable};
 use bevy_ecs::prelude::*;
 use bevy_ecs::query::{ContiguousQueryData, QueryBuilder, ReadOnlyQueryData};
 use sinew_engine::columns::single_table;
@@ -378,7 +378,7 @@ pub fn activate_elements<C: ElementRows, S: Scalar, D>(
 }
 
 /// Elements that know the rows of their vertices.
-pub trait ElementRows: Component {
+pub trait ElementRows: Component<Mutability = Mutable> {
     /// Vertex rows.
     fn vertex_rows(&self) -> &[u32];
 }
