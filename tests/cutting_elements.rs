@@ -479,7 +479,7 @@ fn axes_at_the_points_of_pieces() {
 
 /// Power (W) that dampers take of a uniform rate of deformation.
 fn power_of_dampers(simulation: &mut Simulation) -> f64 {
-    fn of<S: Scalar, const N: usize, V: AxisSite<N>>(world: &mut World, at: &[Row]) -> f64 {
+    fn of<const N: usize, V: AxisSite<N>>(world: &mut World, at: &[Row]) -> f64 {
         let rate = DMat3::from_cols_array(&[0.3, 0.1, -0.2, 0.4, 0.2, 0.1, 0.0, -0.3, 0.5]);
         let mut query = world.query::<(&V, &AxialDamper<N>)>();
         let power = |(site, damper): (&V, &AxialDamper<N>)| {
@@ -492,8 +492,7 @@ fn power_of_dampers(simulation: &mut Simulation) -> f64 {
     }
     let at = rows(simulation);
     let world = simulation.world_mut();
-    of::<f64, 8, AxisHexahedronVertices>(world, &at)
-        + of::<f64, 10, AxisTetrahedron10Vertices>(world, &at)
+    of::<8, AxisHexahedronVertices>(world, &at) + of::<10, AxisTetrahedron10Vertices>(world, &at)
 }
 
 /// A vector for every row, ghosts among them; none for spare ones.
