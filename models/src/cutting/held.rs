@@ -1,7 +1,7 @@
 //! Points of the material of a body of solid elements: which vertices move them, and what is at a place.
 //!
 //! Four vertices hold a point, by weights that add up to 1, so that forces on it go to these alone: it is moved linearly in a
-//! tetrahedron, which is the element or a [part](parts) of it. So in hexahedra and ten-node tetrahedra it is where shape functions have it
+//! tetrahedron, which is the element or a part of it. So in hexahedra and ten-node tetrahedra it is where shape functions have it
 //! at all vertices, and as long as the element is deformed uniformly; beyond, as near as flat pieces are.
 
 use bevy_ecs::prelude::*;
