@@ -164,7 +164,7 @@ pub(super) fn write<S: Scalar>(world: &mut World, mut changed: Changed) {
     changed.write_sheets::<S>(world);
 }
 
-/// Writes a column that an entity has, and nothing where it has none: an insertion, which could give it one, is a hundred times the code.
+/// Writes a column that an entity has, and nothing where it has none: an insertion, which could give it one, is much more code.
 #[inline(never)]
 pub(super) fn set<C: Component<Mutability = Mutable>>(entity: &mut EntityWorldMut, value: C) {
     if let Some(mut own) = entity.get_mut::<C>() {
