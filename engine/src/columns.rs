@@ -3,8 +3,8 @@
 
 use crate::topology::ElementTables;
 use bevy_ecs::archetype::ArchetypeId;
-use bevy_ecs::component::ComponentId;
-use bevy_ecs::prelude::{Entity, World};
+use bevy_ecs::component::{ComponentId, Mutable};
+use bevy_ecs::prelude::{Component, Entity, EntityWorldMut, World};
 use bevy_ecs::ptr::OwningPtr;
 use bevy_ecs::query::QueryNotDenseError;
 use std::mem::MaybeUninit;
@@ -112,6 +112,14 @@ pub fn copy_entity(world: &mut World, entity: Entity) -> Entity {
     // SAFETY: ids and values come in pairs, from an entity of this world.
     unsafe { new.insert_by_ids(&ids, pointers) };
     new.id()
+}
+
+/// Writes a column that an entity has, and nothing where it has none: an insertion, which could give it one, is much more code.
+#[inline(never)]
+pub fn set<C: Component<Mutability = Mutable>>(entity: &mut EntityWorldMut, value: C) {
+    if let Some(mut own) = entity.get_mut::<C>() {
+        *own = value;
+    }
 }
 
 /// One column of a table.

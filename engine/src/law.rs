@@ -8,6 +8,7 @@
 //! on the number of threads.
 
 use crate::matrix::{BlockMatrix, LowRank};
+use crate::resource::{put, take};
 use crate::scalar::Scalar;
 use crate::topology::Topology;
 use crate::workers::Workers;
@@ -524,12 +525,12 @@ impl<S: Scalar> LawBuffers<S> {
 
 /// Cuts the elements of every active law into its fixed ranges; to be called when rows have changed.
 pub fn partition_laws<S: Scalar>(world: &mut World) {
-    let Some(mut buffers) = world.remove_resource::<LawBuffers<S>>() else { return };
+    let mut buffers = take::<LawBuffers<S>>(world);
     for slot in &mut buffers.slots {
         let buffer = slot.buffer.get_mut().unwrap_or_else(PoisonError::into_inner);
         (slot.partition)(world, slot.mark, buffer);
     }
-    world.insert_resource(buffers);
+    put(world, buffers);
 }
 
 /// An empty range with the rows and blocks that its elements touch.

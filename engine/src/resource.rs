@@ -1,4 +1,4 @@
-//! Resources that are there as soon as somebody asks for them.
+//! Resources that are there as soon as somebody asks for them, and that systems take out while they work.
 
 use bevy_ecs::component::Mutable;
 use bevy_ecs::prelude::*;
@@ -24,4 +24,31 @@ pub fn ensure<R: Resource<Mutability = Mutable> + Default>(world: &mut World) ->
         world.insert_resource(R::default());
     }
     world.resource_mut::<R>()
+}
+
+/// The value of a resource, in whose place its default stays until [`put`].
+///
+/// `World::remove_resource` and `World::resource_scope` move the entity that holds the resource to another table and back.
+///
+/// ```
+/// use bevy_ecs::prelude::*;
+/// use sinew_engine::resource::{put, take};
+///
+/// #[derive(Resource, Default)]
+/// struct Names(Vec<&'static str>);
+///
+/// let mut world = World::new();
+/// put(&mut world, Names(vec!["liver"]));
+/// let names = take::<Names>(&mut world);
+/// assert!(world.resource::<Names>().0.is_empty());
+/// put(&mut world, names);
+/// assert_eq!(world.resource::<Names>().0, ["liver"]);
+/// ```
+pub fn take<R: Resource<Mutability = Mutable> + Default>(world: &mut World) -> R {
+    world.get_resource_mut::<R>().map_or_else(R::default, |mut own| std::mem::take(&mut *own))
+}
+
+/// Gives a resource a value, also one that is not there yet.
+pub fn put<R: Resource<Mutability = Mutable> + Default>(world: &mut World, value: R) {
+    *ensure::<R>(world) = value;
 }

@@ -10,7 +10,7 @@ use crate::law::{
 use crate::matrix::{PredictedValues, Tangent};
 use crate::precision::Precision;
 use crate::report::SystemTimes;
-use crate::resource::ensure;
+use crate::resource::{ensure, put, take};
 use crate::scalar::Scalar;
 use crate::stopwatch::Stopwatch;
 use crate::topology::Topology;
@@ -336,11 +336,11 @@ pub fn has_dampers(world: &World) -> bool {
 /// Replaces [`Tangent`] by the viscous matrix (N s/m) of all dampers at the current displacement, in a
 /// world that [has](has_dampers) some.
 pub fn evaluate_dampers<S: Scalar>(world: &mut World) {
-    world.resource_scope(|world, mut tangent: Mut<Tangent<S>>| {
-        tangent.matrix.clear(world.resource::<Topology>());
-        tangent.low_rank.clear();
-        tangent.clamped = 0;
-    });
+    let mut tangent = take::<Tangent<S>>(world);
+    tangent.matrix.clear(world.resource::<Topology>());
+    tangent.low_rank.clear();
+    tangent.clamped = 0;
+    put(world, tangent);
     world.run_schedule(DampingSchedule);
 }
 
@@ -392,10 +392,12 @@ impl Input {
             Self::Watch(watch) => watch(world),
             Self::Column(id) => {
                 let (last, now) = (world.last_change_tick(), world.read_change_tick());
-                let with =
-                    |table: &bevy_ecs::storage::Table| table.has_column(id) && !table.is_empty();
-                world.storages().tables.iter().filter(|table| with(table)).any(|table| {
-                    table.get_summary_tick(id).is_none_or(|t| t.get().is_newer_than(last, now))
+                let (archetypes, tables) = (world.archetypes(), &world.storages().tables);
+                let with = archetypes.component_index().get(&id);
+                with.into_iter().flat_map(|with| with.keys()).any(|&with| {
+                    let table = &tables[archetypes[with].table_id()];
+                    let tick = table.get_summary_tick(id);
+                    !table.is_empty() && tick.is_none_or(|t| t.get().is_newer_than(last, now))
                 })
             }
         }

@@ -8,7 +8,7 @@ use crate::order::LastOrder;
 use crate::precision::Precision;
 use crate::ratios::measure_volume_ratios;
 use crate::report::{StepReport, VolumeReport};
-use crate::resource::ensure;
+use crate::resource::{ensure, take};
 use crate::row::MeshVertex;
 use crate::scalar::Scalar;
 use crate::schedule::{Executor, StepSchedule, StepSystems, install};
@@ -155,7 +155,7 @@ pub struct IntegratorInstalled;
 /// The integrator knows displacements and velocities to the bit, and has [`check_watched`] look at them where they are others: a step of
 /// a world at rest does not look twice at its numbers. Systems of [`StepSystems::Edit`] that read them ask for it first, too.
 #[derive(Resource, Clone, Copy, Debug, Default)]
-pub struct StateWatched;
+pub struct StateWatched(pub bool);
 
 /// Adds schedules, resources and the systems that every scene needs.
 pub fn install_engine<S: Scalar>(world: &mut World, executor: Executor) {
@@ -209,7 +209,7 @@ fn step<S: Scalar>(world: &mut World) -> Result<(), StepError> {
         return Err(StepError::NoIntegrator);
     }
     with_query(world, check_tables::<S>)?;
-    let watched = world.contains_resource::<StateWatched>();
+    let watched = world.get_resource::<StateWatched>().is_some_and(|own| own.0);
     check_finite::<S>(world, watched)?;
     let parts = match world.get_resource::<StepDivider>().copied() {
         Some(StepDivider(divide)) => divide(world),
@@ -296,9 +296,9 @@ fn check_tables<S: Scalar>(
 /// # Errors
 /// The first vertex of which one is not finite.
 pub fn check_watched<S: Scalar>(world: &mut World) -> Result<(), StepError> {
-    match world.remove_resource::<StateWatched>() {
-        Some(_) => check_finite::<S>(world, false),
-        None => Ok(()),
+    match take::<StateWatched>(world).0 {
+        true => check_finite::<S>(world, false),
+        false => Ok(()),
     }
 }
 

@@ -231,10 +231,13 @@ impl ElementTables {
             world.component_id::<AxisTetrahedron10Vertices>(),
             world.component_id::<AxisVertices>(),
         ];
-        let is_element =
-            |a: &&bevy_ecs::archetype::Archetype| kinds.iter().flatten().any(|&k| a.contains(k));
-        let archetypes = world.archetypes().iter().filter(is_element);
-        Self(archetypes.map(|a| (a.id(), a.len() as usize)).collect())
+        // a world has many archetypes, one for each of its resources among them
+        let (archetypes, index) = (world.archetypes(), world.archetypes().component_index());
+        let with = kinds.iter().flatten().filter_map(|kind| index.get(kind));
+        let mut with: Vec<ArchetypeId> = with.flat_map(|with| with.keys().copied()).collect();
+        with.sort_unstable();
+        with.dedup();
+        Self(with.into_iter().map(|id| (id, archetypes[id].len() as usize)).collect())
     }
 
     /// The archetypes.

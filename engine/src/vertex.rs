@@ -47,7 +47,7 @@
 )]
 
 use crate::scalar::Scalar;
-use bevy_ecs::prelude::{Component, Resource};
+use bevy_ecs::prelude::{Component, Resource, World};
 use bytemuck::{Pod, TransparentWrapper, Zeroable};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -179,6 +179,14 @@ pub struct BodyId(pub u32);
 /// whoever takes edits back.
 #[derive(Resource, Clone, Debug, Default)]
 pub struct RecentCuts<S>(pub Vec<RecentCut<S>>);
+
+impl<S: Scalar> RecentCuts<S> {
+    /// Takes those of a world out of it.
+    pub fn take(world: &mut World) -> Vec<RecentCut<S>> {
+        let own = world.get_resource_mut::<Self>();
+        own.map_or_else(Vec::new, |mut own| std::mem::take(&mut own.0))
+    }
+}
 
 /// What a cut did to the vertices of a body.
 #[derive(Clone, Debug, Default)]

@@ -4,7 +4,7 @@
 use bevy_ecs::prelude::*;
 use sinew_engine::connectivity::ElementKind;
 use sinew_engine::law::partition_laws;
-use sinew_engine::resource::ensure;
+use sinew_engine::resource::{ensure, put};
 use sinew_engine::scalar::Scalar;
 use sinew_engine::topology::{ElementTables, Topology};
 use sinew_engine::vertex::RecentCuts;
@@ -155,12 +155,12 @@ impl EditImage {
                 entity.insert(body.clone());
             }
         }
-        world.insert_resource(self.points.clone());
+        put(world, self.points.clone());
         partition_laws::<S>(world);
         let tables = ElementTables::of(world);
         world.insert_resource(tables);
-        world.remove_resource::<Resection>();
-        world.remove_resource::<RecentCuts<S>>();
+        put(world, Resection::default());
+        RecentCuts::<S>::take(world);
         if let Some(resection) = &self.resection {
             rows_again(world, resection.clone());
         }

@@ -20,6 +20,7 @@
 //!   in `f32`, `h v` is below the rounding of a displacement of metres.
 
 use crate::burst::check_pressures;
+use crate::contact_of;
 use crate::settings::{Integrator, SolverSettings};
 use crate::stability::StabilityLimit;
 use crate::state::{
@@ -39,6 +40,7 @@ use sinew_engine::compiled_here;
 use sinew_engine::law::{ElasticEnergy, EvaluationRequest, ViscousRequest};
 use sinew_engine::load::{LoadTime, SweptVolumes};
 use sinew_engine::report::{ContactFigures, StepReport};
+use sinew_engine::resource::{put, take};
 use sinew_engine::row::VertexRow;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::schedule::{
@@ -274,9 +276,9 @@ pub fn explicit_step<S: Scalar>(
     settings: &SolverSettings,
     report: &mut StepReport,
 ) -> Result<(), StepError> {
-    let mut scratch = world.remove_resource::<ExplicitScratch<S>>().unwrap_or_default();
+    let mut scratch = take::<ExplicitScratch<S>>(world);
     // nothing here remembers what vertices did before
-    world.remove_resource::<RecentCuts<S>>();
+    RecentCuts::<S>::take(world);
     scratch.node.read(world);
     let revision = Some(world.resource::<Topology>().revision);
     if scratch.revision != revision {
@@ -286,14 +288,14 @@ pub fn explicit_step<S: Scalar>(
     let result = if scratch.node.is_empty() {
         Ok(())
     } else {
-        let contact = world.remove_resource::<ContactSet>();
+        let contact = contact_of(world);
         let result = scratch.substep(world, settings, report, contact.as_ref());
         let (contact, result) = match result {
             Ok(new) => (new, Ok(())),
             Err(error) => (contact, Err(error)),
         };
         if let Some(contact) = contact {
-            world.insert_resource(contact);
+            put(world, contact);
         }
         result
     };
@@ -301,7 +303,7 @@ pub fn explicit_step<S: Scalar>(
         write_state(world, &scratch.node.u, &scratch.node.v);
         scratch.last = None;
     }
-    world.insert_resource(scratch);
+    put(world, scratch);
     result
 }
 

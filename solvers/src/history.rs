@@ -143,11 +143,14 @@ impl<S: Scalar> StepHistory<S> {
     /// Goes on through the cuts since the end of the last step: copies moved as the vertices did in whose place they are. The
     /// energies do not go on.
     pub fn follow_cuts(&mut self, world: &mut World) {
-        let Some(cuts) = world.remove_resource::<RecentCuts<S>>() else { return };
+        let cuts = RecentCuts::<S>::take(world);
+        if cuts.is_empty() {
+            return;
+        }
         let topology = world.resource::<Topology>();
         // nothing else may have changed it
         let follows = |(body, rows): (usize, &BodyRows)| {
-            let count = cuts.0.iter().filter(|cut| cut.body == body).count() as u64;
+            let count = cuts.iter().filter(|cut| cut.body == body).count() as u64;
             count > 0
                 && self.changes.get(body).map(|changes| changes + count) == Some(rows.changes)
                 && rows.vertices.end as usize <= self.u.len()
@@ -155,7 +158,7 @@ impl<S: Scalar> StepHistory<S> {
         let follows: Vec<bool> = topology.bodies.iter().enumerate().map(follows).collect();
         let Self { u, v, increment, v_before, v_older: [older, oldest], .. } = self;
         let mut fields = [u, v, increment, v_before, older, oldest];
-        for cut in cuts.0.iter().filter(|cut| follows[cut.body]) {
+        for cut in cuts.iter().filter(|cut| follows[cut.body]) {
             for [to, from] in cut.copies.iter().map(|rows| rows.map(|row| row as usize)) {
                 // the first steps have none before them
                 for field in fields.iter_mut().filter(|field| to.max(from) < field.len()) {

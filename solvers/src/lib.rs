@@ -29,7 +29,7 @@ use settings::SolverSettings;
 use sinew_contact::set::ContactSet;
 use sinew_engine::compiled_here;
 use sinew_engine::report::{StepReport, SystemTimes};
-use sinew_engine::resource::ensure;
+use sinew_engine::resource::{ensure, put, take};
 use sinew_engine::scalar::Scalar;
 use sinew_engine::schedule::{StepSchedule, StepSystems};
 use sinew_engine::step::{IntegratorInstalled, StepDivider, StepFailure, check_watched};
@@ -54,6 +54,11 @@ fn install<S: Scalar>(world: &mut World) {
         .add_systems(integrate::<S>.in_set(StepSystems::Integrate));
 }
 
+/// The set of contacts, taken out of a world that has one.
+fn contact_of(world: &mut World) -> Option<ContactSet> {
+    world.contains_resource::<ContactSet>().then(|| take(world))
+}
+
 /// Parts in which the next step is to be made, so that no tool passes through what it meets.
 fn divide<S: Scalar>(world: &mut World) -> u32 {
     let explicit =
@@ -61,12 +66,13 @@ fn divide<S: Scalar>(world: &mut World) -> u32 {
     if explicit || !world.contains_resource::<ContactSet>() {
         return 1;
     }
-    world.resource_scope(|world, mut contact: Mut<ContactSet>| {
-        contact.substeps(world, |world| {
-            let mut query = world.query::<(&RestPosition, &Displacement<S>)>();
-            query.iter(world).map(|(x, u)| x.0 + u.get()).collect()
-        })
-    })
+    let mut contact = take::<ContactSet>(world);
+    let parts = contact.substeps(world, |world| {
+        let mut query = world.query::<(&RestPosition, &Displacement<S>)>();
+        query.iter(world).map(|(x, u)| x.0 + u.get()).collect()
+    });
+    put(world, contact);
+    parts
 }
 
 /// Vertices below which no region is worth two threads.

@@ -10,6 +10,7 @@ use crate::recovery::BodyState;
 use crate::state::read_rest;
 use bevy_ecs::prelude::*;
 use serde::{Deserialize, Serialize};
+use sinew_engine::resource::{put, take};
 use sinew_engine::scalar::Scalar;
 use sinew_engine::topology::Topology;
 use sinew_engine::vertex::RecentCuts;
@@ -28,21 +29,23 @@ impl<S: Scalar> SolverMemory<S> {
     /// Copies the kept values of a world; buffers that are there are used again.
     pub fn remember(&mut self, world: &mut World) {
         self.explicit = None;
-        if let Some(mut scratch) = world.remove_resource::<ExplicitScratch<S>>() {
+        if world.contains_resource::<ExplicitScratch<S>>() {
+            let mut scratch = take::<ExplicitScratch<S>>(world);
             self.explicit = scratch.remember(world);
-            world.insert_resource(scratch);
+            put(world, scratch);
         }
-        let Some(mut scratch) = world.remove_resource::<ImplicitScratch<S>>() else {
+        if !world.contains_resource::<ImplicitScratch<S>>() {
             (self.history, self.recovery) = (None, None);
             self.linear.clear();
             return;
-        };
+        }
+        let mut scratch = take::<ImplicitScratch<S>>(world);
         scratch.history.follow_cuts(world);
         scratch.history.remember(world, &mut self.history);
         let topology = world.resource::<Topology>();
         self.recovery = scratch.recovery.memory(topology);
         self.linear = scratch.linear.memory(topology);
-        world.insert_resource(scratch);
+        put(world, scratch);
     }
 
     /// Whether it can belong to a world of these bodies.
@@ -64,8 +67,8 @@ impl<S: Scalar> SolverMemory<S> {
     /// When it belongs to other bodies.
     pub fn recall(&self, world: &mut World) -> Result<(), MemoryMisfit> {
         // the motion that is recalled is that after them
-        world.remove_resource::<RecentCuts<S>>();
-        let mut scratch = world.remove_resource::<ImplicitScratch<S>>().unwrap_or_default();
+        RecentCuts::<S>::take(world);
+        let mut scratch = take::<ImplicitScratch<S>>(world);
         match &self.history {
             None => scratch.history = StepHistory::default(),
             Some(history) => {
@@ -82,13 +85,13 @@ impl<S: Scalar> SolverMemory<S> {
         let result = scratch.linear.recall(topology, &rest, &self.linear);
         // read again at the next step if rows changed
         scratch.rest = rest;
-        world.insert_resource(scratch);
+        put(world, scratch);
         match &self.explicit {
             None => drop(world.remove_resource::<ExplicitScratch<S>>()),
             Some(memory) => {
-                let mut scratch = world.remove_resource::<ExplicitScratch<S>>().unwrap_or_default();
+                let mut scratch = take::<ExplicitScratch<S>>(world);
                 scratch.recall(world, memory);
-                world.insert_resource(scratch);
+                put(world, scratch);
             }
         }
         result

@@ -19,6 +19,7 @@ use crate::state::{NodeState, evaluate, same_bits};
 use bevy_ecs::prelude::World;
 use sinew_engine::law::{LawBuffers, SleepingBodies};
 use sinew_engine::report::StepReport;
+use sinew_engine::resource::put;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::topology::BodyRows;
 
@@ -63,7 +64,7 @@ impl<S: Scalar> Sleep<S> {
             report.evaluations += 1;
         } else {
             // from the second step on, what reports count of their elements holds, too
-            world.insert_resource(self.bodies.clone());
+            put(world, self.bodies.clone());
         }
         world.resource_mut::<LawBuffers<S>>().put_to_sleep(&self.bodies);
     }
@@ -84,6 +85,7 @@ impl<S: Scalar> Sleep<S> {
         } else if self.still.is_none() {
             let mut node = NodeState::default();
             node.read(world);
+            node.leave_out_zeros();
             self.still = Some((node, energy));
         }
     }
@@ -96,7 +98,7 @@ impl<S: Scalar> Sleep<S> {
 
     /// Reports a step of such a world.
     pub fn report(&self, world: &mut World, report: &mut StepReport) {
-        world.insert_resource(self.bodies.clone());
+        put(world, self.bodies.clone());
         report.sleeping = self.bodies.0.len() as u32;
         report.elastic_energy = self.still.as_ref().map_or(0.0, |(_, energy)| *energy);
     }

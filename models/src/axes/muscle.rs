@@ -20,7 +20,7 @@ use sinew_engine::isoparametric::{
 };
 use sinew_engine::law::{EvaluationRequest, LawBuffers};
 use sinew_engine::load::Curve;
-use sinew_engine::resource::ensure;
+use sinew_engine::resource::{ensure, put, take};
 use sinew_engine::scalar::Scalar;
 use sinew_engine::schedule::{Evaluation, StepSchedule, StepSystems};
 use sinew_engine::step::StepClock;
@@ -312,7 +312,7 @@ pub(crate) fn apply_all<S: Scalar>(world: &mut World) {
 
 /// Writes the activations asked for into the columns of the fibres.
 pub(crate) fn apply<S: Scalar>(world: &mut World) {
-    let Some(mut muscles) = world.remove_resource::<Muscles>() else { return };
+    let mut muscles = take::<Muscles>(world);
     let changed: Vec<bool> = muscles.0.iter().map(|m| m.wanted != m.applied).collect();
     for muscle in &mut muscles.0 {
         muscle.applied = muscle.wanted;
@@ -334,7 +334,7 @@ pub(crate) fn apply<S: Scalar>(world: &mut World) {
         shortening.0 = S::from_f64(settings.shortening * applied);
         active.0 = peak.0 * S::from_f64(*applied);
     }
-    world.insert_resource(muscles);
+    put(world, muscles);
 }
 
 /// Writes the activation that acts into the columns of a fibre whose peak tension and passive stiffness are others now, as

@@ -8,6 +8,7 @@ use sinew_engine::connectivity::ElementKind;
 use sinew_engine::element::{EdgeVertices, RestVolume, TetrahedronIndex};
 use sinew_engine::isoparametric::{HexahedronIndex, HexahedronVertices};
 use sinew_engine::layout::{Cells, UNUSED};
+use sinew_engine::resource::{put, take};
 use sinew_engine::scalar::Scalar;
 use sinew_engine::topology::{BodyRows, Topology};
 use sinew_engine::vertex::{BodyId, Mass, RestPosition, WeightShift};
@@ -190,8 +191,8 @@ fn set_springs<S: Scalar>(
     (matter, springs): (&Matter, &ElementSprings),
     (left, lame): (&Chosen, &[LameParameters]),
 ) {
-    let resection = world.remove_resource::<Resection>();
-    let cells = match resection.as_ref().and_then(|r| r.connectivity(body)) {
+    let resection = take::<Resection>(world);
+    let cells = match resection.connectivity(body) {
         Some(connectivity) => Cow::Borrowed(&connectivity.cells),
         None => {
             let ordered = matter.ordered;
@@ -244,7 +245,5 @@ fn set_springs<S: Scalar>(
             (*d0, *d1, *d2) = volumetric_bundle::<S>(pooled.volumetric[t]);
         }
     }
-    if let Some(resection) = resection {
-        world.insert_resource(resection);
-    }
+    put(world, resection);
 }

@@ -7,6 +7,7 @@ use sinew_engine::element::{
     AxisTetrahedron, AxisTriangle, EdgeVertices, MembraneIndex, TetrahedronIndex,
 };
 use sinew_engine::isoparametric::{AxisHexahedron, HexahedronIndex, QuadIndex};
+use sinew_engine::resource::put;
 use sinew_engine::topology::Topology;
 use sinew_engine::vertex::BodyId;
 use std::sync::Arc;
@@ -152,5 +153,5 @@ impl Resection {
 /// Takes up what was kept for removals, with the rows as they stand now.
 pub(crate) fn rows_again(world: &mut World, mut resection: Resection) {
     resection.find_rows(world);
-    world.insert_resource(resection);
+    put(world, resection);
 }

@@ -5,7 +5,7 @@
 use bevy_ecs::prelude::*;
 use bytemuck::TransparentWrapper;
 use glam::DVec3;
-use sinew_engine::columns::copy_entity;
+use sinew_engine::columns::{copy_entity, set};
 use sinew_engine::connectivity::ElementKind;
 use sinew_engine::element::{AxisBlocks, AxisTetrahedron, AxisTriangle, AxisVertices};
 use sinew_engine::isoparametric::{AxisHexahedron, Derivatives, PointsRest, RestPoints};
@@ -13,7 +13,7 @@ use sinew_engine::row::VertexRow;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::topology::BodyRows;
 
-use super::columns::{set, set_gradients};
+use super::columns::set_gradients;
 use crate::axes::columns::*;
 use crate::axes::damper::AxialDamper;
 use crate::axes::muscle;

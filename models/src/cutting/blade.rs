@@ -4,7 +4,7 @@ use bevy_ecs::prelude::*;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use sinew_engine::columns::single_table;
-use sinew_engine::resource::ensure;
+use sinew_engine::resource::{ensure, put, take};
 use sinew_engine::row::VertexRow;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::topology::Topology;
@@ -88,9 +88,9 @@ pub struct BladeViews {
 /// When it cannot be cut.
 pub fn view<S: Scalar>(world: &mut World, body: usize) -> Result<BladeView, CutError> {
     let of = version(world, body);
-    let mut views = world.remove_resource::<BladeViews>().unwrap_or_default();
+    let mut views = take::<BladeViews>(world);
     let known = views.blades.remove(&body).filter(|view| view.of == of);
-    world.insert_resource(views);
+    put(world, views);
     let mut view = match known {
         Some(view) => view,
         None => BladeView::new(world, body)?,
@@ -157,7 +157,7 @@ impl BladeView {
         let resection = prepared(world, body)?;
         let own = resection.bodies[body].as_ref().expect("it was prepared");
         let material = material_of(world, body, own);
-        world.insert_resource(resection);
+        put(world, resection);
         let rows = &world.resource::<Topology>().bodies[body];
         let nodes = 0..(rows.mesh_vertices() + material.ghosts.len()) as u32;
         let (first, rows) = (rows.vertices.start, nodes.map(|node| row_of(rows, node)).collect());
@@ -285,13 +285,13 @@ pub fn sweep<S: Scalar>(
     view: &BladeView,
     moves: &[EdgeMove],
 ) -> Result<Option<CutReport>, CutError> {
-    let mut memory = world.remove_resource::<StrokeMemory>().unwrap_or_default();
+    let mut memory = take::<StrokeMemory>(world);
     let own = memory.bodies.entry(body).or_default();
     let cut = own.advance::<S>(world, body, view, moves);
     if cut.is_ok() {
         own.places = places::<S>(world, body);
     }
-    world.insert_resource(memory);
+    put(world, memory);
     cut
 }
 

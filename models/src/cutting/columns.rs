@@ -1,10 +1,9 @@
 //! Columns of elements that a cut changed, and those of copies.
 
-use bevy_ecs::component::Mutable;
 use bevy_ecs::prelude::*;
 use bytemuck::TransparentWrapper;
 use glam::DVec3;
-use sinew_engine::columns::copy_entity;
+use sinew_engine::columns::{copy_entity, set};
 use sinew_engine::connectivity::ElementKind;
 use sinew_engine::element::{
     MembraneBlocks, MembraneIndex, MembraneVertices, RestVolume, TETRAHEDRON_EDGES, TRIANGLE_EDGES,
@@ -16,6 +15,7 @@ use sinew_engine::isoparametric::{
     TETRAHEDRON10_PAIRS,
 };
 use sinew_engine::layout::Lumps;
+use sinew_engine::resource::{put, take};
 use sinew_engine::scalar::Scalar;
 use sinew_engine::topology::{BodyRows, Topology};
 use std::collections::BTreeMap;
@@ -106,7 +106,7 @@ pub(super) struct Changed<'a> {
 pub(super) fn write<S: Scalar>(world: &mut World, mut changed: Changed) {
     let Changed { rows, own, elements: (before, material), numbers, .. } = changed;
     let kind = rows.copies.kind;
-    let mut points = world.remove_resource::<OwnPoints>().unwrap_or_default();
+    let mut points = take::<OwnPoints>(world);
     for &e in numbers {
         let element = &material.elements[e as usize];
         let row = own.element_of[kind][e as usize];
@@ -160,19 +160,11 @@ pub(super) fn write<S: Scalar>(world: &mut World, mut changed: Changed) {
             }
         }
     }
-    world.insert_resource(points);
+    put(world, points);
     changed.write_sheets::<S>(world);
 }
 
-/// Writes a column that an entity has, and nothing where it has none: an insertion, which could give it one, is much more code.
-#[inline(never)]
-pub(super) fn set<C: Component<Mutability = Mutable>>(entity: &mut EntityWorldMut, value: C) {
-    if let Some(mut own) = entity.get_mut::<C>() {
-        *own = value;
-    }
-}
-
-/// The same of the shape vectors (1/m) of a tetrahedron.
+/// Writes the shape vectors (1/m) of a tetrahedron.
 pub(super) fn set_gradients<S: Scalar>(entity: &mut EntityWorldMut, gradients: [[f64; 3]; 3]) {
     macro_rules! set_all {
         ($($value:expr),+) => {{ $(set(entity, $value);)+ }};
@@ -182,7 +174,7 @@ pub(super) fn set_gradients<S: Scalar>(entity: &mut EntityWorldMut, gradients: [
 }
 
 /// Puts derivatives into a list, in the place that their element has there (0: none yet), and tells which it has.
-fn put<T>(list: &mut Vec<T>, own: u32, derivatives: T) -> u32 {
+fn place<T>(list: &mut Vec<T>, own: u32, derivatives: T) -> u32 {
     match own.checked_sub(1).and_then(|at| list.get_mut(at as usize)) {
         Some(place) => *place = derivatives,
         None => list.push(derivatives),
@@ -307,7 +299,7 @@ impl Changed<'_> {
         let (mut factor, mut points) = (1.0, None);
         if let Some((rest, derivatives)) = &own_points {
             let was = entity.get::<PointsRest<S, Q>>().map_or(0, |rest| rest.own);
-            let own = put(list, if is_known { was } else { 0 }, **derivatives);
+            let own = place(list, if is_known { was } else { 0 }, **derivatives);
             let volume = rest.total_volume();
             let (before, material) = self.elements;
             // of what lost nothing not even rounding counts

@@ -34,7 +34,7 @@ use sinew_engine::law::{
     DisabledLaws, EvaluationRequest, LawBuffer, LawBuffers, LawInfo, Span, TangentKind,
 };
 use sinew_engine::layout::Cells;
-use sinew_engine::resource::ensure;
+use sinew_engine::resource::{ensure, put, take};
 use sinew_engine::scalar::Scalar;
 use sinew_engine::schedule::{ForceSystems, Input, activate_law_of_systems, declare_inputs};
 use sinew_engine::sets::DisjointSets;
@@ -340,7 +340,7 @@ pub(crate) fn refresh<S: Scalar>(world: &mut World, resection: Option<&mut Resec
     let mut of_world = None;
     let resection = match resection {
         Some(resection) => resection,
-        None => of_world.insert(world.remove_resource::<Resection>().unwrap_or_default()),
+        None => of_world.insert(take::<Resection>(world)),
     };
     let mut springs = Vec::new();
     for (body, own) in resection.bodies.iter_mut().enumerate() {
@@ -375,7 +375,7 @@ pub(crate) fn refresh<S: Scalar>(world: &mut World, resection: Option<&mut Resec
         own.material = Some(material);
     }
     if let Some(own) = of_world {
-        world.insert_resource(own);
+        put(world, own);
     }
     let mut buffer = LawBuffer::<S>::default();
     let topology = world.resource::<Topology>();

@@ -62,7 +62,7 @@ use sinew_engine::isoparametric::MIDDLES;
 use sinew_engine::law::partition_laws;
 use sinew_engine::layout::{Lumps, WHOLE_TRIANGLE, lowest_first, starts};
 use sinew_engine::load::Pressure;
-use sinew_engine::resource::ensure;
+use sinew_engine::resource::{ensure, put, take};
 use sinew_engine::row::{LocalRow, MeshVertex, VertexRow};
 use sinew_engine::scalar::Scalar;
 use sinew_engine::stopwatch::Stopwatch;
@@ -199,7 +199,7 @@ fn cut<S: Scalar>(
         report.time = start.elapsed();
         Ok(report)
     })();
-    world.insert_resource(resection);
+    put(world, resection);
     let mut report = result?;
     glue::cross::<S>(world, body, strip);
     report.pieces = world.resource::<Topology>().bodies[body].piece_count();
@@ -229,7 +229,7 @@ pub(crate) fn open_again<S: Scalar>(
         let problem = "the cut is of another mesh".into();
         Err(CutError::Strip { problem })
     };
-    world.insert_resource(resection);
+    put(world, resection);
     result
 }
 
@@ -243,7 +243,7 @@ fn open_now<S: Scalar>(
     let own = resection.bodies[body].as_ref().expect("it was prepared");
     let material = material_of(world, body, own);
     let opened = open::<S>(world, body, &mut resection, (material, stroke));
-    world.insert_resource(resection);
+    put(world, resection);
     opened
 }
 
@@ -251,7 +251,7 @@ fn open_now<S: Scalar>(
 fn prepared(world: &mut World, body: usize) -> Result<Resection, CutError> {
     check_cut(world, body)?;
     prepare_removals(world, body)?;
-    Ok(world.remove_resource::<Resection>().unwrap_or_default())
+    Ok(take::<Resection>(world))
 }
 
 /// Whether a body can be cut.
@@ -531,9 +531,9 @@ fn open<S: Scalar>(
         return Err(CutError::Body { body: name(), problem: problem.into() });
     }
     // the image of what was before holds what is kept for removals, too
-    world.insert_resource(std::mem::take(resection));
+    put(world, std::mem::take(resection));
     before_edit::<S>(world);
-    *resection = world.remove_resource().unwrap_or_default();
+    *resection = take(world);
     log_edit(world, Edit::Cut { body, stroke: stroke.clone() });
     let parting = Parting { old, before, material, origins, changed, sheets, parted };
     (report.pieces, report.elastic_energy) = divide::<S>(world, body, resection, parting);
@@ -637,7 +637,7 @@ pub(crate) fn divide_alike<S: Scalar>(world: &mut World, body: usize, material: 
     let (old, parted) = (world.resource::<Topology>().bodies[body].clone(), Vec::new());
     let parting = Parting { old, before, material, origins, changed, sheets, parted };
     divide::<S>(world, body, &mut resection, parting);
-    world.insert_resource(resection);
+    put(world, resection);
 }
 
 /// Rest positions (m) of all rows of a body.

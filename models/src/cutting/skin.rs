@@ -3,6 +3,7 @@
 use bevy_ecs::prelude::*;
 use glam::DVec3;
 use sinew_engine::columns::single_table;
+use sinew_engine::resource::put;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::surface::closest_point;
 use sinew_engine::topology::Topology;
@@ -146,7 +147,7 @@ fn build(
     let resection = prepared(world, body)?;
     let own = resection.bodies[body].as_ref().expect("it was prepared");
     let material = material_of(world, body, own);
-    world.insert_resource(resection);
+    put(world, resection);
     let rest = vertices_at_rest(world, body, material.vertices);
     *skin = MaterialSkin { is_curved: !material.order.is_linear(), ..MaterialSkin::default() };
     for vertex in 0..material.vertices {

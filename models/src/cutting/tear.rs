@@ -40,7 +40,7 @@ use sinew_engine::compiled_here;
 use sinew_engine::connectivity::ElementKind;
 use sinew_engine::element::{displacement_gradient, volume_change};
 use sinew_engine::order::Order as Created;
-use sinew_engine::resource::ensure;
+use sinew_engine::resource::{ensure, put};
 use sinew_engine::scalar::Scalar;
 use sinew_engine::topology::Topology;
 use std::sync::Arc;
@@ -195,7 +195,7 @@ pub fn check_tear(world: &mut World, tear: &Tear) -> Result<Tear, CutError> {
         tear.body,
         resection.bodies[tear.body].as_ref().expect("it was prepared"),
     );
-    world.insert_resource(resection);
+    put(world, resection);
     let at_rest = |vertex: u32| rest[row_of(&rows, vertex) as usize];
     let edge = Uncut::new(&material).mean_edge(material.vertices, &at_rest);
     let release = tear.toughness.is_some();
@@ -285,7 +285,7 @@ impl TearView {
         let material = material_of(world, body, own);
         let kind = kind_of(&world.resource::<Topology>().bodies[body]);
         let element_of = own.element_of[kind].clone();
-        world.insert_resource(resection);
+        put(world, resection);
         let of_rows = rest_of(world, body);
         let own = &world.resource::<Topology>().bodies[body];
         let rest =

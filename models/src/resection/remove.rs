@@ -7,7 +7,7 @@ use sinew_engine::connectivity::{ByKind, Connectivity, ElementKind, Touched};
 use sinew_engine::element::{MembraneBlocks, MembraneVertices};
 use sinew_engine::isoparametric::{QuadBlocks, QuadVertices};
 use sinew_engine::layout::UNUSED;
-use sinew_engine::resource::ensure;
+use sinew_engine::resource::{ensure, put, take};
 use sinew_engine::scalar::Scalar;
 use sinew_engine::stopwatch::Stopwatch;
 use sinew_engine::topology::{ElementTables, Topology};
@@ -54,7 +54,7 @@ pub fn prepare_removals(world: &mut World, body: usize) -> Result<(), RemovalErr
     if body >= count {
         return Err(RemovalError::Body { index: body, count });
     }
-    let mut resection = world.remove_resource::<Resection>().unwrap_or_default();
+    let mut resection = take::<Resection>(world);
     resection.bodies.resize_with(count, || None);
     if resection.bodies[body].is_none() {
         let rows = &world.resource::<Topology>().bodies[body];
@@ -68,7 +68,7 @@ pub fn prepare_removals(world: &mut World, body: usize) -> Result<(), RemovalErr
         });
         resection.find_rows(world);
     }
-    world.insert_resource(resection);
+    put(world, resection);
     Ok(())
 }
 
@@ -116,9 +116,9 @@ pub(crate) fn remove_batch<S: Scalar>(
         return vec![Err(RemovalError::LayoutChanged { body }); regions.len()];
     }
     before_edit::<S>(world);
-    let mut resection = world.remove_resource::<Resection>().unwrap_or_default();
+    let mut resection = take::<Resection>(world);
     let mut results = resection.remove::<S>(world, body, regions, mass);
-    world.insert_resource(resection);
+    put(world, resection);
     for report in results.iter_mut().flatten() {
         report.time = start.elapsed();
     }

@@ -49,6 +49,7 @@ mod touch;
 mod tr_bdf2;
 
 use crate::burst::check_pressures;
+use crate::contact_of;
 use crate::integrator::Integrator;
 use crate::settings::SolverSettings;
 use crate::state::{evaluate, position, read_rest, vector, write_state};
@@ -61,6 +62,7 @@ use sinew_contact::set::{ContactSet, RowPlaces};
 use sinew_engine::law::ElasticEnergy;
 use sinew_engine::load::SweptVolumes;
 use sinew_engine::report::StepReport;
+use sinew_engine::resource::{put, take};
 use sinew_engine::row::VertexRow;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::step::{StateWatched, StepClock, StepError, check_watched, not_finite};
@@ -84,14 +86,14 @@ pub fn implicit_step<S: Scalar>(
     settings: &SolverSettings,
     report: &mut StepReport,
 ) -> Result<(), StepError> {
-    let mut scratch = world.remove_resource::<ImplicitScratch<S>>().unwrap_or_default();
+    let mut scratch = take::<ImplicitScratch<S>>(world);
     let still = scratch.is_still(world, settings);
     if !still {
         let finite = check_watched::<S>(world);
         scratch.node.read(world);
         if finite.is_err() {
             scratch.forget_sleep();
-            world.insert_resource(scratch);
+            put(world, scratch);
             return finite;
         }
     }
@@ -101,7 +103,7 @@ pub fn implicit_step<S: Scalar>(
         scratch.revision = revision;
         scratch.supported = None;
     }
-    let mut contact = world.remove_resource::<ContactSet>();
+    let mut contact = contact_of(world);
     let mut result = match &mut contact {
         Some(contact) if !scratch.node.is_empty() => {
             prepare(contact, world, settings, &scratch, still)
@@ -121,14 +123,14 @@ pub fn implicit_step<S: Scalar>(
         contact = step.contact;
     }
     if let Some(contact) = contact {
-        world.insert_resource(contact);
+        put(world, contact);
     }
     scratch.sleep.end(world);
     if result.is_err() {
         write_state(world, &scratch.node.u, &scratch.node.v);
         scratch.forget_sleep();
     }
-    world.insert_resource(scratch);
+    put(world, scratch);
     result
 }
 
@@ -164,7 +166,7 @@ impl<S: Scalar> ImplicitScratch<S> {
         self.history.dt = dt;
         self.history.asleep += 1;
         self.history.stamp(world);
-        world.insert_resource(StateWatched);
+        put(world, StateWatched(true));
     }
 }
 

@@ -9,10 +9,11 @@ use crate::cg::CgStatus;
 use crate::linear_solver::CgOutcome;
 use crate::state::{NodeState, Rows, dot3, evaluate, read_force};
 use crate::system::ShiftedTangent;
-use bevy_ecs::prelude::{Mut, World};
+use bevy_ecs::prelude::World;
 use sinew_engine::law::{ElasticEnergy, TangentKind};
 use sinew_engine::matrix::{BlockMatrix, PredictedValues, Tangent};
 use sinew_engine::report::{StepReport, SystemTimes};
+use sinew_engine::resource::{put, take};
 use sinew_engine::scalar::Scalar;
 use sinew_engine::step::{StepError, not_finite};
 use sinew_engine::stopwatch::Stopwatch;
@@ -109,24 +110,24 @@ impl<S: Scalar> Step<'_, S> {
         if world.resource::<Tangent<S>>().low_rank.is_empty() {
             return;
         }
-        world.resource_scope(|world, mut known: Mut<PredictedValues>| {
-            let rows: Vec<_> = world.resource::<Topology>().bodies.iter().map(rows_of).collect();
-            known.0.resize(rows.len(), Vec::new());
-            scratch.predicted.resize(rows.len(), Vec::new());
-            for step in bodies.iter_mut() {
-                let taken = std::mem::take(&mut step.taken);
-                for body in step.bodies.clone().filter(|_| taken > 0.0) {
-                    let own = &mut known.0[body];
-                    own.clear();
-                    for part in &world.resource::<Tangent<S>>().low_rank {
-                        own.extend(part.pattern.of_rows(&rows[body]).map(|vector| {
-                            part.values[vector] + taken * part.product(vector, &scratch.direction)
-                        }));
-                    }
-                    scratch.predicted[body].clone_from(own);
+        let mut known = take::<PredictedValues>(world);
+        let rows: Vec<_> = world.resource::<Topology>().bodies.iter().map(rows_of).collect();
+        known.0.resize(rows.len(), Vec::new());
+        scratch.predicted.resize(rows.len(), Vec::new());
+        for step in bodies.iter_mut() {
+            let taken = std::mem::take(&mut step.taken);
+            for body in step.bodies.clone().filter(|_| taken > 0.0) {
+                let own = &mut known.0[body];
+                own.clear();
+                for part in &world.resource::<Tangent<S>>().low_rank {
+                    own.extend(part.pattern.of_rows(&rows[body]).map(|vector| {
+                        part.values[vector] + taken * part.product(vector, &scratch.direction)
+                    }));
                 }
+                scratch.predicted[body].clone_from(own);
             }
-        });
+        }
+        put(world, known);
     }
 
     /// Newton step over body size at which Newton has converged; it cannot resolve steps below the rounding

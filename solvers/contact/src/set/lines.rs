@@ -3,6 +3,7 @@
 use super::report::orders;
 use super::*;
 use crate::thread::{Clip, Hold, Hole, Segment, Thread, ThreadReport, slides};
+use sinew_engine::columns::set;
 use sinew_engine::layout::UNUSED;
 use sinew_engine::surface::{PointReader, TissuePoint};
 
@@ -746,12 +747,12 @@ impl ContactSet {
             };
             self.kept.lines.insert(line.own.id, state.clone());
             if let Ok(mut entity) = world.get_entity_mut(line.own.entity) {
-                entity.insert(report);
+                set(&mut entity, report);
             }
         }
         for (entity, id, state) in self.left.drain(..) {
             if let Ok(mut entity) = world.get_entity_mut(entity) {
-                entity.insert(state.report());
+                set(&mut entity, state.report());
             }
             self.kept.lines.insert(id, state);
         }

@@ -3,6 +3,7 @@
 use super::*;
 use crate::tool::PartReport;
 use bevy_ecs::query::QueryFilter;
+use sinew_engine::columns::set;
 
 impl ContactSet {
     /// Force (N) on a tool with the elastic slip that is kept for the next step in place of that at the start: not the
@@ -112,7 +113,7 @@ impl ContactSet {
                     report.fracture += needle.fracture;
                     (report.inserted, report.punctures) = (needle.depth(), needle.punctures);
                 }
-                entity.insert(report);
+                set(&mut entity, report);
             }
         }
     }
@@ -316,7 +317,7 @@ impl ContactSet {
             }
             report.dissipation = self.kept.dissipated.get(&now.id).copied().unwrap_or_default();
             if let Ok(mut entity) = world.get_entity_mut(now.entity) {
-                entity.insert(report);
+                set(&mut entity, report);
             }
         }
     }
@@ -342,7 +343,7 @@ impl ContactSet {
                 report.work -= force.dot(hand.to - hand.from);
             }
             report.work += self.settled[self.tools.len() + index].work;
-            entity.insert(report);
+            set(&mut entity, report);
             if let Some(mut pull) = entity.get_mut::<Pull>() {
                 pull.last = now.of.last;
                 pull.anchors.clone_from(&now.of.anchors);
