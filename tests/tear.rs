@@ -6,7 +6,7 @@ use glam::{DQuat, DVec3};
 use sinew::engine::mesh::generate::{box_hexahedra, box_tets, jitter_interior};
 use sinew::engine::mesh::{Mesh, Surface};
 use sinew::engine::vertex::{FixedAxes, Mass};
-use sinew::models::body::VolumeRule;
+use sinew::models::body::{Integration, VolumeRule};
 use sinew::models::resection::{Region, Removal};
 use sinew::prelude::*;
 
@@ -24,12 +24,16 @@ fn pull(s: &mut Simulation, body: BodyHandle, mesh: &Mesh, stress: f64) {
 /// The stress that is compared is that of Cauchy, force by present area.
 #[test]
 fn a_bar_tears_at_its_strength() {
-    let mesh = jittered_box([0.04, 0.02, 0.02], [8, 4, 4]);
-    for (model, nu) in [(Model::StVK, 0.0), (Model::NeoHookean, 0.3), (Model::StVKVolume, 0.3)] {
+    let laws = [(Model::StVK, 0.0), (Model::NeoHookean, 0.3), (Model::StVKVolume, 0.3)];
+    let all = Solid::ALL.map(|solid| laws.map(|(model, nu)| (solid, model, nu)));
+    let full = all.into_flattened().into_iter().map(|own| (own, Integration::Full));
+    let reduced = ((Solid::Hexahedra, Model::NeoHookean, 0.3), Integration::Reduced);
+    for ((solid, model, nu), integration) in full.chain([reduced]) {
+        let mesh = solid.slab(DVec3::new(0.04, 0.02, 0.02), [8, 4, 4]);
         let description = BodyDescription::new("bar", &mesh, soft(1e4, nu));
         let (spare, stress) = (400, 2e3);
-        let (mut s, body) =
-            alone(SimulationOptions::default(), &BodyDescription { spare, model, ..description });
+        let description = BodyDescription { spare, model, integration, ..description };
+        let (mut s, body) = alone(SimulationOptions::default(), &description);
         s.set_gravity(DVec3::ZERO);
         for (side, axis) in [("x0", 1), ("y0", 2), ("z0", 4)] {
             let rows = s.group_rows(body, &mesh, side).unwrap();
@@ -56,7 +60,8 @@ fn a_bar_tears_at_its_strength() {
             })
             .unwrap();
             s.step().unwrap();
-            assert_eq!(s.tear_report(body).unwrap().begun, begun, "{model:?} {part}");
+            let report = s.tear_report(body).unwrap();
+            assert_eq!(report.begun, begun, "{solid:?} {integration:?} {model:?} {part}");
         }
     }
 }
@@ -139,6 +144,7 @@ struct Strip {
     threads: usize,
     unit: f64,
     turn: DQuat,
+    solid: Solid,
     spare: usize,
     toughness: Option<f64>,
     max_speed: Option<f64>,
@@ -147,7 +153,8 @@ struct Strip {
 impl Default for Strip {
     fn default() -> Self {
         let (precision, threads, unit, turn) = (Precision::F64, 1, 1.0, DQuat::IDENTITY);
-        Self { precision, threads, unit, turn, spare: 1000, toughness: None, max_speed: None }
+        let (solid, spare) = (Solid::Linear, 1000);
+        Self { precision, threads, unit, turn, solid, spare, toughness: None, max_speed: None }
     }
 }
 
@@ -159,8 +166,8 @@ const LEFT: f64 = (0.03 - 0.008) * 0.006;
 impl Strip {
     /// Without a tear, and with.
     fn whole(&self) -> (Simulation, BodyHandle) {
-        let mesh = box_tets(DVec3::new(0.06, 0.03, 0.006), [20, 10, 2]).unwrap();
-        let mut mesh = jitter_interior(&mesh, 0.2, 3).unwrap();
+        let cells = if self.solid == Solid::TenNodes { [14, 7, 2] } else { [20, 10, 2] };
+        let mut mesh = self.solid.slab(DVec3::new(0.06, 0.03, 0.006), cells);
         let place = |x: DVec3| self.turn * x / self.unit;
         mesh.points.iter_mut().for_each(|x| *x = place(*x));
         let material = YoungPoisson {
@@ -186,7 +193,8 @@ impl Strip {
 
     fn tear(&self, s: &mut Simulation, body: BodyHandle) {
         let Self { toughness, max_speed, unit, .. } = *self;
-        let radius = Some(toughness.map_or(0.0055, |_| 0.007) / unit);
+        let few = if self.solid == Solid::TenNodes { 0.0075 } else { 0.0055 };
+        let radius = Some(toughness.map_or(few, |_| 0.007) / unit);
         let strength = STRENGTH * unit;
         s.set_tear(Tear { body: body.0, strength, toughness, radius, max_speed }).unwrap();
     }
@@ -208,9 +216,15 @@ fn until_torn(s: &mut Simulation, body: BodyHandle, most: u32) -> Option<u32> {
 
 #[test]
 fn a_strip_tears_across_from_its_notch() {
-    let all = [(Precision::F32, None), (Precision::F64, TOUGHNESS)];
-    for (precision, toughness) in all {
-        let (mut s, body) = Strip { precision, toughness, ..Strip::default() }.build();
+    let all = [
+        (Solid::Linear, Precision::F32, None),
+        (Solid::Linear, Precision::F64, TOUGHNESS),
+        (Solid::TenNodes, Precision::F64, None),
+        (Solid::Hexahedra, Precision::F64, None),
+        (Solid::Hexahedra, Precision::F32, None),
+    ];
+    for (solid, precision, toughness) in all {
+        let (mut s, body) = Strip { solid, precision, toughness, ..Strip::default() }.build();
         let torn = until_torn(&mut s, body, 120);
         let report = s.tear_report(body).unwrap();
         assert!(torn.is_some() && report.begun == 0, "{report:?}");
@@ -236,8 +250,11 @@ fn a_strip_tears_across_from_its_notch() {
 /// The ends stand still: nothing but what is stored there is left to move it.
 #[test]
 fn energy_never_rises_while_it_tears() {
-    for (dt, toughness) in [(0.002, None), (0.01, None), (0.01, TOUGHNESS), (0.033, None)] {
-        let strip = Strip { toughness, ..Strip::default() };
+    let linear = [(0.002, None), (0.01, None), (0.01, TOUGHNESS), (0.033, None)];
+    let linear = linear.map(|(dt, toughness)| (Solid::Linear, dt, toughness));
+    let others = [(Solid::TenNodes, 0.01, None), (Solid::Hexahedra, 0.01, None)];
+    for (solid, dt, toughness) in linear.into_iter().chain(others) {
+        let strip = Strip { solid, toughness, ..Strip::default() };
         let (mut s, body) = strip.whole();
         s.set_dt(0.01);
         s.steps(100);
@@ -247,11 +264,11 @@ fn energy_never_rises_while_it_tears() {
         for _ in 0..40 {
             s.step().unwrap();
             let now = s.report().elastic_energy + s.report().kinetic_energy;
-            assert!(now <= energy * (1.0 + 1e-9), "{dt}: {now} {energy}");
+            assert!(now <= energy * (1.0 + 1e-9), "{solid:?} {dt}: {now} {energy}");
             energy = now;
         }
         let report = s.tear_report(body).unwrap();
-        assert!(report.pieces > 1, "{dt}: {report:?}");
+        assert!(report.pieces > 1, "{solid:?} {dt}: {report:?}");
     }
 }
 
@@ -264,9 +281,10 @@ fn units_and_directions_decide_nothing() {
         Strip { turn, ..Strip::default() },
         Strip { precision: Precision::F32, ..Strip::default() },
     ];
-    for toughness in [None, TOUGHNESS] {
+    let linear = [(Solid::Linear, None), (Solid::Linear, TOUGHNESS)];
+    for (solid, toughness) in linear.into_iter().chain([(Solid::Hexahedra, None)]) {
         let found = all.each_ref().map(|strip| {
-            let (mut s, body) = Strip { toughness, ..*strip }.build();
+            let (mut s, body) = Strip { solid, toughness, ..*strip }.build();
             let step = until_torn(&mut s, body, 120).unwrap();
             let report = s.tear_report(body).unwrap();
             (step, report.separated, report.vertices, report.area * strip.unit.powi(2))
@@ -282,10 +300,15 @@ fn units_and_directions_decide_nothing() {
 /// A tear goes on from a snapshot in its middle, also in another simulation, with other threads, and from a record, to the bit.
 #[test]
 fn tears_go_on_from_snapshots() {
-    let all = [(Precision::F32, None), (Precision::F64, TOUGHNESS)];
-    for (precision, toughness) in all {
+    let all = [
+        (Solid::Linear, Precision::F32, None),
+        (Solid::Linear, Precision::F64, TOUGHNESS),
+        (Solid::Hexahedra, Precision::F64, None),
+    ];
+    for (solid, precision, toughness) in all {
         let build = |own: SimulationOptions| {
-            Strip { precision, toughness, threads: own.threads, ..Strip::default() }.build().0
+            let threads = own.threads;
+            Strip { solid, precision, toughness, threads, ..Strip::default() }.build().0
         };
         let (mut s, body) = (build(options(precision, 1)), BodyHandle(0));
         s.steps(50);
@@ -337,8 +360,9 @@ fn a_body_says_why_it_cannot_tear() {
         BodyDescription { volume: VolumeRule::Clusters, model: Model::NeoHookean, ..whole.clone() };
     refuse(&clusters, tear, &["volume = \"elements\""]);
     let bricks = box_hexahedra(DVec3::new(0.04, 0.02, 0.02), [4, 2, 2]).unwrap();
-    refuse(&own(&bricks), tear, &["no linear tetrahedra"]);
-    refuse(&own(&mesh.with_second_order()), tear, &["no linear tetrahedra"]);
+    let tough = Tear { toughness: Some(2.0), ..tear };
+    refuse(&own(&bricks), tough, &["`bar`", "linear tetrahedra alone", "leave it out"]);
+    refuse(&own(&mesh.with_second_order()), tough, &["linear tetrahedra alone"]);
     // too few vertices: the step is not made, and the tissue is as it was
     let (mut s, _) = Strip { spare: 42, ..Strip::default() }.build();
     let error = loop {
@@ -355,9 +379,13 @@ fn a_body_says_why_it_cannot_tear() {
 /// Everything at once, far above the strength: what tears, what a blade parts and what is removed.
 #[test]
 fn tears_blades_and_removals_get_along() {
-    for (strength, seed) in [(1e3, 1), (3e3, 2), (6e3, 3)] {
+    let linear = [(1e3, 1), (3e3, 2), (6e3, 3)].map(|(strength, seed)| {
         let mesh = box_tets(DVec3::splat(0.06), [6; 3]).unwrap();
-        let mesh = jitter_interior(&mesh, 0.2, seed).unwrap();
+        (strength, jitter_interior(&mesh, 0.2, seed).unwrap())
+    });
+    let others = [(Solid::TenNodes, 4), (Solid::Hexahedra, 6)];
+    let others = others.map(|(solid, cells)| (3e3, solid.block(0.06, cells)));
+    for (strength, mesh) in linear.into_iter().chain(others) {
         let description = BodyDescription::new("block", &mesh, soft(1e4, 0.3));
         let description = BodyDescription { spare: 4000, model: Model::NeoHookean, ..description };
         let (mut s, body) = alone(options(Precision::F64, 1), &description);

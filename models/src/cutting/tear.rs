@@ -29,7 +29,8 @@
 //! - What comes apart is decided as for [blades](super::blade), by marks on edges, and opened by the same code: mass, momentum and energy are
 //!   the same before and after. What the tear sets free goes into motion, and nothing holds its sides together: the law is brittle.
 //! - Of several cuts the last one tears on; where an earlier one ends a new tear may begin.
-//! - A body that is a membrane of triangles alone tears by its strength, along lines, and from any vertex. Its stress is that of its forces,
+//! - Hexahedra and ten-node tetrahedra tear by their strength alone. Their stress is the sum over their points.
+//! - A body that is a membrane of triangles alone does so, too, along lines, and from any vertex. Its stress is that of its forces,
 //!   where its material keeps its volume; the compression term counts as far as it pushes.
 //! - After each step the decision depends on the state and the edits alone, so that snapshots and replays need nothing more.
 
@@ -76,7 +77,7 @@ pub struct Tear {
     pub body: usize,
     /// Largest principal stress (Pa) that it bears.
     pub strength: f64,
-    /// Energy (J/m^2, by area at rest) that the end of a wound takes to go on; it goes on by its strength without. Not of membranes alone.
+    /// Energy (J/m^2, by area at rest) that the end of a wound takes to go on; it goes on by its strength without. Of linear tetrahedra alone.
     pub toughness: Option<f64>,
     /// Radius (m, at rest) of the ball over which stress is averaged, 1.2 mean edges at least, 1.5 with a toughness; these without.
     pub radius: Option<f64>,
@@ -144,22 +145,15 @@ pub fn check_tear(world: &mut World, tear: &Tear) -> Result<Tear, CutError> {
     let rows = world.resource::<Topology>().bodies[tear.body].clone();
     let refuse = |problem: String| Err(CutError::Tear { body: rows.name.clone(), problem });
     let order = order_of(&rows);
-    if !order.is_linear() {
-        let problem =
-            "its elements are no linear tetrahedra; take these, or a membrane of triangles alone";
-        return refuse(problem.into());
-    }
     let Some(soft) = soft_of(world, tear.body) else { return refuse("it has no elements".into()) };
     let film = soft.membrane.filter(|_| order == Order::Triangles);
-    if film.is_some() && tear.toughness.is_some() {
-        let problem = "a membrane alone tears by its strength; leave its toughness out";
+    if tear.toughness.is_some() && order != Order::Linear {
+        let problem = "toughness is known of linear tetrahedra alone; leave it out, and it tears by its strength";
         return refuse(problem.into());
     }
     if film.is_none() && soft.volume != VolumeRule::Elements {
-        return refuse(
-            "clusters of volume have no stress of their own elements; take volume = \"elements\""
-                .into(),
-        );
+        let problem = "means of volume have no stress of a place; take volume = \"elements\"";
+        return refuse(problem.into());
     }
     if soft.glue.is_some() {
         return refuse("glue would hold its tears closed; build it without".into());
@@ -302,14 +296,7 @@ impl TearView {
             faces.flat_map(|(face, ..)| *face).filter(|p| *p < material.vertices).collect();
         outside.sort_unstable();
         outside.dedup();
-        let mut alive = vec![false; material.elements.len()];
-        material.cells.iter().for_each(|cell| alive[cell.element as usize] = true);
-        let mut middles = Vec::new();
-        for (e, element) in material.elements.iter().enumerate().filter(|(e, _)| alive[*e]) {
-            let corners = real(&element.vertices).iter().zip(element.portion);
-            let sum: DVec3 = corners.map(|(&v, part)| part * rest[v as usize]).sum();
-            middles.push((sum / element.share(), element_of[e]));
-        }
+        let mut middles = middles(&material, &rest, &element_of);
         middles.sort_by(|a, b| a.0.x.total_cmp(&b.0.x).then(a.1.cmp(&b.1)));
         let mut nodes: Vec<(DVec3, u32)> = of_rows.iter().copied().zip(0..).collect();
         nodes.sort_by(|a, b| a.0.x.total_cmp(&b.0.x).then(a.1.cmp(&b.1)));
@@ -383,9 +370,7 @@ impl TearView {
 
     /// Place (m) of a point at rest.
     fn at_rest(&self, point: u32) -> DVec3 {
-        let point = &self.material.points[point as usize];
-        let used = point.vertices.iter().zip(point.weights).filter(|(_, w)| *w != 0.0);
-        used.map(|(&v, w)| w * self.rest[v as usize]).sum()
+        at_rest(&self.material, &self.rest, point)
     }
 
     /// The corners of an uncut cell as its material has them; that which a triangle does not have is somewhere.
@@ -442,24 +427,31 @@ impl TearView {
         let mut in_material = vec![DVec3::ZERO; if wanted { at.len() } else { 0 }];
         let state = State::new(own, world, &soft, &mut queries);
         let nodes = own.connectivity.ordered.tetrahedra();
+        let kind = kind_of(&world.resource::<Topology>().bodies[body]);
         let of = |&(_, row): &(DVec3, u32)| {
-            let x = nodes[row as usize].map(|v| at[v as usize]);
             let mut stress = Stress::default();
-            state.visit(ElementKind::Tetrahedron, row, |point| {
+            state.visit(kind, row, |point| {
                 let Point::Solid(e, u) = point else { return };
                 let gradient = displacement_gradient(&e.gradients, u);
                 let volume = e.volume * (1.0 + volume_change(&gradient));
+                let [d1, d2, d3] = e.gradients.map(DVec3::from);
+                let transposed = DMat3::from_cols_array(&gradient);
                 let forces = forces(e, u);
                 if let (true, Some(forces)) = (wanted, forces) {
-                    let [d1, d2, d3] = e.gradients.map(DVec3::from);
-                    let (energy, transposed) = (energy(e, u), DMat3::from_cols_array(&gradient));
+                    let energy = energy(e, u);
                     let shape = [-(d1 + d2 + d3), d1, d2, d3];
                     for (i, (d, f)) in shape.into_iter().zip(forces).enumerate() {
                         let row = nodes[row as usize][i] as usize;
                         in_material[row] -= energy * d + transposed * DVec3::from(f);
                     }
                 }
-                stress = (virial(forces.iter().flatten(), &x), volume);
+                // edges of what stands for the element at this point, as they are now
+                let edges = DMat3::from_cols(d1, d2, d3).inverse().transpose();
+                let edges = (DMat3::IDENTITY + transposed.transpose()) * edges;
+                let x = [DVec3::ZERO, edges.x_axis, edges.y_axis, edges.z_axis];
+                let own = virial(forces.iter().flatten(), &x);
+                stress.0.iter_mut().zip(own).for_each(|(sum, part)| *sum += part);
+                stress.1 += volume;
             });
             stress
         };
@@ -502,6 +494,27 @@ impl TearView {
         };
         self.middles.iter().map(of).collect()
     }
+}
+
+/// Place (m) of a point at rest, where the vertices of the mesh are at `rest`.
+fn at_rest(material: &Material, rest: &[DVec3], point: u32) -> DVec3 {
+    let point = &material.points[point as usize];
+    let used = point.vertices.iter().zip(point.weights).filter(|(_, w)| *w != 0.0);
+    used.map(|(&v, w)| w * rest[v as usize]).sum()
+}
+
+/// Middles (m) of the material at rest of elements that have any, and their rows.
+fn middles(material: &Material, rest: &[DVec3], element_of: &[u32]) -> Vec<(DVec3, u32)> {
+    let mut sums = vec![(DVec3::ZERO, 0.0); material.elements.len()];
+    for cell in &material.cells {
+        let corners = real(&cell.corners);
+        let sum: DVec3 = corners.iter().map(|&p| at_rest(material, rest, p)).sum();
+        let (all, volume) = &mut sums[cell.element as usize];
+        *all += cell.volume / corners.len() as f64 * sum;
+        *volume += cell.volume;
+    }
+    let own = sums.into_iter().zip(element_of).filter(|((_, volume), _)| *volume > 0.0);
+    own.map(|((sum, volume), row)| (sum / volume, *row)).collect()
 }
 
 /// What forces (N) of an element on vertices at these places (m) say of its stress, times its volume (N m): `xx, yy, zz, yz, xz, xy`.
