@@ -26,7 +26,7 @@ fn pull(s: &mut Simulation, body: BodyHandle, mesh: &Mesh, stress: f64) {
 fn a_bar_tears_at_its_strength() {
     let laws = [(Model::StVK, 0.0), (Model::NeoHookean, 0.3), (Model::StVKVolume, 0.3)];
     let all = Solid::ALL.map(|solid| laws.map(|(model, nu)| (solid, model, nu)));
-    let full = all.into_flattened().into_iter().map(|own| (own, Integration::Full));
+    let full = all.into_iter().flatten().map(|own| (own, Integration::Full));
     let reduced = ((Solid::Hexahedra, Model::NeoHookean, 0.3), Integration::Reduced);
     for ((solid, model, nu), integration) in full.chain([reduced]) {
         let mesh = solid.slab(DVec3::new(0.04, 0.02, 0.02), [8, 4, 4]);
