@@ -113,7 +113,11 @@ fn paths(world: &mut World) -> Vec<Path> {
             ToolMotion::Follow => tool.start,
             _ => tool.wanted(now, tool.start),
         };
-        let then = tool.wanted(then, here);
+        // a hand that holds it by a spring is elsewhere; what it will give way by then is not known yet
+        let yields = if came && tool.spring.is_some() { report.yields } else { DVec3::ZERO };
+        let hand = ToolPose { position: here.position - yields, ..here };
+        let mut then = tool.wanted(then, hand);
+        then.position += yields;
         let is_placed = tool.target().1;
         // it comes to another place without touching anything on the way
         let now = if is_placed { then } else { here };

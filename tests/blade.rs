@@ -154,8 +154,14 @@ fn feels_its_toughness(solid: Solid) {
 /// A cut in the middle of a stroke goes on from a snapshot, also in another simulation, and with other threads, to the bit.
 #[test]
 fn strokes_go_on_from_snapshots() {
-    for solid in Solid::ALL {
-        let (mut simulation, _, blade) = scene((solid, 4), 50.0, Precision::F64);
+    let all = Solid::ALL.into_iter().flat_map(|solid| [(solid, None), (solid, Some(SPRING))]);
+    for (solid, spring) in all {
+        let scene = || {
+            let (mut simulation, body, blade) = scene((solid, 4), 50.0, Precision::F64);
+            simulation.world_mut().get_mut::<Tool>(blade).unwrap().spring = spring;
+            (simulation, body, blade)
+        };
+        let (mut simulation, _, blade) = scene();
         simulation.step().unwrap();
         draw(&mut simulation, blade, DVec3::Y * 0.03, 30, &mut |_| ());
         let snapshot = simulation.snapshot().unwrap();
@@ -168,10 +174,87 @@ fn strokes_go_on_from_snapshots() {
         simulation.restore(&snapshot).unwrap();
         draw(&mut simulation, blade, DVec3::Y * 0.02, 20, &mut |_| ());
         assert_eq!(simulation.state_hash(), hash, "{solid:?}");
-        let (mut other, _, own) = scene((solid, 4), 50.0, Precision::F64);
+        let (mut other, _, own) = scene();
         other.restore(&Snapshot::from_bytes(&bytes).unwrap()).unwrap();
         draw(&mut other, own, DVec3::Y * 0.02, 20, &mut |_| ());
         assert_eq!((other.state_hash(), other.tool_report(own).unwrap().clone()), (hash, report));
+    }
+}
+
+/// Stiffness (N/m) of the spring between a hand and a blade.
+const SPRING: f64 = 300.0;
+
+/// A blade on a spring is behind the hand by its force over the stiffness, and cuts what one cuts that is moved rigidly to where it went.
+#[test]
+fn a_hand_holds_a_blade_by_a_spring() {
+    for solid in Solid::ALL {
+        let cells = if solid == Solid::TenNodes { 4 } else { 6 };
+        let [(mut simulation, _, blade), (mut rigid, _, twin)] =
+            [(); 2].map(|()| scene((solid, cells), 50.0, Precision::F64));
+        simulation.world_mut().get_mut::<Tool>(blade).unwrap().spring = Some(SPRING);
+        simulation.step().unwrap();
+        rigid.step().unwrap();
+        let start = simulation.tool_report(blade).unwrap().position;
+        let (mut most, mut off) = (0.0_f64, 0.0_f64);
+        for step in 1..=150 {
+            let hand = start + DVec3::Y * (3e-4 * f64::from(step));
+            simulation.move_tool(blade, hand).unwrap();
+            simulation.step().unwrap();
+            let own = simulation.tool_report(blade).unwrap().clone();
+            assert!(!own.unconverged && own.position.distance(hand + own.yields) < 1e-12);
+            let left = (SPRING * own.yields).distance(own.force);
+            assert!(left <= 1e-6 * own.force.length(), "{solid:?}: {left} of {:?}", own.force);
+            rigid.move_tool(twin, own.position).unwrap();
+            rigid.step().unwrap();
+            let force = rigid.tool_report(twin).unwrap().force;
+            (most, off) = (most.max(force.length()), off.max(force.distance(own.force)));
+        }
+        let (own, other) =
+            (simulation.tool_report(blade).unwrap(), rigid.tool_report(twin).unwrap());
+        assert!(own.yields.length() > 2e-3 && own.separated > 10, "{solid:?}: {own:?}");
+        assert!(off < 0.02 * most, "{solid:?}: {off} of {most} N");
+        let stored = 0.5 * SPRING * own.yields.length_squared();
+        for (what, own, other) in [
+            ("area", own.cut_area, other.cut_area),
+            ("work", own.work - stored, other.work),
+            ("energy", own.energy - stored, other.energy),
+        ] {
+            assert!((own / other - 1.0).abs() < 0.01, "{solid:?}: {what} {own} {other}");
+        }
+        assert!(own.fracture < own.work, "{own:?}");
+    }
+}
+
+/// The hand stops far ahead of the blade, which goes on until the force of the spring is no more than what cutting takes.
+#[test]
+fn energy_never_rises_while_the_hand_of_a_blade_rests() {
+    let integrators = [Integrator::Safe, Integrator::LinearisedBdf2, Integrator::Newton];
+    let all = Solid::ALL.into_iter().flat_map(|solid| integrators.map(|own| (solid, own)));
+    for (solid, integrator) in all {
+        for dt in [0.002, 0.01, 0.033] {
+            let (mut simulation, _, blade) = scene((solid, 4), 50.0, Precision::F64);
+            simulation.world_mut().get_mut::<Tool>(blade).unwrap().spring = Some(SPRING);
+            simulation.set_solver(SolverSettings { integrator, ..SolverSettings::default() });
+            simulation.set_dt(dt);
+            simulation.step().unwrap();
+            draw(&mut simulation, blade, DVec3::Y * 0.03, 5, &mut |_| ());
+            let mut before = f64::INFINITY;
+            let mut first = 0.0;
+            for step in 0..(1.0_f64 / dt) as u32 {
+                simulation.step().unwrap();
+                let report = simulation.report();
+                let now = report.kinetic_energy + report.elastic_energy + report.contact.energy;
+                if step == 0 {
+                    first = now;
+                }
+                let what = format!("{solid:?} {integrator:?} {dt}: step {step}");
+                assert!(now <= before + 1e-9 * first, "{what}: {before} {now} J");
+                before = now;
+            }
+            let own = simulation.tool_report(blade).unwrap();
+            assert!(own.separated > 0 && own.yields.y < -1e-3, "{own:?}");
+            assert!(own.velocity.length() < 1e-3 && before < first, "{own:?}");
+        }
     }
 }
 

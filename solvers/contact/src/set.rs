@@ -440,10 +440,10 @@ impl ContactSet {
                     }
                 }
                 Against::Edge(edge) => {
-                    let ToolNow { tool, start, end, .. } = &self.tools[edge.tool];
+                    let ToolNow { tool, start, end, spring, .. } = &self.tools[edge.tool];
                     let (pose, first) = (start.towards(end, part), tool.start.opening);
                     if let Some(own) = &tool.edge {
-                        point.carried = own.place(edge.local, &pose, first);
+                        point.carried = own.place(edge.local, &pose, first) + spring.now;
                     }
                     if part == 0.0 {
                         edge.from = point.carried;
@@ -638,6 +638,7 @@ impl ContactSet {
             // a tool that gives way takes the point with it
             let way = match point.against {
                 Against::Part(part) => self.tools[self.parts[part].tool].spring.now,
+                Against::Edge(edge) => self.tools[edge.tool].spring.now,
                 _ => DVec3::ZERO,
             };
             let place_of = |active: &Active| {
@@ -839,8 +840,7 @@ impl ContactSet {
 
     /// Points that press or hold a tool, at the last evaluation.
     fn touching(&self, tool: usize) -> impl Iterator<Item = &Active> {
-        let parts = &self.tools[tool].parts;
-        let of = move |point: &ContactPoint| matches!(&point.against, Against::Part(i) if parts.contains(i));
+        let of = move |point: &ContactPoint| self.is_of_tool(point, tool);
         let both = self.points.iter().zip(&self.active);
         both.filter(move |(point, active)| active.on && of(point)).map(|(_, active)| active)
     }

@@ -250,7 +250,7 @@ pub struct Tool {
     /// Stiffness (N/m) of a spring by which a hand holds the tool. Targets and motion are then those of the hand: the tool turns
     /// and opens with it, and is where the spring and all that it touches are in balance at every state of the bodies. Without,
     /// the hand holds it rigidly. What lets it go suddenly, such as tissue that parts, lets it move back to the hand within a step; one
-    /// thinner than that way may pass a surface then. Not for edges, needles and exact contact.
+    /// thinner than that way may pass a surface then, and an edge that leaves tissue does so. Not for needles and exact contact.
     pub spring: Option<f64>,
     /// Also finds the force by points of the other kind ([`ToolReport::other_points`]). It is no bound on the error.
     pub error_bar: bool,
@@ -509,7 +509,6 @@ impl Tool {
             return Some(format!("its spring is {spring} N/m: it must be positive and finite"));
         }
         let has = [
-            (self.edge.is_some(), "an edge"),
             (self.needle.is_some(), "a needle"),
             (self.exact, "exact contact"),
             (self.local_stiffness, "a local stiffness of its own"),

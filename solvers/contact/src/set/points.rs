@@ -232,7 +232,8 @@ impl ContactSet {
             for (number, own) in state.points.iter().enumerate() {
                 let width = 0.5 * own.width;
                 let local = edge.point(number as u32, segments);
-                let from = edge.place(local, &now.start, now.tool.start.opening);
+                let first = now.tool.start.opening;
+                let from = edge.place(local, &now.start, first) + now.spring.from;
                 for (side, hold) in (0..).zip(own.holds.iter().flatten()) {
                     let key = PointKey {
                         body: hold.body as u32,

@@ -163,11 +163,11 @@ impl ContactSet {
                 && edge.tool == index
             {
                 report.force += force;
-                report.torque += (point.carried - now.end.position).cross(force);
+                report.torque += (point.carried - origin).cross(force);
                 let first = now.tool.start.opening;
                 let way = now.tool.edge.map_or(DVec3::ZERO, |edge| edge.per_opening(first));
                 report.closing += force.dot(now.end.rotation * way);
-                report.work -= force.dot(point.carried - edge.from);
+                report.work -= force.dot(point.carried - edge.from - spring);
                 report.energy += stored(point, active);
                 report.dissipation += lost(point, active);
                 report.unconverged = self.figures.missed;

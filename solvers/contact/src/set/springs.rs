@@ -61,11 +61,19 @@ impl ContactSet {
         self.sprung().map(of).sum()
     }
 
-    /// The points of a range that a tool may touch.
+    /// The points of a range that a tool may touch, or its edge holds.
     fn points_of(&self, tool: usize, range: &Range<usize>) -> Vec<usize> {
-        let parts = &self.tools[tool].parts;
-        let is_own = |i: &usize| matches!(&self.points[*i].against, Against::Part(part) if parts.contains(part));
+        let is_own = |i: &usize| self.is_of_tool(&self.points[*i], tool);
         range.clone().filter(is_own).collect()
+    }
+
+    /// Whether it is one that a tool may touch, or its edge holds.
+    pub(super) fn is_of_tool(&self, point: &ContactPoint, tool: usize) -> bool {
+        match &point.against {
+            Against::Part(part) => self.tools[tool].parts.contains(part),
+            Against::Edge(edge) => edge.tool == tool,
+            _ => false,
+        }
     }
 
     /// The bodies of the points of every tool on a spring.
@@ -199,16 +207,13 @@ impl ContactSet {
     /// The bodies, solved for together, that touched a tool at the last evaluation; none where none did.
     pub fn group_at(&self, tool: Entity, bodies: usize) -> Option<Range<usize>> {
         let index = self.tools.iter().position(|now| now.entity == tool)?;
-        let parts = &self.tools[index].parts;
-        let of_tool =
-            |point: &ContactPoint| matches!(&point.against, Against::Part(i) if parts.contains(i));
         let mut both = self.points.iter().zip(&self.active);
-        let (point, _) = both.find(|(point, active)| active.on && of_tool(point))?;
+        let (point, _) = both.find(|(point, active)| active.on && self.is_of_tool(point, index))?;
         let body = point.key.body as usize;
         self.groups(bodies).into_iter().find(|group| group.contains(&body))
     }
 
-    /// Unit vector in which tissue pushes a tool at the last evaluation, where it pushes to one side and nothing is gripped.
+    /// Unit vector in which tissue pushes a tool at the last evaluation, where it pushes to one side and nothing is gripped or cut.
     pub fn push_on(&self, tool: Entity) -> Option<DVec3> {
         let index = self.tools.iter().position(|now| now.entity == tool)?;
         let (mut sum, mut all) = (DVec3::ZERO, 0.0);
@@ -216,7 +221,8 @@ impl ContactSet {
             sum -= active.push;
             all += active.push.length();
         }
-        let is_one = !self.tools[index].tool.grip && sum.length() > 0.5 * all;
+        let own = &self.tools[index].tool;
+        let is_one = !own.grip && own.edge.is_none() && sum.length() > 0.5 * all;
         sum.try_normalize().filter(|_| is_one)
     }
 
