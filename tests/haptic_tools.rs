@@ -188,9 +188,13 @@ struct Beside {
 
 impl Beside {
     fn new(rate: u64, friction: f64) -> (Self, HapticDevice) {
-        let (mut simulation, tissue, device) = held(Precision::F64, Integrator::Safe, friction);
+        let (simulation, tissue, device) = held(Precision::F64, Integrator::Safe, friction);
+        (Self::beside(simulation, tissue, rate), device)
+    }
+
+    fn beside(mut simulation: Simulation, tissue: HapticTissue, rate: u64) -> Self {
         simulation.set_dt(1.0 / rate as f64);
-        (Self { simulation, tissue, rate, tick: 0, steps: 0 }, device)
+        Self { simulation, tissue, rate, tick: 0, steps: 0 }
     }
 
     /// The begin of a cycle: what a step led to is known when it is over.
@@ -216,6 +220,81 @@ fn rms(values: &[f64]) -> f64 {
     (values.iter().map(|x| x * x).sum::<f64>() / values.len() as f64).sqrt()
 }
 
+/// The force (N) that a device with these motions (m, m/s) would feel if the scene with its tool, which is at `start` (m), were stepped at a
+/// kilohertz, its damper included.
+fn at_a_kilohertz(
+    (mut simulation, tool): (Simulation, bevy_ecs::entity::Entity),
+    start: DVec3,
+    way: impl Fn(f64) -> DVec3,
+    velocity: impl Fn(f64) -> DVec3,
+    seconds: f64,
+) -> Vec<DVec3> {
+    simulation.set_dt(TICK);
+    let mut forces = Vec::new();
+    for tick in 0..ticks(seconds) {
+        // as far as the spring is drawn
+        let force = simulation.tool_report(tool).map_or(DVec3::ZERO, |own| own.force);
+        let firm = (force.length() / 300.0 / 1e-3).min(1.0);
+        forces.push(force - firm * 2.0 * velocity(tick as f64 * TICK));
+        simulation.move_tool(tool, start + way((tick + 1) as f64 * TICK)).unwrap();
+        simulation.step().unwrap();
+    }
+    forces
+}
+
+/// Where the scalpel stands at first: beside the block, 30 mm deep in its height.
+const BESIDE: DVec3 = DVec3::new(0.063, -0.01, 0.05);
+
+/// The block with a scalpel beside it.
+fn with_scalpel(integrator: Integrator) -> (Simulation, bevy_ecs::entity::Entity) {
+    let (mut simulation, _, _) = block_with(2000, Precision::F64, integrator, true);
+    let ends = [DVec3::Z * 0.02, DVec3::Z * -0.02];
+    let edge = Edge { ends, into: DVec3::Y, toughness: 20.0, travel: DVec3::ZERO };
+    let tool = simulation.add_tool(Tool::blade("scalpel", edge, BESIDE)).unwrap();
+    (simulation, tool)
+}
+
+/// A device with a scalpel cuts on and draws it out, beside a scene that is stepped at a kilohertz.
+#[test]
+fn a_cut_is_felt_as_at_a_kilohertz() {
+    // 60 mm in, with a hand that is not steady, and back
+    let way = |t: f64| {
+        let on = if t < 2.0 { 0.035 * t } else { 0.07 - 0.06 * (t - 2.0) };
+        DVec3::new(5e-4 * (9.0 * t).sin(), on + 1e-3 * (7.0 * t).sin(), 5e-4 * (5.0 * t).sin())
+    };
+    let velocity = |t: f64| (way(t + 1e-6) - way(t - 1e-6)) / 2e-6;
+    let exact = {
+        let (mut simulation, tool) = with_scalpel(Integrator::Safe);
+        simulation.world_mut().get_mut::<Tool>(tool).unwrap().spring = Some(300.0);
+        at_a_kilohertz((simulation, tool), BESIDE, way, velocity, 3.0)
+    };
+    let peak = exact.iter().map(|f| f.length()).fold(0.0, f64::max);
+    for rate in [60, 100] {
+        let (mut simulation, tool) = with_scalpel(Integrator::Safe);
+        let options = HapticOptions::of_tool(tool);
+        let (tissue, mut handle) = simulation.haptic_handle(options).unwrap();
+        let mut scene = Beside::beside(simulation, tissue, rate);
+        let mut felt = Vec::new();
+        for tick in 0..ticks(3.0) {
+            scene.cycle();
+            let t = tick as f64 * TICK;
+            felt.push(handle.exchange(way(t), velocity(t), TICK).force);
+        }
+        let cut = scene.simulation.tool_report(tool).unwrap();
+        let off: Vec<f64> = felt.iter().zip(&exact).map(|(a, b)| a.distance(*b)).collect();
+        let error = rms(&off[ticks(0.3) as usize..]) / peak;
+        let jump = felt.windows(2).map(|w| w[0].distance(w[1])).fold(0.0, f64::max) / peak;
+        println!(
+            "{rate}: peak {peak:.3} N, {} elements parted, error {:.2} %, jump {:.2} %",
+            cut.separated,
+            1e2 * error,
+            1e2 * jump
+        );
+        assert!(peak > 0.4 && cut.separated > 50, "{peak} N, {cut:?}");
+        assert!(error < 0.05 && jump < 0.05, "{rate}: {error} {jump}");
+    }
+}
+
 /// Moved down into the tissue and out of it, beside a scene that is stepped at a kilohertz.
 #[test]
 fn a_tool_that_comes_into_touch_and_leaves_is_felt_as_at_a_kilohertz() {
@@ -223,20 +302,10 @@ fn a_tool_that_comes_into_touch_and_leaves_is_felt_as_at_a_kilohertz() {
     let way = |t: f64| DVec3::Z * -5e-3 * (1.0 - (std::f64::consts::TAU * t).cos());
     let velocity = |t: f64| (way(t + 1e-6) - way(t - 1e-6)) / 2e-6;
     let exact = {
-        let (mut simulation, tool) = poked(Precision::F64, Integrator::Safe, 0.0);
-        simulation.set_dt(TICK);
-        let mut forces = Vec::new();
-        for tick in 0..ticks(3.0) {
-            // with the damper of the device, as far as the spring is drawn
-            let force = simulation.tool_report(tool).map_or(DVec3::ZERO, |own| own.force);
-            let firm = (force.length() / 300.0 / 1e-3).min(1.0);
-            let damped = force - firm * 2.0 * velocity(tick as f64 * TICK);
-            forces.push(DVec3::new(damped.x, damped.y, damped.z.max(0.0)));
-            let to = way((tick + 1) as f64 * TICK);
-            simulation.move_tool(tool, above(TOUCHES + 2e-3) + to).unwrap();
-            simulation.step().unwrap();
-        }
-        forces
+        let scene = poked(Precision::F64, Integrator::Safe, 0.0);
+        let mut all = at_a_kilohertz(scene, above(TOUCHES + 2e-3), way, velocity, 3.0);
+        all.iter_mut().for_each(|force| force.z = force.z.max(0.0));
+        all
     };
     let peak = exact.iter().map(|f| f.length()).fold(0.0, f64::max);
     let free = exact.iter().filter(|f| **f == DVec3::ZERO).count();
@@ -478,6 +547,7 @@ fn what_cannot_be_held_is_named() {
     let (mut simulation, body, patch) = block_with(0, Precision::F64, Integrator::Safe, true);
     let mut stiff = ball(0.0).with_spring(1.0);
     stiff.local_stiffness = true;
+    let needle = Needle::new(0.1, 1e-3, 200.0, 25.0);
     for (tool, what) in [
         (ball(0.0).with_spring(0.0), "its spring is 0 N/m: it must be positive and finite"),
         (ball(0.0).with_spring(f64::NAN), "its spring is NaN N/m"),
@@ -486,7 +556,7 @@ fn what_cannot_be_held_is_named() {
             "a tool with exact contact cannot be held by a spring",
         ),
         (stiff, "a local stiffness"),
-        (ball(0.0).with_edge(Edge::new(0.01, 1.0)).with_spring(1.0), "an edge"),
+        (Tool::needle("lance", needle, DVec3::ZERO).with_spring(1.0), "a needle"),
     ] {
         let error = simulation.add_tool(tool).unwrap_err().to_string();
         assert!(error.contains(what), "{error}");
@@ -495,7 +565,7 @@ fn what_cannot_be_held_is_named() {
     let mut path = ball(0.0);
     path.motion = ToolMotion::Translate(DVec3::Z, Curve::Constant);
     let path = simulation.add_tool(path).unwrap();
-    let blade = simulation.add_tool(ball(0.0).with_edge(Edge::new(0.01, 1.0))).unwrap();
+    let lance = simulation.add_tool(Tool::needle("lance", needle, DVec3::Z)).unwrap();
     let good = HapticOptions::of_tool(own);
     for (options, what) in [
         (
@@ -506,14 +576,17 @@ fn what_cannot_be_held_is_named() {
             HapticOptions { tool: Some(path), ..good.clone() },
             "it moves by a path or curve of its own",
         ),
-        (HapticOptions { tool: Some(blade), ..good.clone() }, "a tool with an edge cannot be held"),
+        (
+            HapticOptions { tool: Some(lance), ..good.clone() },
+            "a tool with a needle cannot be held",
+        ),
         (HapticOptions { stiffness: -1.0, ..good.clone() }, "stiffness is -1 N/m"),
     ] {
         let error = simulation.haptic_handle(options).unwrap_err().to_string();
         assert!(error.contains(what), "{error}");
     }
     // nothing was changed by it
-    assert_eq!(simulation.world().get::<Tool>(blade).unwrap().spring, None);
+    assert_eq!(simulation.world().get::<Tool>(lance).unwrap().spring, None);
     let (mut tissue, _device) = simulation.haptic_handle(good.clone()).unwrap();
     assert!(simulation.remove_contact(own));
     let error = tissue.step(&mut simulation).unwrap_err();

@@ -73,6 +73,12 @@ impl Biopsy {
         Self { simulation, body, needle, unit, place, at: ABOVE }
     }
 
+    /// A hand holds the needle by a spring of this stiffness (N/m), if any.
+    fn on_a_spring(mut self, stiffness: Option<f64>) -> Self {
+        self.simulation.world_mut().get_mut::<Tool>(self.needle).unwrap().spring = stiffness;
+        self
+    }
+
     /// Moves the needle on by `way` (m) in so many steps.
     fn go(&mut self, way: DVec3, steps: u32, each: &mut dyn FnMut(&mut Self)) {
         let from = self.at;
@@ -99,11 +105,14 @@ fn a_needle_puts_in_no_more_than_the_hand_does() {
         Integrator::LinearisedTrBdf2,
         Integrator::SymplecticEuler,
     ];
-    for (solid, precision) in [
-        (Solid::Linear, Precision::F64),
-        (Solid::Linear, Precision::F32),
-        (Solid::TenNodes, Precision::F64),
-        (Solid::Hexahedra, Precision::F64),
+    for (solid, precision, spring) in [
+        (Solid::Linear, Precision::F64, None),
+        (Solid::Linear, Precision::F64, Some(300.0)),
+        (Solid::Linear, Precision::F32, None),
+        (Solid::TenNodes, Precision::F64, None),
+        (Solid::TenNodes, Precision::F64, Some(300.0)),
+        (Solid::Hexahedra, Precision::F64, None),
+        (Solid::Hexahedra, Precision::F64, Some(300.0)),
     ] {
         for integrator in integrators {
             // explicit steps swing about the energy by 0.7 % here, by 0.5 % where a vertex is moved without any needle; and they end, at 10 ms,
@@ -111,7 +120,8 @@ fn a_needle_puts_in_no_more_than_the_hand_does() {
             if (solid, integrator) == (Solid::Hexahedra, Integrator::SymplecticEuler) {
                 continue;
             }
-            let mut biopsy = Biopsy::new(options(precision, 1), solid);
+            let biopsy = Biopsy::new(options(precision, 1), solid);
+            let mut biopsy = biopsy.on_a_spring(spring);
             biopsy.simulation.integrate_by(integrator);
             biopsy.simulation.set_dt(0.01);
             let (mut work, mut lost) = (0.0, 0.0);
@@ -123,7 +133,7 @@ fn a_needle_puts_in_no_more_than_the_hand_does() {
                 let allowed = if precision == Precision::F32 { 1e-3 } else { 1e-6 } * work.abs();
                 assert!(
                     energy <= work + allowed,
-                    "{solid:?} {integrator:?} {precision:?}: {energy} {work} {report:?}"
+                    "{solid:?} {integrator:?} {precision:?} {spring:?}: {energy} {work} {report:?}"
                 );
                 // but for the rounding of sums of work
                 assert!(report.dissipation >= lost - 1e-12 * work.abs(), "{report:?}");
@@ -178,6 +188,53 @@ fn a_steady_needle_feels_what_it_cuts_and_what_holds_it() {
     }
 }
 
+/// A needle on a spring is behind the hand by its force over the stiffness, and meets what one meets that is moved rigidly to where it went.
+#[test]
+fn a_hand_holds_a_needle_by_a_spring() {
+    const STIFFNESS: f64 = 300.0;
+    for solid in Solid::ALL {
+        let [own, mut rigid] = [(); 2].map(|()| Biopsy::new(options(Precision::F64, 1), solid));
+        let mut own = own.on_a_spring(Some(STIFFNESS));
+        let (mut most, mut off, mut stored) = (0.0_f64, 0.0_f64, 0.0);
+        for way in [DVec3::Z * -0.03, DVec3::X * 0.003, DVec3::Z * 0.02] {
+            own.go(way, 60, &mut |own| {
+                let report = own.report();
+                let left = (STIFFNESS * report.yields).distance(report.force);
+                assert!(left <= 1e-6 * report.force.length(), "{solid:?}: {left} {report:?}");
+                assert!(
+                    report.position.distance(own.at + report.yields) < 1e-12 && !report.unconverged
+                );
+                let way = report.position - rigid.at;
+                rigid.go(way, 1, &mut |_| ());
+                let force = rigid.report().force;
+                (most, off) = (most.max(force.length()), off.max(force.distance(report.force)));
+                stored = 0.5 * STIFFNESS * report.yields.length_squared();
+            });
+        }
+        let (own, other) = (own.report(), rigid.report());
+        assert!(own.punctures == 1 && own.inserted > 0.005 && most > 0.3, "{own:?}");
+        assert!(off < 0.02 * most, "{solid:?}: {off} of {most} N");
+        // the hand's way is longer than the needle's
+        assert!(((own.work - stored) / other.work - 1.0).abs() < 0.02, "{own:?} {other:?}");
+    }
+}
+
+/// Nobody would feel the thread.
+#[test]
+fn a_needle_on_a_spring_draws_no_thread() {
+    let biopsy = Biopsy::new(options(Precision::F64, 1), Solid::Linear);
+    let Biopsy { mut simulation, needle, .. } = biopsy.on_a_spring(Some(300.0));
+    let end = simulation.needle_end(needle).unwrap();
+    let points = vec![Hold::Place(DVec3::Z), end];
+    simulation.add_thread(Thread::new("suture", points, 20.0)).unwrap();
+    let before = simulation.state_hash();
+    let error = simulation.step().unwrap_err().to_string();
+    assert!(["suture", "`needle`", "rigidly"].iter().all(|word| error.contains(word)), "{error}");
+    assert_eq!(simulation.state_hash(), before);
+    simulation.world_mut().get_mut::<Tool>(needle).unwrap().spring = None;
+    simulation.step().unwrap();
+}
+
 /// What the hand feels, and where the tissue is, after a needle went in and turned aside.
 fn felt(mut biopsy: Biopsy) -> (ToolReport, Vec<DVec3>, u64) {
     biopsy.go(DVec3::Z * -0.028, 40, &mut |_| ());
@@ -228,9 +285,11 @@ fn feels_the_same_everywhere(solid: Solid) {
 #[test]
 fn a_needle_goes_on_from_a_snapshot() {
     let integrators = [Integrator::Safe, Integrator::SymplecticEuler];
-    for (solid, integrator) in Solid::ALL.into_iter().flat_map(|s| integrators.map(|i| (s, i))) {
+    let all = Solid::ALL.into_iter().flat_map(|s| integrators.map(|i| (s, i)));
+    for ((solid, integrator), spring) in all.flat_map(|own| [(own, None), (own, Some(300.0))]) {
         let build = || {
-            let mut biopsy = Biopsy::new(options(Precision::F64, 1), solid);
+            let biopsy = Biopsy::new(options(Precision::F64, 1), solid);
+            let mut biopsy = biopsy.on_a_spring(spring);
             biopsy.simulation.integrate_by(integrator);
             biopsy
         };

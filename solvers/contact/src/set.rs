@@ -449,7 +449,10 @@ impl ContactSet {
                         edge.from = point.carried;
                     }
                 }
-                Against::Needle(own) => own.now = own.start.towards(&own.end, part),
+                Against::Needle(own) => {
+                    own.now = own.start.towards(&own.end, part);
+                    own.now.centre += self.tools[own.tool].spring.way();
+                }
                 Against::Faces(_) => {}
             }
         }
@@ -639,7 +642,8 @@ impl ContactSet {
             let way = match point.against {
                 Against::Part(part) => self.tools[self.parts[part].tool].spring.now,
                 Against::Edge(edge) => self.tools[edge.tool].spring.now,
-                _ => DVec3::ZERO,
+                Against::Needle(ref own) => self.tools[own.tool].spring.now,
+                Against::Hand(_) | Against::Faces(_) => DVec3::ZERO,
             };
             let place_of = |active: &Active| {
                 let shares = active.rows.iter().zip(active.weights).filter(|(_, w)| *w != 0.0);
@@ -934,6 +938,11 @@ impl ContactSet {
         for own in &mut self.parts {
             own.start = own.now;
             own.end.centre += self.tools[own.tool].spring.way();
+        }
+        for point in &mut self.points {
+            if let Against::Needle(own) = &mut point.against {
+                own.end.centre += self.tools[own.tool].spring.way();
+            }
         }
         for own in &mut self.tools {
             own.spring.from = own.spring.now;

@@ -250,7 +250,8 @@ pub struct Tool {
     /// Stiffness (N/m) of a spring by which a hand holds the tool. Targets and motion are then those of the hand: the tool turns
     /// and opens with it, and is where the spring and all that it touches are in balance at every state of the bodies. Without,
     /// the hand holds it rigidly. What lets it go suddenly, such as tissue that parts, lets it move back to the hand within a step; one
-    /// thinner than that way may pass a surface then, and an edge that leaves tissue does so. Not for needles and exact contact.
+    /// thinner than that way may pass a surface then, and an edge or needle that leaves tissue does so. Not for exact contact, and not for a needle
+    /// with a thread.
     pub spring: Option<f64>,
     /// Also finds the force by points of the other kind ([`ToolReport::other_points`]). It is no bound on the error.
     pub error_bar: bool,
@@ -508,11 +509,8 @@ impl Tool {
         if !(spring > 0.0 && spring.is_finite()) {
             return Some(format!("its spring is {spring} N/m: it must be positive and finite"));
         }
-        let has = [
-            (self.needle.is_some(), "a needle"),
-            (self.exact, "exact contact"),
-            (self.local_stiffness, "a local stiffness of its own"),
-        ];
+        let has =
+            [(self.exact, "exact contact"), (self.local_stiffness, "a local stiffness of its own")];
         let (_, what) = has.into_iter().find(|(has, _)| *has)?;
         Some(format!("a tool with {what} cannot be held by a spring; leave one of the two out"))
     }

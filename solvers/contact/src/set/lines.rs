@@ -520,6 +520,18 @@ impl ContactSet {
         self.lines.clear();
         self.left.clear();
         let all = with_query(world, |world, query| wanted(world, query))?;
+        for own in &all {
+            let draws = |now: &&ToolNow| own.of.points.contains(&Hold::Needle(now.id));
+            if let Some(tool) =
+                self.tools.iter().find(draws).filter(|now| now.tool.spring.is_some())
+            {
+                let (name, tool) = (own.of.name.clone(), &tool.name);
+                let problem = format!(
+                    "needle `{tool}` draws it and is held by a spring, which does not feel it; move the needle rigidly"
+                );
+                return Err(StepError::InvalidContact { name, problem });
+            }
+        }
         let is_needle = |id: &Order| self.tools.iter().any(|now| now.id == *id);
         self.holds.retain(|id, _| all.iter().any(|own| own.id == *id) || is_needle(id));
         for own in &all {

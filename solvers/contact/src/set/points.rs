@@ -267,8 +267,9 @@ impl ContactSet {
             let state = world.get::<EdgeState>(now.entity).map(|state| &state.needle);
             let (Some(needle), Some(state)) = (now.tool.needle, state) else { continue };
             let rows = known_rows(&mut self.holds, world, now.id, &state.holds());
+            let yields = now.spring.from;
             let [start, end] = [now.start, now.end]
-                .map(|pose| RigidPose { centre: pose.position, rotation: pose.rotation });
+                .map(|pose| RigidPose { centre: pose.position + yields, rotation: pose.rotation });
             let of = NeedleNow {
                 tool: index,
                 needle,

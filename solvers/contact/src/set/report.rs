@@ -179,10 +179,10 @@ impl ContactSet {
                 && own.tool == index
             {
                 let along = own.at(active.at);
-                let way = active.at - own.end.carry(active.at, &own.start);
+                let way = active.at - own.now.carry(active.at, &own.start);
                 report.force += force;
-                report.torque += (active.at - now.end.position).cross(force);
-                report.work -= force.dot(way);
+                report.torque += (active.at - origin).cross(force);
+                report.work -= force.dot(way - spring);
                 report.energy += along.stored;
                 report.dissipation += along.lost;
                 report.unconverged = self.figures.missed;
@@ -242,7 +242,7 @@ impl ContactSet {
         // the work of a needle against its thread is in the thread's own report
         for (at, force) in self.lines.iter().filter_map(|line| line.pull_on_needle(now.id)) {
             report.force += force;
-            report.torque += (at - now.end.position).cross(force);
+            report.torque += (at - origin).cross(force);
         }
         if weight > 0.0 {
             report.centre = centre / weight;

@@ -61,18 +61,19 @@ impl ContactSet {
         self.sprung().map(of).sum()
     }
 
-    /// The points of a range that a tool may touch, or its edge holds.
+    /// The points of a range that a tool may touch, or that hold its edge or needle.
     fn points_of(&self, tool: usize, range: &Range<usize>) -> Vec<usize> {
         let is_own = |i: &usize| self.is_of_tool(&self.points[*i], tool);
         range.clone().filter(is_own).collect()
     }
 
-    /// Whether it is one that a tool may touch, or its edge holds.
+    /// Whether it is one that a tool may touch, or that holds its edge or needle.
     pub(super) fn is_of_tool(&self, point: &ContactPoint, tool: usize) -> bool {
         match &point.against {
             Against::Part(part) => self.tools[tool].parts.contains(part),
             Against::Edge(edge) => edge.tool == tool,
-            _ => false,
+            Against::Needle(own) => own.tool == tool,
+            Against::Hand(_) | Against::Faces(_) => false,
         }
     }
 
@@ -104,7 +105,10 @@ impl ContactSet {
             part.now.centre += by;
         }
         for &i in points {
-            self.points[i].carried += by;
+            match &mut self.points[i].against {
+                Against::Needle(own) => own.now.centre += by,
+                _ => self.points[i].carried += by,
+            }
         }
     }
 
@@ -222,7 +226,8 @@ impl ContactSet {
             all += active.push.length();
         }
         let own = &self.tools[index].tool;
-        let is_one = !own.grip && own.edge.is_none() && sum.length() > 0.5 * all;
+        let is_one =
+            !own.grip && own.edge.is_none() && own.needle.is_none() && sum.length() > 0.5 * all;
         sum.try_normalize().filter(|_| is_one)
     }
 
