@@ -317,6 +317,13 @@ impl Uncut {
         all.filter(move |(_, corners)| corners.contains(&point)).map(|(cell, _)| cell)
     }
 
+    /// The cells that come apart together with one: those of its element, ascending.
+    pub fn together(&self, cell: u32) -> Vec<u32> {
+        let Some(element) = self.elements.get(cell as usize) else { return vec![cell] };
+        let all = (0..).zip(&self.elements);
+        all.filter(|(_, own)| *own == element).map(|(cell, _)| cell).collect()
+    }
+
     /// Mean length (m) of the edges between vertices of a mesh of so many, when `rest` says where these are.
     pub fn mean_edge(&self, vertices: u32, rest: &dyn Fn(u32) -> DVec3) -> f64 {
         let own = self.edges.iter().filter(|edge| edge[1] < vertices);

@@ -262,8 +262,9 @@ fn advance<S: Scalar>(
         report.begun += u32::from(begun);
         report.pieces = cut.pieces as u32;
         report.way -= if max_speed.is_some() { layer } else { 0.0 };
+    } else {
+        ensure::<BladeViews>(world).tears.insert(body, view);
     }
-    ensure::<BladeViews>(world).tears.insert(body, view);
     Ok(())
 }
 
@@ -622,11 +623,8 @@ impl Look<'_> {
             let (on, along) = view.end(progress, cell, &x);
             let along = along.normalize_or_zero();
             let normal = across - across.dot(along) * along;
-            let held = view.held[cell as usize].unwrap_or_default();
-            if normal.length() >= ACROSS
-                && view.uncut.prolong(progress, (cell, held), x, [on, normal])
-            {
-                apart.push(cell);
+            if normal.length() >= ACROSS {
+                self.part(&view.uncut.together(cell), [on, normal], progress, &mut apart);
             }
         }
         // one thing after the other: what goes on takes tension off what may begin
@@ -687,13 +685,30 @@ impl Look<'_> {
         let across = if pull.sum::<DVec3>().dot(across) < 0.0 { -across } else { across };
         let before = apart.len();
         for cell in view.uncut.round(vertex) {
-            let Some(held) = view.held[cell as usize] else { continue };
-            let x = view.present(cell, self.at);
             let i = view.uncut.corners(cell).iter().position(|p| *p == vertex).unwrap_or(0);
-            if view.uncut.prolong(progress, (cell, held), x, [x[i], across]) {
+            let on = view.present(cell, self.at)[i];
+            self.part(&view.uncut.together(cell), [on, across], progress, apart);
+        }
+        apart.len() > before
+    }
+
+    /// Prolongs a wound through cells that come apart together.
+    fn part(
+        &self,
+        cells: &[u32],
+        plane: [DVec3; 2],
+        progress: &mut Progress,
+        apart: &mut Vec<u32>,
+    ) {
+        let view = self.view;
+        for &cell in cells {
+            let Some(held) = view.held[cell as usize].filter(|_| !apart.contains(&cell)) else {
+                continue;
+            };
+            let x = view.present(cell, self.at);
+            if view.uncut.prolong(progress, (cell, held), x, plane) {
                 apart.push(cell);
             }
         }
-        apart.len() > before
     }
 }
