@@ -341,6 +341,7 @@ fn hold(own: &mut Blade, body: usize, view: &BladeView) {
     if own.edge.toughness == 0.0 {
         return;
     }
+    let widths: Vec<f64> = own.state.points.iter().map(|point| point.width).collect();
     for number in 0..own.state.points.len() {
         let [now, then] = [&own.now, &own.then].map(|pose| own.at(pose, number));
         let mut point = own.state.points[number];
@@ -374,6 +375,21 @@ fn hold(own: &mut Blade, body: usize, view: &BladeView) {
         own.state.points[number] = point;
     }
     share_edge(own, view);
+    // where more of the edge comes to be in tissue it keeps its force: no energy comes from nothing
+    for (number, before) in widths.into_iter().enumerate() {
+        let point = own.state.points[number];
+        let is_own = point.holds.is_some_and(|[hold, _]| hold.body == body);
+        if !is_own || before <= 0.0 || point.width <= before {
+            continue;
+        }
+        let slip = own.at(&own.now, number) - point.cut_to;
+        let slip = slip - slip.dot(own.across) * own.across;
+        let cut_to = point.cut_to + (1.0 - before / point.width) * slip;
+        if let Some(holds) = beside(own, body, view, cut_to) {
+            let own = &mut own.state.points[number];
+            (own.holds, own.cut_to) = (Some(holds), cut_to);
+        }
+    }
 }
 
 /// Shares the length of an edge in tissue out to the points that hold it: half of what is between two, and to one beside a free one

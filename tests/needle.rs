@@ -204,9 +204,9 @@ fn a_hand_holds_a_needle_by_a_spring() {
                     left <= 1e-6 * report.force.length() + 1e-12,
                     "{solid:?}: {left} {report:?}"
                 );
-                assert!(
-                    report.position.distance(own.at + report.yields) < 1e-12 && !report.unconverged
-                );
+                let from = report.position - report.yields;
+                assert!(from.distance(own.at) < 1e-12, "{solid:?}: {from} {}", own.at);
+                assert!(!report.unconverged, "{solid:?}: {report:?}");
                 let way = report.position - rigid.at;
                 rigid.go(way, 1, &mut |_| ());
                 let force = rigid.report().force;

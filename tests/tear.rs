@@ -13,9 +13,11 @@ use sinew::prelude::*;
 /// Bears a stress (Pa) on both sides across x.
 fn pull(s: &mut Simulation, body: BodyHandle, mesh: &Mesh, stress: f64) {
     for (side, sign) in [("x0", -1.0), ("x1", 1.0)] {
-        let own = &mesh.group(side).unwrap().cells.triangles;
-        let triangles = own.iter().map(|&t| mesh.triangles[t as usize]).collect();
-        let on = Surface { triangles, quads: Vec::new() };
+        let own = &mesh.group(side).unwrap().cells;
+        let on = Surface {
+            triangles: own.triangles.iter().map(|&t| mesh.triangles[t as usize]).collect(),
+            quads: own.quads.iter().map(|&q| mesh.quads[q as usize]).collect(),
+        };
         let faces = s.traction_faces(body, side, &on, DVec3::X * (sign * stress)).unwrap();
         s.add_loaded_faces(side, faces, Curve::Constant);
     }
@@ -168,6 +170,10 @@ impl Strip {
     fn whole(&self) -> (Simulation, BodyHandle) {
         let cells = if self.solid == Solid::TenNodes { [14, 7, 2] } else { [20, 10, 2] };
         let mut mesh = self.solid.slab(DVec3::new(0.06, 0.03, 0.006), cells);
+        if self.solid == Solid::Hexahedra {
+            // between equals rounding would decide
+            mesh = jitter_interior(&mesh, 0.1, 5).unwrap();
+        }
         let place = |x: DVec3| self.turn * x / self.unit;
         mesh.points.iter_mut().for_each(|x| *x = place(*x));
         let material = YoungPoisson {
@@ -301,14 +307,14 @@ fn units_and_directions_decide_nothing() {
 #[test]
 fn tears_go_on_from_snapshots() {
     let all = [
-        (Solid::Linear, Precision::F32, None),
-        (Solid::Linear, Precision::F64, TOUGHNESS),
-        (Solid::Hexahedra, Precision::F64, None),
+        (Solid::Linear, Precision::F32, None, None),
+        (Solid::Linear, Precision::F64, TOUGHNESS, None),
+        (Solid::Hexahedra, Precision::F64, None, Some(0.1)),
     ];
-    for (solid, precision, toughness) in all {
+    for (solid, precision, toughness, max_speed) in all {
         let build = |own: SimulationOptions| {
             let threads = own.threads;
-            Strip { solid, precision, toughness, threads, ..Strip::default() }.build().0
+            Strip { solid, precision, toughness, threads, max_speed, ..Strip::default() }.build().0
         };
         let (mut s, body) = (build(options(precision, 1)), BodyHandle(0));
         s.steps(50);
@@ -386,6 +392,7 @@ fn tears_blades_and_removals_get_along() {
     let others = [(Solid::TenNodes, 4), (Solid::Hexahedra, 6)];
     let others = others.map(|(solid, cells)| (3e3, solid.block(0.06, cells)));
     for (strength, mesh) in linear.into_iter().chain(others) {
+        let least = ((mesh.tetrahedra.len() + mesh.hexahedra.len()) / 13) as u32;
         let description = BodyDescription::new("block", &mesh, soft(1e4, 0.3));
         let description = BodyDescription { spare: 4000, model: Model::NeoHookean, ..description };
         let (mut s, body) = alone(options(Precision::F64, 1), &description);
@@ -429,7 +436,7 @@ fn tears_blades_and_removals_get_along() {
             }
         }
         let (report, tool) = (s.tear_report(body).unwrap(), s.tool_report(blade).unwrap().clone());
-        assert!(report.separated > 100 && tool.separated > 0, "{report:?} {tool:?}");
+        assert!(report.separated > least && tool.separated > 0, "{report:?} {tool:?}");
         let (least, cells) = material(&mut s);
         assert!(least > 0.0 && cells > 500, "{least} {cells}");
         assert!(s.displacements(body).iter().all(|u| u.is_finite()));
