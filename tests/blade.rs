@@ -253,6 +253,38 @@ fn energy_never_rises_while_the_hand_of_a_blade_rests() {
                     first = now;
                 }
                 let what = format!("{solid:?} {integrator:?} {dt}: step {step}");
+                if dt == 0.01
+                    && step < 30
+                    && solid == Solid::Linear
+                    && integrator == Integrator::Safe
+                {
+                    let state = simulation.world().get::<EdgeState>(blade).unwrap().clone();
+                    let own = simulation.tool_report(blade).unwrap();
+                    println!(
+                        "DBG {step} {now:.9e} k {:.3e} el {:.6e} c {:.6e} tool {:.6e} y {:?} sep {} area {:.4e} frac {:.4e} diss {:.3e} | {:?}",
+                        report.kinetic_energy,
+                        report.elastic_energy,
+                        report.contact.energy,
+                        own.energy,
+                        own.yields,
+                        own.separated,
+                        own.cut_area,
+                        own.fracture,
+                        own.dissipation,
+                        state
+                            .points
+                            .iter()
+                            .filter(|p| p.width > 0.0)
+                            .map(|p| (
+                                p.width,
+                                p.limit,
+                                p.cut_to.y,
+                                p.cut_to.z,
+                                p.holds.map(|h| h[0].rows[0].0)
+                            ))
+                            .collect::<Vec<_>>()
+                    );
+                }
                 assert!(now <= before + 1e-9 * first, "{what}: {before} {now} J");
                 before = now;
             }

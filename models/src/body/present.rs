@@ -108,7 +108,7 @@ impl Resection {
                 let mut items = world.query::<(Entity, &BodyId, $data)>();
                 for ($entity, id, $item) in items.iter(world) {
                     let $first = first[id.0 as usize];
-                    if let Some($own) = &mut self.bodies[id.0 as usize] {
+                    if let Some(Some($own)) = self.bodies.get_mut(id.0 as usize) {
                         $put;
                     }
                 }

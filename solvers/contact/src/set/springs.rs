@@ -178,6 +178,7 @@ impl ContactSet {
             slope: k * o,
             tangent: DMat3::from_diagonal(DVec3::splat(k)),
             forces: 0.0,
+            rounding: 0.0,
         };
         for &i in points {
             let active = self.points[i].evaluate(parts, None, &now, &start, Limits::Keep);
@@ -187,6 +188,9 @@ impl ContactSet {
             sum.tangent += active.block;
             sum.forces += force.length();
         }
+        let trace = sum.tangent.to_cols_array_2d().iter().enumerate().map(|(i, column)| column[i]);
+        let place = self.tools[tool].end.position.length() + o.length();
+        sum.rounding = ROUNDINGS * f64::EPSILON * trace.sum::<f64>() * place;
         sum
     }
 
@@ -258,18 +262,23 @@ impl ContactSet {
     }
 }
 
-/// Energy (J), its derivatives by the offset, and the sum of the magnitudes of forces (N).
+/// Energy (J), its derivatives by the offset, the sum of the magnitudes of forces (N), and what rounding of places does to that sum (N).
 struct AtOffset {
     energy: f64,
     slope: DVec3,
     tangent: DMat3,
     forces: f64,
+    rounding: f64,
 }
 
 impl AtOffset {
-    /// Force out of balance over those that act, where that of the spring is so large (N).
+    /// Force out of balance, beyond rounding, over those that act, where that of the spring is so large (N).
     fn left(&self, spring: DVec3) -> f64 {
-        self.slope.length() / (self.forces + spring.length()).max(f64::MIN_POSITIVE)
+        let left = self.slope.length();
+        if left <= self.rounding {
+            return 0.0;
+        }
+        left / (self.forces + spring.length()).max(f64::MIN_POSITIVE)
     }
 }
 
