@@ -188,9 +188,9 @@ impl ContactSet {
             sum.tangent += active.block;
             sum.forces += force.length();
         }
-        let trace = sum.tangent.to_cols_array_2d().iter().enumerate().map(|(i, column)| column[i]);
+        let trace = sum.tangent.x_axis.x + sum.tangent.y_axis.y + sum.tangent.z_axis.z;
         let place = self.tools[tool].end.position.length() + o.length();
-        sum.rounding = ROUNDINGS * f64::EPSILON * trace.sum::<f64>() * place;
+        sum.rounding = ROUNDINGS * f64::EPSILON * trace * place;
         sum
     }
 
