@@ -314,20 +314,21 @@ fn advance(own: &mut Blade, body: usize, view: &BladeView) -> Vec<(DVec3, bool)>
             places.push((point.cut_to, false));
             continue;
         }
-        let held = holds.map(|hold| view.at(hold.rows, hold.weights));
-        let held = 0.5 * (held[0] + held[1]);
         // it cuts in the plane of the blade, wherever lips go
-        let held = held + (at - held).dot(own.across) * own.across;
-        let slip = at - held;
-        let length = slip.length();
+        let slips = holds.map(|hold| {
+            let slip = at - view.at(hold.rows, hold.weights);
+            slip - slip.dot(own.across) * own.across
+        });
+        let held = at - 0.5 * (slips[0] + slips[1]);
         let elastic =
             if own.state.stiffness > 0.0 { point.limit / own.state.stiffness } else { 0.0 };
-        let plastic = length - elastic;
-        if point.limit <= 0.0 || plastic <= 0.0 {
+        if point.limit <= 0.0 || slips.iter().all(|slip| slip.length() <= elastic) {
             places.push((held, true));
             continue;
         }
-        let way = plastic / length * slip;
+        // what either lip lost is not given back by their mean
+        let kept = slips.map(|slip| slip.clamp_length_max(elastic));
+        let way = 0.5 * (slips[0] + slips[1] - kept[0] - kept[1]);
         let area = point.width * way.dot(own.into).max(0.0);
         own.state.report.area += area;
         own.state.report.fracture += own.edge.toughness * area;
