@@ -210,13 +210,17 @@ fn a_hand_holds_a_needle_by_a_spring() {
                 let way = report.position - rigid.at;
                 rigid.go(way, 1, &mut |_| ());
                 let force = rigid.report().force;
-                (most, off) = (most.max(force.length()), off.max(force.distance(report.force)));
+                most = most.max(force.length());
+                off += force.distance_squared(report.force) / 180.0;
                 stored = 0.5 * STIFFNESS * report.yields.length_squared();
             });
         }
         let (own, other) = (own.report(), rigid.report());
         assert!(own.punctures == 1 && own.inserted > 0.005 && most > 0.3, "{own:?}");
-        assert!(off < 0.02 * most, "{solid:?}: {off} of {most} N");
+        // what either holds next depends on where it is taken to go
+        let off = off.sqrt() / most;
+        println!("{solid:?}: forces off by {:.2} % of {most:.3} N", 1e2 * off);
+        assert!(off < 0.05, "{solid:?}: {off}");
         // the hand's way is longer than the needle's
         assert!(((own.work - stored) / other.work - 1.0).abs() < 0.02, "{own:?} {other:?}");
     }
