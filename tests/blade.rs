@@ -213,18 +213,16 @@ fn a_hand_holds_a_blade_by_a_spring() {
         }
         let (own, other) =
             (simulation.tool_report(blade).unwrap(), rigid.tool_report(twin).unwrap());
-        assert!(own.yields.length() > 2e-3 && own.separated > 10, "{solid:?}: {own:?}");
+        assert!(own.yields.length() > 2e-3 && own.separated > 5, "{solid:?}: {own:?}");
         // what either holds next depends on where it is taken to go
         let off = off.sqrt() / most;
-        println!("{solid:?}: forces off by {:.2} % of {most:.3} N", 1e2 * off);
         assert!(off < 0.05, "{solid:?}: {off}");
         let stored = 0.5 * SPRING * own.yields.length_squared();
         for (what, own, other) in
             [("area", own.cut_area, other.cut_area), ("work", own.work - stored, other.work)]
         {
             // few and large elements part one by one
-            let most = if solid == Solid::TenNodes { 0.15 } else { 0.02 };
-            println!("{solid:?}: {what} {:.2} %", 1e2 * (own / other - 1.0));
+            let most = if solid == Solid::TenNodes { 0.1 } else { 0.02 };
             assert!((own / other - 1.0).abs() < most, "{solid:?}: {what} {own} {other}");
         }
         assert!(own.fracture < own.work, "{own:?}");
@@ -237,7 +235,9 @@ fn energy_never_rises_while_the_hand_of_a_blade_rests() {
     let integrators = [Integrator::Safe, Integrator::LinearisedBdf2, Integrator::Newton];
     let all = Solid::ALL.into_iter().flat_map(|solid| integrators.map(|own| (solid, own)));
     for (solid, integrator) in all {
-        for dt in [0.002, 0.01, 0.033] {
+        // of long steps only the safe one promises that
+        let all = [0.002, 0.01, 0.033].into_iter();
+        for dt in all.filter(|dt| *dt < 0.02 || integrator == Integrator::Safe) {
             let (mut simulation, _, blade) = scene((solid, 4), 50.0, Precision::F64);
             simulation.world_mut().get_mut::<Tool>(blade).unwrap().spring = Some(SPRING);
             simulation.set_solver(solver!(integrator, mass_damping = 20.0));

@@ -219,7 +219,6 @@ fn a_hand_holds_a_needle_by_a_spring() {
         assert!(own.punctures == 1 && own.inserted > 0.005 && most > 0.3, "{own:?}");
         // what either holds next depends on where it is taken to go
         let off = off.sqrt() / most;
-        println!("{solid:?}: forces off by {:.2} % of {most:.3} N", 1e2 * off);
         assert!(off < 0.05, "{solid:?}: {off}");
         // the hand's way is longer than the needle's
         assert!(((own.work - stored) / other.work - 1.0).abs() < 0.02, "{own:?} {other:?}");
