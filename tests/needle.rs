@@ -251,10 +251,12 @@ fn felt(mut biopsy: Biopsy) -> (ToolReport, Vec<DVec3>, u64) {
 
 #[test]
 fn neither_place_nor_units_nor_threads_nor_digits_matter() {
-    Solid::ALL.into_iter().for_each(feels_the_same_everywhere);
+    Solid::ALL.into_iter().for_each(|solid| feels_the_same_everywhere(solid, None));
+    feels_the_same_everywhere(Solid::Linear, Some(300.0));
 }
 
-fn feels_the_same_everywhere(solid: Solid) {
+fn feels_the_same_everywhere(solid: Solid, spring: Option<f64>) {
+    let felt = |biopsy: Biopsy| felt(biopsy.on_a_spring(spring));
     let (truth, at, hash) = felt(Biopsy::new(options(Precision::F64, 1), solid));
     assert!(truth.force.length() > 0.3 && truth.force.truncate().length() > 0.02, "{truth:?}");
     let three = felt(Biopsy::new(options(Precision::F64, 3), solid));
