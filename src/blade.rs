@@ -3,7 +3,7 @@
 use crate::needle;
 use bevy_ecs::prelude::*;
 use glam::DVec3;
-use sinew_contact::edge::{Edge, EdgeHold, EdgeState, MOST_SEGMENTS, YIELD};
+use sinew_contact::edge::{Edge, EdgeHold, EdgePoint, EdgeState, MOST_SEGMENTS, YIELD};
 use sinew_contact::pull::hit;
 use sinew_contact::tool::{Tool, ToolMotion, ToolPose, ToolReport};
 use sinew_engine::order::Order;
@@ -114,11 +114,12 @@ fn paths(world: &mut World) -> Vec<Path> {
             _ => tool.wanted(now, tool.start),
         };
         // a hand that holds it by a spring is elsewhere; what it will give way by then is not known yet
-        let yields = if came && tool.spring.is_some() { report.yields } else { DVec3::ZERO };
+        let is_placed = tool.target().1;
+        let is_held = came && !is_placed && tool.spring.is_some();
+        let yields = if is_held { report.yields } else { DVec3::ZERO };
         let hand = ToolPose { position: here.position - yields, ..here };
         let mut then = tool.wanted(then, hand);
         then.position += yields;
-        let is_placed = tool.target().1;
         // it comes to another place without touching anything on the way
         let now = if is_placed { then } else { here };
         Path { entity, name: tool.name.clone(), now, then, is_placed, state: state.clone() }
@@ -375,7 +376,7 @@ fn hold(own: &mut Blade, body: usize, view: &BladeView) {
         point.limit = if point.holds.is_some() { own.edge.toughness * cosine } else { 0.0 };
         own.state.points[number] = point;
     }
-    share_edge(own, view);
+    share_edge(own, body, view);
     // where more of the edge comes to be in tissue it keeps its force: no energy comes from nothing
     for (number, before) in widths.into_iter().enumerate() {
         let point = own.state.points[number];
@@ -385,29 +386,41 @@ fn hold(own: &mut Blade, body: usize, view: &BladeView) {
         }
         let slip = own.at(&own.now, number) - point.cut_to;
         let slip = slip - slip.dot(own.across) * own.across;
-        let cut_to = point.cut_to + (1.0 - before / point.width) * slip;
-        if let Some(holds) = beside(own, body, view, cut_to) {
+        let way = (1.0 - before / point.width) * slip;
+        if let Some(holds) = beside(own, body, view, point.cut_to + way) {
+            let area = point.width * way.dot(own.into).max(0.0);
+            own.state.report.area += area;
+            own.state.report.fracture += own.edge.toughness * area;
             let own = &mut own.state.points[number];
-            (own.holds, own.cut_to) = (Some(holds), cut_to);
+            (own.holds, own.cut_to) = (Some(holds), point.cut_to + way);
         }
     }
 }
 
 /// Shares the length of an edge in tissue out to the points that hold it: half of what is between two, and to one beside a free one
-/// all up to the surface.
-fn share_edge(own: &mut Blade, view: &BladeView) {
+/// all up to the surface. What another body holds is for that one to say.
+fn share_edge(own: &mut Blade, body: usize, view: &BladeView) {
     let points = &mut own.state.points;
     let segments = points.len() - 1;
     let length = own.edge.ends[0].distance(own.edge.ends[1]) / segments as f64;
     let step = INSIDE * view.edge;
-    points.iter_mut().for_each(|point| point.width = 0.0);
+    let is_others = |point: &EdgePoint| point.holds.is_some_and(|[hold, _]| hold.body != body);
+    for point in points.iter_mut().filter(|point| !is_others(point)) {
+        point.width = 0.0;
+    }
     for i in 0..segments {
         let ends = [points[i], points[i + 1]];
         match ends.map(|point| point.holds.is_some()) {
-            [true, true] => [i, i + 1].iter().for_each(|&j| points[j].width += 0.5 * length),
+            [true, true] => {
+                let own = [i, i + 1].into_iter().zip(&ends).filter(|(_, end)| !is_others(end));
+                own.for_each(|(j, _)| points[j].width += 0.5 * length);
+            }
             [false, false] => {}
             [first, _] => {
                 let [held, free] = if first { [i, i + 1] } else { [i + 1, i] };
+                if is_others(&points[held]) {
+                    continue;
+                }
                 let [from, to] = [points[held].cut_to, points[free].cut_to];
                 let inside = |part: f64| {
                     let at = from.lerp(to, part);

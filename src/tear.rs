@@ -44,7 +44,7 @@ fn tear_bodies<S: Scalar>(world: &mut World) {
 
 /// # Tears
 impl Simulation {
-    /// Lets a body of linear tetrahedra, or of a membrane of triangles alone, tear where the tension in it, averaged over a ball, is above its strength: at
+    /// Lets a solid, or a membrane of triangles alone, tear where the tension in it, averaged over a ball, is above its strength: at
     /// the end of its wounds, and at its surface. [`sinew_models::cutting::tear`] says how; the body needs
     /// [spare](sinew_models::body::BodyDescription::spare) vertices. What was given before is replaced, and its report goes on.
     ///

@@ -229,6 +229,101 @@ fn a_hand_holds_a_blade_by_a_spring() {
     }
 }
 
+/// Nothing but the hand puts energy in, held rigidly or by a spring, and what is cut does not depend on the integrator.
+#[test]
+fn a_blade_puts_in_no_more_than_the_hand_does() {
+    for spring in [None, Some(SPRING)] {
+        let mut areas = Vec::new();
+        for (integrator, share) in [
+            (Integrator::Safe, 1e-6),
+            (Integrator::LinearisedTrBdf2, 1e-6),
+            (Integrator::Newton, 1e-6),
+            // its energy swings
+            (Integrator::SymplecticEuler, 1e-2),
+        ] {
+            let (mut simulation, _, blade) = scene((Solid::Linear, 6), 50.0, Precision::F64);
+            simulation.world_mut().get_mut::<Tool>(blade).unwrap().spring = spring;
+            simulation.set_solver(solver!(integrator, mass_damping = 5.0));
+            simulation.set_dt(0.01);
+            simulation.step().unwrap();
+            let mut work = 0.0;
+            draw(&mut simulation, blade, DVec3::Y * 0.045, 90, &mut |simulation| {
+                let now = simulation.report();
+                let energy = now.elastic_energy + now.kinetic_energy + now.contact.energy;
+                work += now.contact.work;
+                let what = format!("{integrator:?} {spring:?}: {energy} of {work} J");
+                assert!(energy <= work * (1.0 + share), "{what}");
+            });
+            let report = simulation.tool_report(blade).unwrap();
+            assert!((report.work / work - 1.0).abs() < 1e-9, "{} {work}", report.work);
+            assert!(report.fracture < work && report.separated > 20, "{report:?}");
+            areas.push(report.cut_area);
+        }
+        assert!(areas.iter().all(|area| (area / areas[0] - 1.0).abs() < 0.05), "{areas:?}");
+    }
+}
+
+/// A blade that is put elsewhere parts nothing on its way there, however far its spring was drawn.
+#[test]
+fn a_blade_that_is_placed_parts_nothing_on_the_way() {
+    let (mut simulation, _, blade) = scene((Solid::Linear, 6), 50.0, Precision::F64);
+    simulation.world_mut().get_mut::<Tool>(blade).unwrap().spring = Some(SPRING);
+    simulation.step().unwrap();
+    draw(&mut simulation, blade, DVec3::Y * 0.03, 60, &mut |_| ());
+    let before = simulation.tool_report(blade).unwrap().clone();
+    assert!(before.yields.y < -2e-3 && before.separated > 20, "{before:?}");
+    let place = DVec3::new(0.045, 0.03, 0.055);
+    simulation.world_mut().get_mut::<Tool>(blade).unwrap().place(place).unwrap();
+    for _ in 0..5 {
+        simulation.step().unwrap();
+        let now = simulation.tool_report(blade).unwrap();
+        assert_eq!(now.separated, before.separated, "{now:?}");
+    }
+    let state = simulation.world().get::<EdgeState>(blade).unwrap();
+    let held = state.points.iter().filter(|point| point.holds.is_some());
+    let off: Vec<f64> = held.map(|point| (point.cut_to - place).truncate().length()).collect();
+    assert!(off.len() > 1 && off.iter().all(|off| *off < 1e-3), "{off:?}");
+}
+
+/// An edge that goes through two bodies at once feels both.
+#[test]
+fn an_edge_feels_all_bodies_that_it_goes_through() {
+    let forces = |heights: &[f64]| {
+        let mut simulation = Simulation::new(options(Precision::F64, 1)).unwrap();
+        simulation.set_gravity(DVec3::ZERO);
+        for (i, z) in heights.iter().enumerate() {
+            let mesh = Solid::Linear.slab(DVec3::new(SIDE, SIDE, 0.028), [6, 6, 3]);
+            let mesh = mesh.transformed(1.0, glam::DQuat::IDENTITY, DVec3::Z * *z);
+            let name = format!("block {i}");
+            let description = BodyDescription::new(&name, &mesh, soft(1e4, 0.3));
+            let spare = 3 * mesh.points.len();
+            let body = simulation.add_body(&BodyDescription { spare, ..description }).unwrap();
+            let back = simulation.group_rows(body, &mesh, "y1").unwrap();
+            simulation.add_constraint(Constraint::hold(&name, back));
+        }
+        let edge = Edge {
+            ends: [DVec3::Z * 0.05, DVec3::Z * -0.05],
+            into: DVec3::Y,
+            toughness: 50.0,
+            travel: DVec3::ZERO,
+        };
+        let start = DVec3::new(0.031, -0.005, 0.03);
+        let blade = simulation.add_tool(Tool::blade("scalpel", edge, start)).unwrap();
+        simulation.set_solver(solver!(Integrator::Safe, mass_damping = 20.0));
+        simulation.step().unwrap();
+        let mut all = Vec::new();
+        draw(&mut simulation, blade, DVec3::Y * 0.03, 120, &mut |simulation| {
+            all.push(simulation.tool_report(blade).unwrap().force.y);
+        });
+        all
+    };
+    let [lower, upper, both] = [&[0.0][..], &[0.031][..], &[0.0, 0.031][..]].map(forces);
+    let peak = both.iter().map(|f| f.abs()).fold(0.0, f64::max);
+    let off = (0..both.len()).map(|i| (both[i] - lower[i] - upper[i]).powi(2)).sum::<f64>();
+    let off = (off / both.len() as f64).sqrt() / peak;
+    assert!(peak > 2.0 && off < 0.02, "{off} of {peak} N");
+}
+
 /// The hand stops far ahead of the blade, which goes on until the force of the spring is no more than what cutting takes.
 #[test]
 fn energy_never_rises_while_the_hand_of_a_blade_rests() {

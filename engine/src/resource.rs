@@ -26,7 +26,7 @@ pub fn ensure<R: Resource<Mutability = Mutable> + Default>(world: &mut World) ->
     world.resource_mut::<R>()
 }
 
-/// The value of a resource, in whose place its default stays until [`put`].
+/// The value of a resource, in whose place its default stays until [`put`]; the default of one that is not there. It counts as changed.
 ///
 /// `World::remove_resource` and `World::resource_scope` move the entity that holds the resource to another table and back.
 ///
@@ -48,7 +48,7 @@ pub fn take<R: Resource<Mutability = Mutable> + Default>(world: &mut World) -> R
     world.get_resource_mut::<R>().map_or_else(R::default, |mut own| std::mem::take(&mut *own))
 }
 
-/// Gives a resource a value, also one that is not there yet.
+/// Gives a resource a value; one that is not there is there from then on.
 pub fn put<R: Resource<Mutability = Mutable> + Default>(world: &mut World, value: R) {
     *ensure::<R>(world) = value;
 }

@@ -312,6 +312,9 @@ pub(crate) fn apply_all<S: Scalar>(world: &mut World) {
 
 /// Writes the activations asked for into the columns of the fibres.
 pub(crate) fn apply<S: Scalar>(world: &mut World) {
+    if !world.contains_resource::<Muscles>() {
+        return;
+    }
     let mut muscles = take::<Muscles>(world);
     let changed: Vec<bool> = muscles.0.iter().map(|m| m.wanted != m.applied).collect();
     for muscle in &mut muscles.0 {

@@ -166,6 +166,9 @@ struct ToolNow {
     name: String,
     start: ToolPose,
     end: ToolPose,
+    /// Where what is left of the step begins, in substeps, and where it has come to in it.
+    begin: ToolPose,
+    reached: ToolPose,
     /// Where it is from there, if a spring holds it; then these are the poses of the hand.
     spring: SpringNow,
     /// Its points have tangents with the curvature of its parts.
@@ -414,6 +417,9 @@ impl ContactSet {
 
     /// Puts all tools and hands where they are when `part` of the step has passed.
     pub fn set_part(&mut self, part: f64) {
+        for own in &mut self.tools {
+            own.reached = own.begin.towards(&own.end, part);
+        }
         for own in &mut self.parts {
             own.now = own.start.towards(&own.end, part);
             own.now.centre += self.tools[own.tool].spring.way();
@@ -440,13 +446,13 @@ impl ContactSet {
                     }
                 }
                 Against::Edge(edge) => {
-                    let ToolNow { tool, start, end, spring, .. } = &self.tools[edge.tool];
-                    let (pose, first) = (start.towards(end, part), tool.start.opening);
+                    let ToolNow { tool, begin, end, spring, .. } = &self.tools[edge.tool];
+                    let (pose, first) = (begin.towards(end, part), tool.start.opening);
                     if let Some(own) = &tool.edge {
                         point.carried = own.place(edge.local, &pose, first) + spring.now;
                     }
                     if part == 0.0 {
-                        edge.from = point.carried;
+                        edge.from = point.carried - spring.way();
                     }
                 }
                 Against::Needle(own) => {
@@ -946,6 +952,7 @@ impl ContactSet {
         }
         for own in &mut self.tools {
             own.spring.from = own.spring.now;
+            own.begin = own.reached;
         }
         self.beside.fill(None);
         let made = &self.made;

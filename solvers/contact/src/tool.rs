@@ -250,8 +250,8 @@ pub struct Tool {
     /// Stiffness (N/m) of a spring by which a hand holds the tool. Targets and motion are then those of the hand: the tool turns
     /// and opens with it, and is where the spring and all that it touches are in balance at every state of the bodies. Without,
     /// the hand holds it rigidly. What lets it go suddenly, such as tissue that parts, lets it move back to the hand within a step; one
-    /// thinner than that way may pass a surface then, and an edge or needle that leaves tissue does so. Not for exact contact, and not for a needle
-    /// with a thread.
+    /// thinner than that way may pass a surface then. So does an edge or needle move back that leaves tissue. Not for exact contact, a local stiffness
+    /// of the tool, and a needle that draws a thread.
     pub spring: Option<f64>,
     /// Also finds the force by points of the other kind ([`ToolReport::other_points`]). It is no bound on the error.
     pub error_bar: bool,

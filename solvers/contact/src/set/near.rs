@@ -93,6 +93,8 @@ impl ContactSet {
                 name: tool.name.clone(),
                 start,
                 end,
+                begin: start,
+                reached: end,
                 spring: SpringNow { begin: yields, from: yields, now: yields, left: 0.0 },
                 curved: false,
                 lag: 0.0,

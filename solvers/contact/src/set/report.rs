@@ -72,10 +72,15 @@ impl ContactSet {
         let live = orders::<With<Tool>>(world);
         self.kept.tools.retain(|tool, _| live.contains(tool));
         // those that are away in this step feel nothing
-        with_query::<(Entity, &mut ToolReport), With<Tool>, _>(world, |world, query| {
-            for (entity, mut report) in query.iter_mut(world) {
+        with_query::<(Entity, &Order, &mut ToolReport), With<Tool>, _>(world, |world, query| {
+            for (entity, id, mut report) in query.iter_mut(world) {
                 if !self.tools.iter().any(|now| now.entity == entity) && report.energy > 0.0 {
-                    let ToolReport { position, rotation, opening, work, dissipation, .. } = *report;
+                    let ToolReport { rotation, opening, work, dissipation, .. } = *report;
+                    // a spring with nothing to hold it back is where its hand is
+                    let position = report.position - report.yields;
+                    if let Some(kept) = self.kept.tools.get_mut(id) {
+                        kept.yields = DVec3::ZERO;
+                    }
                     let away = ToolReport { position, rotation, opening, ..ToolReport::default() };
                     *report = ToolReport { work, dissipation, ..away };
                 }

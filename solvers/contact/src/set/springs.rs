@@ -262,7 +262,7 @@ impl ContactSet {
     }
 }
 
-/// Energy (J), its derivatives by the offset, the sum of the magnitudes of forces (N), and what rounding of places does to that sum (N).
+/// Energy (J), its derivatives by the offset, the sum of the magnitudes of forces (N), and what rounding of places does to the slope (N).
 struct AtOffset {
     energy: f64,
     slope: DVec3,
