@@ -222,7 +222,7 @@ fn a_hand_holds_a_blade_by_a_spring() {
             [("area", own.cut_area, other.cut_area), ("work", own.work - stored, other.work)]
         {
             // few and large elements part one by one
-            let most = if solid == Solid::TenNodes { 0.1 } else { 0.02 };
+            let most = if solid == Solid::Linear { 0.02 } else { 0.1 };
             assert!((own / other - 1.0).abs() < most, "{solid:?}: {what} {own} {other}");
         }
         assert!(own.fracture < own.work, "{own:?}");
@@ -255,7 +255,8 @@ fn a_blade_puts_in_no_more_than_the_hand_does() {
                 assert!(energy <= work * (1.0 + share), "{what}");
             });
             let report = simulation.tool_report(blade).unwrap();
-            assert!((report.work / work - 1.0).abs() < 1e-9, "{} {work}", report.work);
+            let what = format!("{integrator:?} {spring:?}: {} of {work} J", report.work);
+            assert!((report.work / work - 1.0).abs() < 1e-9, "{what}");
             assert!(report.fracture < work && report.separated > 20, "{report:?}");
             areas.push(report.cut_area);
         }
@@ -274,15 +275,13 @@ fn a_blade_that_is_placed_parts_nothing_on_the_way() {
     assert!(before.yields.y < -2e-3 && before.separated > 20, "{before:?}");
     let place = DVec3::new(0.045, 0.03, 0.055);
     simulation.world_mut().get_mut::<Tool>(blade).unwrap().place(place).unwrap();
-    for _ in 0..5 {
-        simulation.step().unwrap();
-        let now = simulation.tool_report(blade).unwrap();
-        assert_eq!(now.separated, before.separated, "{now:?}");
-    }
+    simulation.step().unwrap();
+    let now = simulation.tool_report(blade).unwrap();
+    assert_eq!(now.separated, before.separated, "{now:?}");
     let state = simulation.world().get::<EdgeState>(blade).unwrap();
     let held = state.points.iter().filter(|point| point.holds.is_some());
     let off: Vec<f64> = held.map(|point| (point.cut_to - place).truncate().length()).collect();
-    assert!(off.len() > 1 && off.iter().all(|off| *off < 1e-3), "{off:?}");
+    assert!(off.len() > 1 && off.iter().all(|off| *off < 1e-9), "{off:?}");
 }
 
 /// An edge that goes through two bodies at once feels both.
@@ -349,7 +348,7 @@ fn energy_never_rises_while_the_hand_of_a_blade_rests() {
                     first = now;
                 }
                 let what = format!("{solid:?} {integrator:?} {dt}: step {step}");
-                assert!(now <= before + 1e-9 * first, "{what}: {before} {now} J");
+                assert!(now <= before + 1e-8 * first, "{what}: {before} {now} J");
                 before = now;
             }
             let own = simulation.tool_report(blade).unwrap();

@@ -285,10 +285,10 @@ fn units_and_directions_decide_nothing() {
         Strip { turn, ..Strip::default() },
         Strip { precision: Precision::F32, ..Strip::default() },
     ];
-    let linear = [(Solid::Linear, None), (Solid::Linear, TOUGHNESS)];
-    for (solid, toughness) in linear.into_iter().chain([(Solid::Hexahedra, None)]) {
+    // of hexahedra, whose outside is a regular grid, rounding decides a little
+    for toughness in [None, TOUGHNESS] {
         let found = all.each_ref().map(|strip| {
-            let (mut s, body) = Strip { solid, toughness, ..*strip }.build();
+            let (mut s, body) = Strip { toughness, ..*strip }.build();
             let step = until_torn(&mut s, body, 120).unwrap();
             let report = s.tear_report(body).unwrap();
             (step, report.separated, report.vertices, report.area * strip.unit.powi(2))
@@ -390,7 +390,7 @@ fn tears_blades_and_removals_get_along() {
     let others = [(Solid::TenNodes, 4), (Solid::Hexahedra, 6)];
     let others = others.map(|(solid, cells)| (3e3, solid.block(0.06, cells)));
     for (strength, mesh) in linear.into_iter().chain(others) {
-        let least = ((mesh.tetrahedra.len() + mesh.hexahedra.len()) / 13) as u32;
+        let elements = mesh.tetrahedra.len() + mesh.hexahedra.len();
         let description = BodyDescription::new("block", &mesh, soft(1e4, 0.3));
         let description = BodyDescription { spare: 4000, model: Model::NeoHookean, ..description };
         let (mut s, body) = alone(options(Precision::F64, 1), &description);
@@ -434,9 +434,12 @@ fn tears_blades_and_removals_get_along() {
             }
         }
         let (report, tool) = (s.tear_report(body).unwrap(), s.tool_report(blade).unwrap().clone());
-        assert!(report.separated > least && tool.separated > 0, "{report:?} {tool:?}");
+        assert!(
+            report.separated as usize > elements / 13 && tool.separated > 0,
+            "{report:?} {tool:?}"
+        );
         let (least, cells) = material(&mut s);
-        assert!(least > 0.0 && cells > 500, "{least} {cells}");
+        assert!(least > 0.0 && cells > elements * 2 / 5, "{least} {cells}");
         assert!(s.displacements(body).iter().all(|u| u.is_finite()));
     }
 }
