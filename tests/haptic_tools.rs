@@ -189,10 +189,10 @@ struct Beside {
 impl Beside {
     fn new(rate: u64, friction: f64) -> (Self, HapticDevice) {
         let (simulation, tissue, device) = held(Precision::F64, Integrator::Safe, friction);
-        (Self::beside(simulation, tissue, rate), device)
+        (Self::of(simulation, tissue, rate), device)
     }
 
-    fn beside(mut simulation: Simulation, tissue: HapticTissue, rate: u64) -> Self {
+    fn of(mut simulation: Simulation, tissue: HapticTissue, rate: u64) -> Self {
         simulation.set_dt(1.0 / rate as f64);
         Self { simulation, tissue, rate, tick: 0, steps: 0 }
     }
@@ -273,7 +273,7 @@ fn a_cut_is_felt_as_at_a_kilohertz() {
         let (mut simulation, tool) = with_scalpel(Integrator::Safe);
         let options = HapticOptions::of_tool(tool);
         let (tissue, mut handle) = simulation.haptic_handle(options).unwrap();
-        let mut scene = Beside::beside(simulation, tissue, rate);
+        let mut scene = Beside::of(simulation, tissue, rate);
         let mut felt = Vec::new();
         for tick in 0..ticks(3.0) {
             scene.cycle();
