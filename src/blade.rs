@@ -327,9 +327,11 @@ fn advance(own: &mut Blade, body: usize, view: &BladeView) -> Vec<(DVec3, bool)>
             places.push((held, true));
             continue;
         }
-        // what either lip lost is not given back by their mean
+        // together both lips go on with what both have stored: what either lost is not given back, and nothing else is lost
         let kept = slips.map(|slip| slip.clamp_length_max(elastic));
-        let way = 0.5 * (slips[0] + slips[1] - kept[0] - kept[1]);
+        let stored = 0.5 * (kept[0].length_squared() + kept[1].length_squared());
+        let slip = (slips[0] + slips[1]).normalize_or_zero() * stored.sqrt();
+        let way = 0.5 * (slips[0] + slips[1]) - slip;
         let area = point.width * way.dot(own.into).max(0.0);
         own.state.report.area += area;
         own.state.report.fracture += own.edge.toughness * area;
@@ -377,7 +379,7 @@ fn hold(own: &mut Blade, body: usize, view: &BladeView) {
         own.state.points[number] = point;
     }
     share_edge(own, body, view);
-    // where more of the edge comes to be in tissue it keeps its force: no energy comes from nothing
+    // where more of the edge comes to be in tissue it keeps its energy; what this cuts ahead is not counted
     for (number, before) in widths.into_iter().enumerate() {
         let point = own.state.points[number];
         let is_own = point.holds.is_some_and(|[hold, _]| hold.body == body);
@@ -386,11 +388,8 @@ fn hold(own: &mut Blade, body: usize, view: &BladeView) {
         }
         let slip = own.at(&own.now, number) - point.cut_to;
         let slip = slip - slip.dot(own.across) * own.across;
-        let way = (1.0 - before / point.width) * slip;
+        let way = (1.0 - (before / point.width).sqrt()) * slip;
         if let Some(holds) = beside(own, body, view, point.cut_to + way) {
-            let area = point.width * way.dot(own.into).max(0.0);
-            own.state.report.area += area;
-            own.state.report.fracture += own.edge.toughness * area;
             let own = &mut own.state.points[number];
             (own.holds, own.cut_to) = (Some(holds), point.cut_to + way);
         }
