@@ -315,23 +315,20 @@ fn advance(own: &mut Blade, body: usize, view: &BladeView) -> Vec<(DVec3, bool)>
             places.push((point.cut_to, false));
             continue;
         }
+        let held = holds.map(|hold| view.at(hold.rows, hold.weights));
+        let held = 0.5 * (held[0] + held[1]);
         // it cuts in the plane of the blade, wherever lips go
-        let slips = holds.map(|hold| {
-            let slip = at - view.at(hold.rows, hold.weights);
-            slip - slip.dot(own.across) * own.across
-        });
-        let held = at - 0.5 * (slips[0] + slips[1]);
+        let held = held + (at - held).dot(own.across) * own.across;
+        let slip = at - held;
+        let length = slip.length();
         let elastic =
             if own.state.stiffness > 0.0 { point.limit / own.state.stiffness } else { 0.0 };
-        if point.limit <= 0.0 || slips.iter().all(|slip| slip.length() <= elastic) {
+        let plastic = length - elastic;
+        if point.limit <= 0.0 || plastic <= 0.0 {
             places.push((held, true));
             continue;
         }
-        // together both lips go on with what both have stored: what either lost is not given back, and nothing else is lost
-        let kept = slips.map(|slip| slip.clamp_length_max(elastic));
-        let stored = 0.5 * (kept[0].length_squared() + kept[1].length_squared());
-        let slip = (slips[0] + slips[1]).normalize_or_zero() * stored.sqrt();
-        let way = 0.5 * (slips[0] + slips[1]) - slip;
+        let way = plastic / length * slip;
         let area = point.width * way.dot(own.into).max(0.0);
         own.state.report.area += area;
         own.state.report.fracture += own.edge.toughness * area;
@@ -345,7 +342,6 @@ fn hold(own: &mut Blade, body: usize, view: &BladeView) {
     if own.edge.toughness == 0.0 {
         return;
     }
-    let widths: Vec<f64> = own.state.points.iter().map(|point| point.width).collect();
     for number in 0..own.state.points.len() {
         let [now, then] = [&own.now, &own.then].map(|pose| own.at(pose, number));
         let mut point = own.state.points[number];
@@ -379,21 +375,6 @@ fn hold(own: &mut Blade, body: usize, view: &BladeView) {
         own.state.points[number] = point;
     }
     share_edge(own, body, view);
-    // where more of the edge comes to be in tissue it keeps its energy; what this cuts ahead is not counted
-    for (number, before) in widths.into_iter().enumerate() {
-        let point = own.state.points[number];
-        let is_own = point.holds.is_some_and(|[hold, _]| hold.body == body);
-        if !is_own || before <= 0.0 || point.width <= before {
-            continue;
-        }
-        let slip = own.at(&own.now, number) - point.cut_to;
-        let slip = slip - slip.dot(own.across) * own.across;
-        let way = (1.0 - (before / point.width).sqrt()) * slip;
-        if let Some(holds) = beside(own, body, view, point.cut_to + way) {
-            let own = &mut own.state.points[number];
-            (own.holds, own.cut_to) = (Some(holds), point.cut_to + way);
-        }
-    }
 }
 
 /// Shares the length of an edge in tissue out to the points that hold it: half of what is between two, and to one beside a free one
