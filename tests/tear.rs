@@ -365,7 +365,7 @@ fn a_body_says_why_it_cannot_tear() {
     refuse(&clusters, tear, &["volume = \"elements\""]);
     let bricks = box_hexahedra(DVec3::new(0.04, 0.02, 0.02), [4, 2, 2]).unwrap();
     let tough = Tear { toughness: Some(2.0), ..tear };
-    refuse(&own(&bricks), tough, &["`bar`", "linear tetrahedra alone", "leave it out"]);
+    refuse(&own(&bricks), tough, &["`bar`", "linear tetrahedra alone", "leave its toughness out"]);
     refuse(&own(&mesh.with_second_order()), tough, &["linear tetrahedra alone"]);
     // too few vertices: the step is not made, and the tissue is as it was
     let (mut s, _) = Strip { spare: 42, ..Strip::default() }.build();

@@ -148,7 +148,7 @@ pub fn check_tear(world: &mut World, tear: &Tear) -> Result<Tear, CutError> {
     let Some(soft) = soft_of(world, tear.body) else { return refuse("it has no elements".into()) };
     let film = soft.membrane.filter(|_| order == Order::Triangles);
     if tear.toughness.is_some() && order != Order::Linear {
-        let problem = "toughness is known of linear tetrahedra alone; leave it out, and it tears by its strength";
+        let problem = "linear tetrahedra alone tear by a toughness; leave its toughness out";
         return refuse(problem.into());
     }
     if film.is_none() && soft.volume != VolumeRule::Elements {
