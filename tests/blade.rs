@@ -147,8 +147,8 @@ fn feels_its_toughness(solid: Solid) {
     let back = simulation.tool_report(blade).unwrap();
     let state = simulation.world().get::<EdgeState>(blade).unwrap();
     assert_eq!(back.force, DVec3::ZERO, "{state:?}");
-    // what the last step forward cut is booked by the next one
-    assert!((0.0..0.02).contains(&(back.cut_area / report.cut_area - 1.0)), "{back:?} {report:?}");
+    // what the last step forward cut is booked by the next one; how much that is depends on rounding where few large elements part
+    assert!((0.0..0.03).contains(&(back.cut_area / report.cut_area - 1.0)), "{back:?} {report:?}");
 }
 
 /// A cut in the middle of a stroke goes on from a snapshot, also in another simulation, and with other threads, to the bit.
